@@ -4,7 +4,7 @@ from pydantic import Field
 
 from ..operations.deployment_jobs import DeploymentConfig, DeploymentJobErrorCode, DeploymentStatus
 from .artifacts import Delivery
-from .rollout import Rollout
+from .rollout import Pause, Rollout
 from .stored import StoredPart, TimeS
 
 
@@ -23,4 +23,6 @@ class DeploymentReport(StoredPart):
     config: DeploymentConfig = Field(description="How careful it is.")
     delivery: Delivery | None = Field(default=None, description="What robots get; absent: it was not prepared.")
     rollout: Rollout | None = Field(default=None, description="How each robot stands; absent: it has not begun.")
+    notes: tuple[str, ...] = Field(default=(), description="What it waits for, and how robots go back, in words.")
+    closed: tuple[Pause, ...] = Field(default=(), description="When no maintenance window was open.")
     waves: tuple[tuple[str, ...], ...] = Field(default=(), description="ARNs of the robots of each wave, in order.")

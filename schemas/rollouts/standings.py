@@ -5,7 +5,13 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ..operations.deployment_jobs import DeploymentJobErrorCode, DeploymentStatus, RobotDeploymentStep
+from ..operations.deployment_jobs import (
+    DeploymentJobErrorCode,
+    DeploymentRollback,
+    DeploymentStatus,
+    DeploymentWait,
+    RobotDeploymentStep,
+)
 
 RobotKind = Literal["agent", "updater"]
 
@@ -58,7 +64,17 @@ class DeploymentStanding(_Standing):
         default=None, description="Share of the robots taking part that has failed so far, in percent."
     )
     threshold_percent: int | None = Field(default=None, description="At which share it stops, in percent.")
-    paused: bool = Field(default=False, description="Whether no robot gets an order for now.")
+    paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
+    waits: tuple[DeploymentWait, ...] = Field(default=(), description="What it waits for besides robots.")
+    rolls_back: str | None = Field(
+        default=None, description="ARN of the deployment that failed and whose robots it brings back; absent: none."
+    )
+    rollback_is_due: bool = Field(
+        default=False, description="Whether the threshold is reached and a deployment that brings robots back follows."
+    )
+    rollback: DeploymentRollback | None = Field(
+        default=None, description="How robots go back to the version before; absent: they do not, or not yet."
+    )
     failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     failure_reason: str | None = Field(default=None, description="The same in words.")
 

@@ -17,8 +17,8 @@ from .stored_rollouts import OpenRollout
 
 LOGGER = logging.getLogger("robomaker.robots")
 
-BUSY_S = 1.0
-"""Between two looks while a rollout is open."""
+BUSY_S = 0.25
+"""Between two looks while a rollout is open; the place of a robot that has ended stays free for so long."""
 
 IDLE_S = 2.0
 """The same otherwise."""

@@ -15,7 +15,6 @@ from ...schemas.operations.deployment_jobs import (
     CancelDeploymentJobResponse,
     CreateDeploymentJobRequest,
     DeploymentConfig,
-    DeploymentRollback,
     DescribeDeploymentJobRequest,
     ListDeploymentJobsRequest,
     SyncDeploymentJobRequest,
@@ -46,7 +45,7 @@ from ..fleet.records import (
     settle,
 )
 from ..fleet.rollout.statuses import robot_deployments
-from ..fleet.rollout.waits import waits_for
+from ..fleet.rollout.waits import shown_rollback, waits_for
 from ..jobs.deployment_runs import DeploymentRun
 from ..service.service import Service
 from ..simulations.planning.applications import find_application
@@ -154,12 +153,7 @@ def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[s
         is_paused = not is_terminal(DEPLOYMENT, job.status) and pause_that_waits(job.arn, service)
         return {"waitsFor": [is_paused.to_wire()]} if is_paused else {}
     waits = [wait.to_wire() for wait in waits_for(rollout, service.clock().timestamp())]
-    back = rollout.rollback
-    shown = (
-        None
-        if back is None
-        else DeploymentRollback(jobs=list(back.jobs) or None, robotsLeft=list(back.left) or None, reason=back.reason)
-    )
+    shown = shown_rollback(rollout)
     return {"waitsFor": waits or None, "rollback": None if shown is None else shown.to_wire()}
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 _UNSHARE = ["unshare", *(["--map-root-user"] if os.geteuid() else []), "--mount", "--propagation", "private"]
-_SCRIPT = 'mount -t tmpfs none "$1" && mkdir -p "$2" && shift 2 && exec "$@"'
+_SCRIPT = 'mount -t tmpfs -o size="$3" none "$1" && mkdir -p "$2" && shift 3 && exec "$@"'
 
 
 def _allowed() -> bool:
@@ -22,12 +22,14 @@ NEEDS_NAMESPACES = pytest.mark.skipif(not _allowed(), reason="this user may make
 """Marks tests whose machines are apart."""
 
 
-def apart(command: Sequence[str], hidden: Path, home: Path) -> list[str]:
+def apart(command: Sequence[str], hidden: Path, home: Path, *, size_mb: int | None = None) -> list[str]:
     """The words that run a command where a folder is empty but for a new one.
 
     Args:
         command: what is run.
         hidden: what it does not see, and nobody else sees what it writes there.
-        home: the folder that is there for it, below `hidden`.
+        home: the folder that is there for it, `hidden` or below.
+        size_mb: how much it may write there; absent: half of the memory.
     """
-    return [*_UNSHARE, "sh", "-c", _SCRIPT, "sh", str(hidden), str(home), *command]
+    size = "50%" if size_mb is None else f"{size_mb}m"
+    return [*_UNSHARE, "sh", "-c", _SCRIPT, "sh", str(hidden), str(home), size, *command]

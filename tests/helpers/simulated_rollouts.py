@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.rollouts.events import Failed, Fetched, Offered, 
 from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.rollouts.report import DeploymentReport
 from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
 
@@ -42,6 +43,7 @@ def simulate(
     until_s: float = 1e9,
     events: tuple[tuple[float, RolloutEvent], ...] = (),
     seed: int = 7,
+    windows: tuple[MaintenanceWindow, ...] = (),
 ) -> Rollout:
     """Rolls out to robots until nothing goes on any more, or for some seconds.
 
@@ -54,6 +56,7 @@ def simulate(
         until_s: when to stop, in seconds since it began.
         events: what else happens, and when.
         seed: of how long robots take.
+        windows: when robots may be changed; none: always.
     """
     rng, numbers, ties = random.Random(seed), itertools.count(1), itertools.count()
     robots = tuple(
@@ -61,7 +64,11 @@ def simulate(
         for number, name in enumerate(names)
     )
     plan = RolloutPlan(
-        robots=robots, concurrent_percentage=concurrent, threshold_percentage=threshold, robot_timeout_s=120
+        robots=robots,
+        concurrent_percentage=concurrent,
+        threshold_percentage=threshold,
+        robot_timeout_s=120,
+        windows=windows,
     )
     place = {robot.arn: number for number, robot in enumerate(robots)}
     ledger = Ledger(begin(plan, BEGAN_S))

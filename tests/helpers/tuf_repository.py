@@ -49,6 +49,8 @@ class TufRepository:
     folder: Path
     lifetime: timedelta = timedelta(days=1)
     versions: dict[str, int] = field(default_factory=dict)
+    deployments: int = 0
+    """How many were added; each has a larger number than the one before."""
 
     def __post_init__(self) -> None:
         self.signers = {
@@ -92,8 +94,10 @@ class TufRepository:
         """Adds a bundle and its deployment document; returns the path of the document. Publishes."""
         sha256 = hashlib.sha256(packed).hexdigest()
         path = self.add(f"applications/{APPLICATION}/bundles/{sha256}.tar.gz", packed)
+        self.deployments += 1
         document = {
             "format": 1,
+            "number": self.deployments,
             "job": f"arn:aws:robomaker:us-west-2:123456789012:deployment-job/{job}",
             "fleet": "arn:aws:robomaker:us-west-2:123456789012:deployment-fleet/yard/1",
             "application": APPLICATION,

@@ -86,7 +86,9 @@ class Deployment:
 
     version: Version
     bundle: File
-    condition: File | None = None
+    condition: File | None
+    number: int
+    """Of its document, which rises from deployment to deployment: a smaller one is older."""
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,7 @@ class Document:
 
     condition: str | None
     launch: Launch
+    number: int
 
 
 def application_of(target: str) -> str:
@@ -146,6 +149,7 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
         _bundle(content, application, architecture),
         _condition(content, application),
         _launch(content.get("launch")),
+        _number(content.get("number")),
     )
 
 
@@ -157,7 +161,8 @@ def version_of(content: Mapping[str, Any]) -> Version:
 def deployment_of(content: Mapping[str, Any]) -> Deployment:
     """Reads what `dataclasses.asdict` made of a deployment."""
     condition = content.get("condition")
-    return Deployment(version_of(content["version"]), File(**content["bundle"]), condition and File(**condition))
+    version, bundle = version_of(content["version"]), File(**content["bundle"])
+    return Deployment(version, bundle, condition and File(**condition), content["number"])
 
 
 def _bundle(content: Mapping[str, Any], application: str, architecture: str) -> str:
@@ -177,6 +182,12 @@ def _path(path: Any, beginning: str, where: str) -> str:
     if not isinstance(path, str) or not path.startswith(beginning) or "/" in path[len(beginning) :]:
         raise _refused(where, path, f"a file in {beginning}")
     return path
+
+
+def _number(number: Any) -> int:
+    if not isinstance(number, int) or number < 1:
+        raise _refused("number", number, "a number from 1 on")
+    return number
 
 
 def _launch(content: Any) -> Launch:

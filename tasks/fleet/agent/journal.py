@@ -93,6 +93,7 @@ def _state(content: Mapping[str, Any]) -> State:
         restarts=content["restarts"],
         floors=content["floors"],
         newest_s=content["newest_s"],
+        number=content.get("number", 0),
     )
 
 

@@ -109,6 +109,9 @@ class State:
     newest_s: float = 0.0
     """The latest time at which the repository was fresh, in seconds since 1970: no earlier one is believed."""
 
+    number: int = 0
+    """Of the newest deployment that came to its end here: none that is older, nor itself, is carried out again."""
+
 
 @dataclass(frozen=True)
 class Ordered:
@@ -263,8 +266,19 @@ def _restarted(state: State) -> State:
 def _checked(state: State, deployment: Deployment) -> State:
     if state.phase is not Phase.VALIDATING:
         return state
+    if deployment.number <= state.number:
+        return _known(state, deployment)
     phase = Phase.DOWNLOADING if deployment.condition is None else Phase.CONDITION
     return replace(state, phase=phase, deployment=deployment)
+
+
+def _known(state: State, deployment: Deployment) -> State:
+    """The state after a deployment that is not new: orders are not signed, so it may be an attacker's."""
+    job = deployment.version.job
+    if state.good is not None and state.good.job == job:
+        return _ended(state, "closed", "success", ("Finished",))
+    reason = f"{job} has number {deployment.number}, and the robot has carried out number {state.number}"
+    return _ended_badly(state, "RobotDeploymentAborted", f"{reason}: only newer deployments count")
 
 
 def _passed(state: State) -> State:
@@ -297,7 +311,9 @@ def _ended(
     state: State, execution: str, finished: str, details: tuple[str, ...] = (), code: int | None = None
 ) -> State:
     assert state.order is not None
-    return replace(_idle(state), end=End(state.order, execution, finished, code, details))
+    is_new = execution == "closed" and state.deployment is not None
+    number = state.deployment.number if is_new and state.deployment is not None else state.number
+    return replace(_idle(state), end=End(state.order, execution, finished, code, details), number=number)
 
 
 def _idle(state: State) -> State:

@@ -1,8 +1,8 @@
-"""What a rollout waits for besides its robots, as DescribeDeploymentJob shows it."""
+"""What a rollout waits for besides its robots, and how robots go back, as DescribeDeploymentJob shows it."""
 
 from datetime import UTC, datetime
 
-from ....schemas.operations.deployment_jobs import DeploymentWait
+from ....schemas.operations.deployment_jobs import DeploymentRollback, DeploymentWait
 from ....schemas.rollouts.rollout import Rollout
 from .ledger import Ledger
 from .windows import is_open, opens_s
@@ -27,6 +27,14 @@ def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
     if not is_open(windows, now_s):
         found.append(DeploymentWait(cause="MAINTENANCE_WINDOW", until=_moment(opens_s(windows, now_s))))
     return found
+
+
+def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
+    """How robots go back, as DescribeDeploymentJob shows it; nothing: they do not, or not yet."""
+    back = rollout.rollback
+    if back is None:
+        return None
+    return DeploymentRollback(jobs=list(back.jobs) or None, robotsLeft=list(back.left) or None, reason=back.reason)
 
 
 def in_words(wait: DeploymentWait, job: str) -> str:

@@ -48,6 +48,21 @@ def opens_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float:
     return now_s if moment is None else moment
 
 
+def closed_spans(windows: Sequence[MaintenanceWindow], from_s: float, until_s: float) -> Iterator[tuple[float, float]]:
+    """From when to when no window was open between two times, in seconds since the epoch."""
+    moment: float | None = from_s
+    since_s: float | None = None
+    while moment is not None and moment < until_s:
+        if not is_open(windows, moment):
+            since_s = moment if since_s is None else since_s
+        elif since_s is not None:
+            yield since_s, moment
+            since_s = None
+        moment = next_change_s(windows, moment)
+    if since_s is not None:
+        yield since_s, until_s
+
+
 def _is_in(spans: Iterator[tuple[float, float]] | Sequence[tuple[float, float]], moment_s: float) -> bool:
     return any(start_s <= moment_s < end_s for start_s, end_s in spans)
 

@@ -19,6 +19,7 @@ class DeploymentTargets(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     format: Literal[1] = Field(default=1, description="Version of this document's form; agents refuse others.")
+    number: int = Field(description="Rises from deployment to deployment: robots carry out none that is older.")
     job: str = Field(description="ARN of the deployment job.")
     fleet: str = Field(description="ARN of the fleet.")
     application: str = Field(description="Name of the application.")

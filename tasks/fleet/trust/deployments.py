@@ -70,6 +70,8 @@ def publish(
     attested = [_add_attestation(step, each) for each in attestations]
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
     document = DeploymentTargets(
+        # Not a number of the catalog: one that was restored from a backup would draw the same ones again.
+        number=int(job.created_at.timestamp() * 1000),
         job=job.arn,
         fleet=str(job.parent),
         application=application.name,

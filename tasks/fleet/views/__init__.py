@@ -4,4 +4,4 @@
 May import: `schemas`, `tasks.catalog`, `tasks.fleet`, `tasks.fleet.rollout`, `tasks.reporting`, `tasks.service`.
 """
 
-__all__ = ["finding", "following", "reports", "standings", "tables"]
+__all__ = ["finding", "following", "notes", "reports", "standings", "tables"]

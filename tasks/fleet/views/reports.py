@@ -1,19 +1,21 @@
 """The report of a deployment, from what the catalog has of it."""
 
-from contextlib import suppress
+from collections.abc import Iterator
 from pathlib import Path
 
 from ....schemas.documents.fleets import DeploymentJobDocument
 from ....schemas.operations.deployment_jobs import DeploymentConfig
 from ....schemas.rollouts.artifacts import Delivery
 from ....schemas.rollouts.report import DeploymentReport
-from ....schemas.rollouts.rollout import Rollout
+from ....schemas.rollouts.rollout import Pause, Rollout
 from ....schemas.wire.arns import ResourceArn
-from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...reporting import write_deployment
 from ...service.service import Service
 from ..rollout.waves import waves_of
+from ..rollout.windows import closed_spans
+from .notes import notes_of
+from .standings import deployed_by, deployment_standing
 
 _FOLDER = "deployments"
 
@@ -46,6 +48,7 @@ def report_of(job: Resource, service: Service) -> DeploymentReport:
     stored = service.catalog.rollout(job.arn)
     rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))
     application, version = deployed_by(job)
+    now_s = service.clock().timestamp()
     return DeploymentReport.model_validate(
         {
             "job": job.arn,
@@ -56,22 +59,21 @@ def report_of(job: Resource, service: Service) -> DeploymentReport:
             "failure_code": document.failure_code,
             "failure_reason": document.failure_reason,
             "created_s": job.created_at.timestamp(),
-            "now_s": service.clock().timestamp(),
+            "now_s": now_s,
             "config": DeploymentConfig.model_validate(document.deployment_config),
             "delivery": None if stored is None else Delivery.of_json(dict(stored.delivery)),
             "rollout": rollout,
+            "notes": tuple(notes_of(deployment_standing(job, rollout, now_s))),
+            "closed": () if rollout is None else tuple(_closed(rollout, now_s)),
             "waves": () if rollout is None else tuple(waves_of(rollout.plan)),
         }
     )
 
 
-def deployed_by(job: Resource) -> tuple[str, str]:
-    """Name and version of the application that a deployment job deploys; the name is that of its ARN."""
-    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
-    name = str(config["application"])
-    with suppress(InvalidParameterException):
-        name = ResourceArn.parse(name).name
-    return name, str(config["applicationVersion"])
+def _closed(rollout: Rollout, now_s: float) -> Iterator[Pause]:
+    until_s = now_s if rollout.ended_s is None else rollout.ended_s
+    for from_s, to_s in closed_spans(rollout.plan.windows, rollout.began_s, until_s):
+        yield Pause(from_s=from_s, until_s=to_s)
 
 
 def fleet_name(job: Resource) -> str:

@@ -1,18 +1,21 @@
 """How fleets, their robots and their deployments stand, from the catalog."""
 
+from contextlib import suppress
 from datetime import UTC, datetime
 
 from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ....schemas.rollouts.robots import RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
 from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotKind, RobotStanding
+from ....schemas.wire.arns import ResourceArn
+from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
 from ..records import last_deployment, robots_of
 from ..rollout.counts import counts_of, current_wave
 from ..rollout.thresholds import Tally
+from ..rollout.waits import shown_rollback, waits_for
 from ..rollout.waves import waves_of
-from .reports import deployed_by
 
 
 def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
@@ -24,7 +27,7 @@ def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
         fleet=fleet.name,
         arn=fleet.arn,
         robots=tuple(_robot(robot, states.get(robot.arn)) for robot in reversed(robots_of(fleet.arn, service))),
-        deployment=None if job is None else deployment_standing(job, rollout),
+        deployment=None if job is None else deployment_standing(job, rollout, service.clock().timestamp()),
     )
 
 
@@ -34,12 +37,13 @@ def rollout_of(job: Resource, service: Service) -> Rollout | None:
     return None if stored is None else Rollout.of_json(dict(stored.rollout))
 
 
-def deployment_standing(job: Resource, rollout: Rollout | None) -> DeploymentStanding:
+def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) -> DeploymentStanding:
     """How a deployment stands.
 
     Args:
         job: its job.
         rollout: its rollout; nothing: it has not begun.
+        now_s: the time, in seconds since the epoch.
     """
     document = DeploymentJobDocument.of(job)
     application, version = deployed_by(job)
@@ -51,11 +55,21 @@ def deployment_standing(job: Resource, rollout: Rollout | None) -> DeploymentSta
         "created_at": job.created_at,
         "failure_code": document.failure_code,
         "failure_reason": document.failure_reason,
+        "rolls_back": None if document.rolls_back is None else document.rolls_back.job,
     }
-    return DeploymentStanding.model_validate(members | ({} if rollout is None else _progress(rollout)))
+    return DeploymentStanding.model_validate(members | ({} if rollout is None else _progress(rollout, now_s)))
 
 
-def _progress(rollout: Rollout) -> dict[str, object]:
+def deployed_by(job: Resource) -> tuple[str, str]:
+    """Name and version of the application that a deployment job deploys; the name is that of its ARN."""
+    (config,) = DeploymentJobDocument.of(job).deployment_application_configs
+    name = str(config["application"])
+    with suppress(InvalidParameterException):
+        name = ResourceArn.parse(name).name
+    return name, str(config["applicationVersion"])
+
+
+def _progress(rollout: Rollout, now_s: float) -> dict[str, object]:
     tally = Tally(rollout.plan)
     for robot, state in rollout.robots.items():
         tally.count(robot, state, 1)
@@ -68,6 +82,11 @@ def _progress(rollout: Rollout) -> dict[str, object]:
         "failed_percent": round(100 * tally.fleet.failed / max(tally.fleet.robots, 1), 1),
         "threshold_percent": rollout.plan.threshold_percentage,
         "paused": rollout.paused,
+        "waits": tuple(waits_for(rollout, now_s)),
+        "rollback_is_due": rollout.plan.rolls_back
+        and rollout.failure_code == "FailureThresholdBreached"
+        and rollout.rollback is None,
+        "rollback": shown_rollback(rollout),
     }
 
 

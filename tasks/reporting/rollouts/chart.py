@@ -22,11 +22,12 @@ _CELLS = 200
 """Changes of the share of failures that are nearer than this part of the width are drawn as one."""
 
 
-def marks(rollout: Rollout, scale: Scale) -> Markup:
-    """What each row has in common: pauses, and the moment when the threshold was reached."""
+def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
+    """What each row has in common: pauses, times without an open window, the moment of the threshold."""
     parts = [
-        element("rect", class_="pause", x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
-        for begin_s, end_s in pauses_of(rollout.pauses, scale)
+        element("rect", class_=kind, x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
+        for kind, pauses in (("closed", closed), ("pause", rollout.pauses))
+        for begin_s, end_s in pauses_of(pauses, scale)
     ]
     if (breached_s := breach_of(rollout)) is not None:
         at = scale.at(breached_s)

@@ -1,13 +1,14 @@
 """View model of the page of a deployment; the template only places it."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from statistics import median
 
 from markupsafe import Markup
 
+from ....schemas.operations.deployment_jobs import DeploymentConfig
 from ....schemas.rollouts.report import DeploymentReport
 from ....schemas.rollouts.robots import RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
@@ -145,7 +146,7 @@ def _with_rollout(page: RolloutPage, report: DeploymentReport, rollout: Rollout,
         waves=[_wave(number, wave, robots, scale, is_large) for number, wave in enumerate(report.waves, 1)],
         robots=listed[:_MOST_LISTED],
         hidden=max(0, len(listed) - _MOST_LISTED),
-        marks=chart.marks(rollout, scale),
+        marks=chart.marks(rollout, report.closed, scale),
         axis=chart.axis(scale),
         failures=_failures(rollout, scale),
         pauses=[
@@ -246,6 +247,7 @@ def _facts(report: DeploymentReport) -> list[Fact]:
         Fact("At the same time", f"{config.concurrentDeploymentPercentage or '–'} % of the fleet"),
         Fact("Stops when", f"{config.failureThresholdPercentage or '–'} % have failed"),
         Fact("Time-out of a robot", wording.duration(config.robotDeploymentTimeoutInSeconds or 0)),
+        *_control(config, report.rollout),
     ]
     if report.delivery is None:
         return facts
@@ -259,6 +261,22 @@ def _facts(report: DeploymentReport) -> list[Fact]:
         facts += [Fact(name, file, is_code=True)] if file else []
     variables = (launch.environmentVariables or {}).items()
     return [*facts, *(Fact("Variable", f"{name}={value}", is_code=True) for name, value in variables)]
+
+
+def _control(config: DeploymentConfig, rollout: Rollout | None) -> Iterator[Fact]:
+    """What holds a deployment back, and takes it back."""
+    if config.canaryRobots or config.canaryPercentage:
+        yield Fact("Canaries", ", ".join(config.canaryRobots or [f"{config.canaryPercentage} %"]))
+    if config.requiresApproval:
+        is_approved = rollout is not None and rollout.approved_s is not None
+        by = f" by {rollout.approved_by}" if rollout is not None and rollout.approved_by else ""
+        yield Fact("Approval", f"given{by}" if is_approved else "not given")
+    for window in config.maintenanceWindows or ():
+        days = ", ".join(day.capitalize() for day in window.days or ()) or "every day"
+        lasts = wording.duration(window.durationInSeconds)
+        yield Fact("Maintenance window", f"{window.startTime} {window.timeZone or 'UTC'}, for {lasts}, {days}")
+    if config.onThresholdBreached == "ROLLBACK":
+        yield Fact("At the threshold", "robots go back to the version before")
 
 
 def _state_in_words(report: DeploymentReport) -> str:

@@ -6,15 +6,25 @@ from typing import TextIO
 
 from .....schemas.rollouts.robots import RobotDeploymentState
 from .....schemas.rollouts.rollout import Rollout
+from .....schemas.rollouts.standings import DeploymentStanding
 from .....schemas.wire.arns import ResourceArn
 from .....tasks.fleet.rollout.statuses import robot_status
+from .....tasks.fleet.rollout.waits import in_words
 from .....tasks.fleet.views.following import Look
+from .....tasks.fleet.views.notes import notes_of
 from .....tasks.fleet.views.standings import deployment_standing
 from ..durations import duration
 from .text import counts_text
 
 MOST_LINES = 20
 """Lines for single robots at once; of more that changed, only how many stand how."""
+
+_OVER = {
+    "PAUSED": "resumed",
+    "APPROVAL": "approved",
+    "MAINTENANCE_WINDOW": "its maintenance window is open",
+}
+"""Words for what it waits for no more."""
 
 HEARTBEAT_S = 60.0
 """Longest silence."""
@@ -39,7 +49,7 @@ class LineWatcher:
         lines = changes(self._before, look)
         self._before = look
         if not lines and self._clock() - self._told_s >= HEARTBEAT_S:
-            lines = [counts_text(deployment_standing(look.job, look.rollout)) or look.job.status]
+            lines = [counts_text(deployment_standing(look.job, look.rollout, look.at_s)) or look.job.status]
         if lines:
             self._told_s = self._clock()
             at = duration(self._told_s - self._began_s)
@@ -54,7 +64,7 @@ def changes(before: Look | None, after: Look) -> list[str]:
         before: the earlier look; nothing: there was none.
         after: the later one.
     """
-    standing = deployment_standing(after.job, after.rollout)
+    standing = deployment_standing(after.job, after.rollout, after.at_s)
     lines: list[str] = []
     if before is None:
         fleet = ResourceArn.parse(str(after.job.parent)).name
@@ -64,20 +74,23 @@ def changes(before: Look | None, after: Look) -> list[str]:
         lines.append(f"{standing.status}{begun}")
     if after.rollout is not None:
         lines += _of_robots(before, after, after.rollout)
-        lines += _of_rollout(before, after.rollout)
+        lines += _of_waits(before, standing)
     if after.has_ended:
         why = f": {standing.failure_code}: {standing.failure_reason}" if standing.failure_code else ""
         counts = counts_text(standing)
         lines += [counts] if counts else []
         lines.append(f"{standing.status}{why}")
+        lines += notes_of(standing)
     return lines
 
 
-def _of_rollout(before: Look | None, rollout: Rollout) -> list[str]:
-    was_paused = before is not None and before.rollout is not None and before.rollout.paused
-    if rollout.paused == was_paused:
-        return []
-    return ["paused: no robot gets an order"] if rollout.paused else ["resumed"]
+def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
+    """What it waits for now and did not before, and what it waits for no more."""
+    old = () if before is None else deployment_standing(before.job, before.rollout, before.at_s).waits
+    now = {wait.cause for wait in standing.waits}
+    was = {wait.cause for wait in old}
+    begun = [in_words(wait, standing.job) for wait in standing.waits if wait.cause not in was]
+    return [*begun, *(_OVER[cause] for cause in _OVER if cause in was - now and standing.status == "InProgress")]
 
 
 def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:
@@ -94,7 +107,7 @@ def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:
             lines.append(f"{ResourceArn.parse(robot).name}{wave}: {said}")
     if len(lines) <= MOST_LINES:
         return lines
-    return [f"{len(lines):,} robots changed: {counts_text(deployment_standing(after.job, rollout))}"]
+    return [f"{len(lines):,} robots changed: {counts_text(deployment_standing(after.job, rollout, after.at_s))}"]
 
 
 def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:

@@ -34,7 +34,7 @@ def live_block(stream: TextIO) -> Iterator[Callable[[Look], None]]:
 
 def render(look: Look) -> Group:
     """The block: the deployment, a bar, the robots that deploy, the latest failures."""
-    standing = deployment_standing(look.job, look.rollout)
+    standing = deployment_standing(look.job, look.rollout, look.at_s)
     fleet = ResourceArn.parse(str(look.job.parent)).name
     lines = [Text.assemble((fleet, "bold"), f", for {duration(look.at_s - look.job.created_at.timestamp())}")]
     lines += deployment_lines(standing)

@@ -10,6 +10,7 @@ from rich.table import Table
 from rich.text import Text
 
 from .....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
+from .....tasks.fleet.views.notes import notes_of
 
 MOST_ROBOTS = 40
 """Rows of a fleet's table unless all are wanted; those that need a look are among them."""
@@ -75,6 +76,8 @@ def deployment_lines(deployment: DeploymentStanding) -> Iterator[Text]:
         yield Text(counts)
     if deployment.failure_code:
         yield Text(f"{deployment.failure_code}: {deployment.failure_reason or ''}".rstrip(": "), style="red")
+    for note in notes_of(deployment):
+        yield Text(note, style="yellow")
 
 
 def wave_text(deployment: DeploymentStanding) -> str:

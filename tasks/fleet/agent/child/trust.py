@@ -128,7 +128,7 @@ class Repository:
         version = Version(
             document.application, document.version, bundle.sha256, document.launch, document.job, order.tags
         )
-        return Deployment(version, bundle, condition)
+        return Deployment(version, bundle, condition, document.number)
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
         """Holds the metadata that TUF accepted against what the journal remembers."""

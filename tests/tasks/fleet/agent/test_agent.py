@@ -56,6 +56,24 @@ def test_a_version_is_installed_runs_and_is_taken_back_for_one_that_fails(drivin
     wait_for(lambda: len(list((robot.agent.home / "versions/courier").iterdir())) == 2, "2 to be removed")
 
 
+def test_an_old_deployment_is_not_carried_out_again(driving: Rover) -> None:
+    """Who can speak for the server orders what the repository still has, under a new number of an order."""
+    robot = driving
+    old = "applications/courier/deployments/job-1.json"
+    deploy(robot, 2)
+    assert robot.server.wait_for_end(2).feedback.finished == "success", robot.agent.log
+
+    robot.server.offer(3, old, Color="red")
+
+    code, reason = failure(robot, 3)
+    assert code == "RobotDeploymentAborted"
+    assert "job-1" in reason
+    assert "number 1" in reason
+    assert "number 2" in reason
+    assert robot.running == "2"
+    assert robot.agent.journal["good"]["version"] == "2"
+
+
 def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> None:
     condition = f"#!/bin/sh\necho condition >> {robot.folder}/order\n"
     script = "#!/bin/sh\necho $0 $MAP $AWS_ROBOMAKER_ROBOT_TAG_KEY_Color >> " + f"{robot.folder}/order\n"

@@ -16,7 +16,7 @@ ORDER = Order(7, "applications/courier/deployments/job-2.json", {"B": "2"})
 STATE = State(
     Phase.RETURNING,
     ORDER,
-    Deployment(VERSION, BUNDLE, BUNDLE),
+    Deployment(VERSION, BUNDLE, BUNDLE, 8),
     VERSION,
     VERSION,
     ("RobotDeploymentAborted", "it was unhealthy"),
@@ -24,6 +24,7 @@ STATE = State(
     3,
     {"root": 1, "timestamp": 8},
     1_700_000_000.5,
+    7,
 )
 
 

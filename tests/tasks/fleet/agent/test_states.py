@@ -35,9 +35,10 @@ def version(number: int) -> Version:
     return Version("courier", str(number), f"{number:064x}", Launch("courier", "drive"), f"job-{number}")
 
 
-def deployment(number: int, *, has_condition: bool = False) -> Deployment:
+def deployment(number: int, *, has_condition: bool = False, newness: "int | None" = None) -> Deployment:
     bundle = File("x", 1, f"{number:064x}")
-    return Deployment(version(number), bundle, File("y", 1, "0" * 64) if has_condition else None)
+    condition = File("y", 1, "0" * 64) if has_condition else None
+    return Deployment(version(number), bundle, condition, newness or number)
 
 
 def order(number: int) -> Order:
@@ -77,7 +78,7 @@ class Robot:
         """What happens when the effect works."""
         if self.state.phase is Phase.VALIDATING:
             number = self.state.order.action_id if self.state.order else 0
-            return Checked(deployment(1 + number % 3, has_condition=number % 2 == 0))
+            return Checked(deployment(1 + number % 3, has_condition=number % 2 == 0, newness=max(1, number)))
         return Passed(self.state.phase)
 
     def deliver(self) -> None:
@@ -224,6 +225,46 @@ def test_an_order_that_never_came_is_canceled_at_once() -> None:
     after = advance(State(good=version(1)), Cancelled(7))
 
     assert after.end == End(Order(7, ""), "canceled", "success")
+
+
+@pytest.mark.parametrize("number", [2, 3])
+def test_a_deployment_that_is_not_newer_than_the_last_one_is_refused(number: int) -> None:
+    state = state_in(Phase.VALIDATING, good=version(1), number=3)
+
+    after = advance(state, Checked(deployment(number)))
+
+    assert (after.phase, after.number) == (Phase.IDLE, 3)
+    assert after.end is not None
+    assert (after.end.finished, after.end.code) == ("failure", NUMBERS["RobotDeploymentAborted"])
+    assert f"job-{number} has number {number}, and the robot has carried out number 3" in after.end.details[1]
+
+
+def test_the_deployment_that_runs_succeeds_again_without_a_restart() -> None:
+    state = state_in(Phase.VALIDATING, good=version(3), number=3)
+
+    after = advance(state, Checked(deployment(3)))
+
+    assert after.end == End(order(2), "closed", "success", None, ("Finished",))
+    assert (after.phase, after.good) == (Phase.IDLE, version(3))
+
+
+def test_an_order_that_was_cancelled_may_come_again() -> None:
+    cancelled = advance(state_in(Phase.DOWNLOADING), Cancelled(2))
+    assert cancelled.number == 0
+    assert cancelled.end is not None
+
+    again = advance(advance(cancelled, Delivered(order(2))), Ordered(order(3)))
+
+    assert advance(again, Checked(deployment(2))).phase is Phase.DOWNLOADING
+
+
+@pytest.mark.parametrize("phase", [Phase.PRE_LAUNCH, Phase.RETURNING, Phase.WATCHING])
+def test_the_end_of_a_deployment_is_remembered_whatever_it_was(phase: Phase) -> None:
+    ended = advance(state_in(phase), Failed(phase, "RobotDeploymentAborted", "it failed"))
+    if ended.phase is Phase.RETURNING:
+        ended = advance(ended, Passed(Phase.RETURNING))
+
+    assert ended.number == 2
 
 
 def test_floors_and_the_clock_never_go_back() -> None:

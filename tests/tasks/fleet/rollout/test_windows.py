@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
-from prefect_robomaker.tasks.fleet.rollout.windows import is_open, next_change_s, opens_s
+from prefect_robomaker.tasks.fleet.rollout.windows import closed_spans, is_open, next_change_s, opens_s
 
 DAYS = ["MONDAY", "TUESDAY", "WEDNESDAY", "THURSDAY", "FRIDAY", "SATURDAY", "SUNDAY"]
 NIGHT = MaintenanceWindow(startTime="22:30", durationInSeconds=4 * 3600, timeZone="Europe/Berlin")
@@ -29,6 +29,17 @@ def test_without_windows_it_is_always_open() -> None:
     assert is_open((), 0)
     assert next_change_s((), 0) is None
     assert opens_s((), 17.0) == 17.0
+
+
+def test_when_it_was_closed() -> None:
+    closed = list(closed_spans([NIGHT], at("2026-01-05 20:00"), at("2026-01-06 23:00")))
+
+    assert [(shown(from_s), shown(until_s)) for from_s, until_s in closed] == [
+        ("Mon 05 20:00", "Mon 05 22:30"),
+        ("Tue 06 02:30", "Tue 06 22:30"),
+    ]
+    assert list(closed_spans([NIGHT], at("2026-01-05 23:00"), at("2026-01-06 01:00"))) == []
+    assert list(closed_spans([], 0.0, 9.0)) == []
 
 
 def test_a_night_goes_on_after_midnight() -> None:

@@ -58,6 +58,7 @@ def test_the_document_says_what_is_launched_and_names_what_is_downloaded(site: S
     bundle, (attestation,) = document["bundles"]["X86_64"], document.pop("attestations")
     assert document == {
         "format": 1,
+        "number": int(job.created_at.timestamp() * 1000),
         "job": job.arn,
         "fleet": site.fleet,
         "application": "mine",

@@ -9,6 +9,7 @@ from prefect_robomaker.schemas.documents.fleets import RobotInstallation, RobotS
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.records import last_deployment
 from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
 from prefect_robomaker.tasks.fleet.views.finding import find_deployment, find_fleet
 from prefect_robomaker.tasks.fleet.views.following import Look, follow
@@ -208,6 +209,56 @@ def test_rows_for_prefect(yard: Yard) -> None:
     assert (first["robot"], first["status"], first["failure code"]) == ("r0", "InSync", None)
     assert isinstance(first["took s"], float)
     assert (second["status"], second["failure code"], second["reason"]) == ("Failed", "PreLaunchFileFailure", "no arm")
-    standing = deployment_standing(yard.service.catalog.get(job), rollout)
+    standing = deployment_standing(yard.service.catalog.get(job), rollout, yard.now.timestamp())
     assert standing.counts == {"succeeded": 1, "failed": 1}
     assert open_rollouts(yard.service) == []
+
+
+def test_a_window_that_is_closed_is_seen(yard: Yard) -> None:
+    yard.robot("r0", good)
+    opens = yard.now + timedelta(hours=2)
+    window = {"startTime": opens.strftime("%H:%M"), "durationInSeconds": 3600}
+    job = deploy(yard, maintenanceWindows=[window])
+    run_for(yard, job, 5)
+
+    seen = fleet_standing(yard.service.catalog.get(yard.arn), yard.service).deployment
+    report = report_of(yard.service.catalog.get(job), yard.service)
+
+    assert seen is not None
+    assert [wait.cause for wait in seen.waits] == ["MAINTENANCE_WINDOW"]
+    (note,) = report.notes
+    assert note.startswith("waits for its maintenance window, which opens at ")
+    assert report.rollout is not None
+    assert [(each.from_s, each.until_s) for each in report.closed] == [(report.rollout.began_s, yard.now.timestamp())]
+
+
+def test_both_sides_of_a_rollback_are_seen(yard: Yard) -> None:
+    yard.robot("r0", good)
+    yard.robot("r1", good)
+    first = deploy(yard, "first")
+    yard.run(first)
+    yard.behaviours = dict.fromkeys(yard.behaviours, bad)
+    application = find_application(yard)
+    yard.fleets.call(
+        "UpdateRobotApplication",
+        application=application,
+        robotSoftwareSuite={"name": "General"},
+        sources=[{"s3Bucket": "apps", "s3Key": "X86_64.tar.gz", "architecture": "X86_64"}],
+    )
+    yard.fleets.call("CreateRobotApplicationVersion", application=application)
+    robots = list(yard.behaviours)
+    yard.behaviours[robots[0]] = good
+    had = RobotInstallation(installed_name="mine", installed_version="1", installed_by=first)
+    yard.service.catalog.update(robots[0], had)
+    config = {**HALF, "failureThresholdPercentage": 50, "onThresholdBreached": "ROLLBACK"}
+    failed = yard.fleets.deploy(
+        yard.arn, application, "second", config={"applicationVersion": "2"}, deploymentConfig=config
+    )["arn"]
+    yard.run(failed)
+
+    report = report_of(yard.service.catalog.get(failed), yard.service)
+    back = last_deployment(yard.arn, yard.service)
+
+    assert back is not None
+    assert report.notes == (f"robots go back by {back.id}",)
+    assert report_of(back, yard.service).notes == (f"brings robots back after {failed.rpartition('/')[2]} failed",)

@@ -4,10 +4,12 @@ import re
 from html import unescape
 
 import pytest
-from helpers.simulated_rollouts import arn_of, report_of, simulate
+from helpers.simulated_rollouts import BEGAN_S, arn_of, report_of, simulate
 
+from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentConfig
 from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, RobotGone, Stopped
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import Pause, Rollout
+from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
 from prefect_robomaker.tasks.reporting import render_deployment
 from prefect_robomaker.tasks.reporting.rollouts.view import MOST_ROWS, RolloutPage, view_rollout
 
@@ -67,6 +69,31 @@ def test_pauses_cancels_and_departures_are_told() -> None:
 
     still = view_rollout(report_of(simulate(names(9), events=((5, Paused()),), until_s=60)))
     assert still.state == "paused"
+
+    waiting = report_of(simulate(names(9), until_s=60)).model_copy(
+        update={
+            "notes": ("waits for its maintenance window, which opens at 22:30", "robots go back by `deployment-x`"),
+            "closed": (Pause(from_s=BEGAN_S + 10, until_s=BEGAN_S + 30),),
+            "config": DeploymentConfig(
+                maintenanceWindows=[MaintenanceWindow(startTime="22:30", durationInSeconds=7200, days=["MONDAY"])],
+                requiresApproval=True,
+                canaryPercentage=5,
+                onThresholdBreached="ROLLBACK",
+            ),
+        }
+    )
+    page = view_rollout(waiting)
+    assert page.marks.count('class="closed"') == 1
+    assert {fact.name: fact.value for fact in page.facts}.items() >= {
+        "Maintenance window": "22:30 UTC, for 2 h, Monday",
+        "Approval": "not given",
+        "Canaries": "5 %",
+        "At the threshold": "robots go back to the version before",
+    }.items()
+    html = render_deployment(waiting)
+    assert "waits for its maintenance window, which opens at 22:30" in html
+    assert "robots go back by deployment-x" in html
+    assert "no maintenance window" in html
 
     gone = RobotGone(robot=arn_of("r8"), how="deleted")
     canceled = view_rollout(report_of(simulate(names(9), events=((2, gone), (30, Stopped(why="canceled"))))))

@@ -16,8 +16,9 @@ from prefect_robomaker.deployments.cli.output.fleets.text import MOST_ROBOTS, pr
 from prefect_robomaker.deployments.cli.output.fleets.watching import fleet_watcher
 from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
 from prefect_robomaker.schemas.rollouts.events import Paused, Resumed
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import Rollback, Rollout
 from prefect_robomaker.schemas.rollouts.standings import FleetStanding, OrderStanding, RobotStanding
+from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
 from prefect_robomaker.tasks.fleet.views.following import Look
@@ -68,8 +69,20 @@ def looks(names: list[str], until: Sequence[float], **members: object) -> list[L
 
 
 def fleet(*robots: RobotStanding, rollout: Rollout | None = None) -> FleetStanding:
-    deployment = None if rollout is None else deployment_standing(job_of(rollout), rollout)
+    deployment = None if rollout is None else deployment_standing(job_of(rollout), rollout, BEGAN_S)
     return FleetStanding(fleet="yard", arn="arn", robots=robots, deployment=deployment)
+
+
+def text_of(standing: FleetStanding) -> str:
+    stream = io.StringIO()
+    print_fleets([standing], stream, everything=True, now=NOW)
+    return stream.getvalue()
+
+
+def drawn(look: Look) -> str:
+    console = Console(file=io.StringIO(), width=1000, record=True)
+    console.print(render(look))
+    return console.export_text()
 
 
 def shown(standing: FleetStanding, stream: io.StringIO, *, everything: bool = False) -> list[str]:
@@ -166,8 +179,46 @@ def test_pauses_are_told() -> None:
     happen = ((3.0, Paused()), (6.0, Resumed()))
     one, two, three = (look_at(simulate(names, concurrent=50, until_s=until_s, events=happen)) for until_s in (2, 4, 7))
 
-    assert "paused: no robot gets an order" in changes(one, two)
+    said = f"paused; `robomaker fleet resume {one.job.arn}` lets it go on"
+    assert said in changes(one, two)
+    assert changes(two, two) == []
     assert "resumed" in changes(two, three)
+    assert said in text_of(fleet(rollout=two.rollout))
+    assert said in drawn(two)
+
+
+def test_a_maintenance_window_is_waited_for() -> None:
+    opens = NOW + timedelta(minutes=5)
+    window = MaintenanceWindow(startTime=opens.strftime("%H:%M"), durationInSeconds=3600)
+    closed, still, opened = (
+        look_at(simulate(["r0"], until_s=until_s, windows=(window,)), until_s) for until_s in (5, 60, 310)
+    )
+
+    [waits] = [line for line in changes(None, closed) if "window" in line]
+    assert (
+        waits
+        == f"waits for its maintenance window, which opens at {opens.replace(second=0).isoformat(timespec='minutes')}"
+    )
+    assert changes(closed, still) == []
+    assert "its maintenance window is open" in changes(still, opened)
+    assert waits in text_of(fleet(rollout=closed.rollout))
+    assert waits in drawn(closed)
+
+
+def test_who_goes_back_is_told() -> None:
+    jobs = ("arn:aws:robomaker:us-east-1:123456789012:deployment-job/deployment-back",)
+    breached = simulate(["r0", "r1"], bad=lambda number: number == 0).model_copy(
+        update={"rollback": Rollback(jobs=jobs, left=(arn_of("r1"),), reason="r9 was deleted")}
+    )
+
+    for said in (
+        text_of(fleet(rollout=breached)),
+        drawn(look_at(breached)),
+        "\n".join(changes(None, look_at(breached))),
+    ):
+        assert "robots go back by deployment-back" in said
+        assert "no earlier version is known of r1" in said
+        assert "robots do not go back: r9 was deleted" in said
 
 
 def test_a_long_silence_is_broken() -> None:
