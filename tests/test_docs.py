@@ -62,8 +62,9 @@ def test_the_example_specifications_are_right(path: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_python_in_the_documentation_runs(
-    page: Path, service: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch
+    page: Path, service: Service, prefect_server: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.chdir(tmp_path)  # for files that a page writes
     monkeypatch.setenv("ROBOMAKER_HOME", str(service.settings.home))  # for services that a page opens itself
     with service.activated():
         for number, text in enumerate(blocks(page, "python")):
