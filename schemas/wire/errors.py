@@ -156,6 +156,10 @@ class StorageAccessDeniedError(StorageError):
     """The credentials do not allow it."""
 
 
+class CredentialsRefusedError(StorageAccessDeniedError):
+    """The credentials are no good for anything: nobody knows them, or the role that should have some gives none."""
+
+
 class ObjectExistsError(StorageError):
     """A create-only write found an object in its place."""
 

@@ -8,6 +8,7 @@ __all__ = [
     "artifacts",
     "batch_slots",
     "claims",
+    "credential_blocks",
     "dead_flow_runs",
     "events",
     "flow_ends",

@@ -27,6 +27,7 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..execution.claims import run_if_unclaimed, run_under_lease
+from ..execution.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
@@ -41,6 +42,7 @@ from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
+from .fresh_keys import fresh_keys
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 
@@ -141,7 +143,7 @@ class JobRun:
         self._waited_s = noticed(waited_s or {})
         self._run_step = run_step
         self._lease = lease
-        self._service = service
+        self._service = service.with_blocks(read_credential_block)
         self._stop = stop
         self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
         self._kills = 0  # of runs, from outside, since one came further than those before
@@ -294,7 +296,8 @@ class JobRun:
     def _carry_out(self, plan: RunPlan) -> "_Next":
         """Carries out a planned run; returns how the job goes on."""
         run_id = plan.run_id
-        with self._outputs(run_id).rolling():
+        service, folder = self._service, self._folder(run_id)
+        with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
             ended = self._run_step("simulate", lambda: self._simulated(plan))
         if ended.was_killed:
             return self._after_kill(ended.failure_reason or "it was killed")
