@@ -171,6 +171,7 @@ def _endpoints(endpoint: str, region: str) -> dict[str, Any]:
     """A list of endpoints in which S3 is this server, in the form of botocore's own, whose place it takes."""
     parts = urlsplit(endpoint)
     server = {"hostname": parts.netloc, "protocols": [parts.scheme], "signatureVersions": ["s3v4"]}
+    signed_there = {**server, "credentialScope": {"region": region}}
     regions = {name: {"description": name} for name in dict.fromkeys((region, "us-east-1"))}
     partition = {
         "partition": "aws",
@@ -183,7 +184,14 @@ def _endpoints(endpoint: str, region: str) -> dict[str, Any]:
             "signatureVersions": ["v4"],
         },
         "regions": regions,
-        "services": {"s3": {"defaults": server, "endpoints": dict.fromkeys((*regions, "aws-global"), server)}},
+        "services": {
+            "s3": {
+                "defaults": server,
+                "endpoints": {**dict.fromkeys(regions, server), "aws-global": signed_there},
+                "isRegionalized": True,
+                "partitionEndpoint": "aws-global",  # where SDKs look for S3 in us-east-1
+            }
+        },
     }
     return {"version": 3, "partitions": [partition]}
 

@@ -6,7 +6,7 @@ from typing import Any
 from ....schemas.roles import Role
 
 _READ = ("s3:GetObject",)
-_WRITE = ("s3:GetObject", "s3:PutObject", "s3:DeleteObject", "s3:AbortMultipartUpload", "s3:ListMultipartUploadParts")
+_WRITE = ("s3:GetObject", "s3:PutObject", "s3:DeleteObject", "s3:AbortMultipartUpload")
 _ARN = "arn:aws:s3:::"
 
 

@@ -31,6 +31,12 @@ def opened(home: Path, environ: Mapping[str, str], *roles: str) -> Roles:
     return found
 
 
+def own_bucket(server: S3Server) -> None:
+    """Makes the bucket of the server's role, once for all tests."""
+    if "role-a" not in {each["Name"] for each in server.client("s3").list_buckets()["Buckets"]}:
+        server.client("s3").create_bucket(Bucket="role-a")
+
+
 @pytest.fixture
 def bucket(s3_server: S3Server) -> str:
     name = f"roles-{uuid4().hex[:12]}"
@@ -62,7 +68,7 @@ def test_a_role_has_the_rights_of_its_user_and_no_others(tmp_path: Path, s3_serv
 def test_keys_that_the_server_does_not_know_are_refused_as_such(
     tmp_path: Path, s3_server: S3Server, secret: str | None
 ) -> None:
-    key, real = user(s3_server)
+    key, real = user(s3_server, writes=["some-bucket/*"])
     keys = (key, secret) if secret else ("NOBODY", real)
     with pytest.raises(CredentialsRefusedError):
         opened(tmp_path, s3_server.environ(), role_with_keys(ARN, keys)).store_of(ARN)
@@ -78,7 +84,7 @@ def test_a_role_that_the_file_does_not_name_is_refused(tmp_path: Path, s3_server
 
 
 def test_a_role_is_assumed_where_the_server_has_sts(tmp_path: Path, role_server: S3Server) -> None:
-    role_server.client("s3").create_bucket(Bucket="role-a")
+    own_bucket(role_server)
     roles = opened(tmp_path, role_server.environ(), f'arn = "{JOB_A}"\nassume_role = "itself"\n')
 
     store = roles.store_of(JOB_A)
@@ -94,8 +100,7 @@ def test_a_role_is_assumed_where_the_server_has_sts(tmp_path: Path, role_server:
 
 
 def test_the_places_of_a_role_narrow_what_is_assumed(tmp_path: Path, role_server: S3Server) -> None:
-    if "role-a" not in {each["Name"] for each in role_server.client("s3").list_buckets()["Buckets"]}:
-        role_server.client("s3").create_bucket(Bucket="role-a")
+    own_bucket(role_server)
     role = f'arn = "{ARN}"\nassume_role = "{JOB_A}"\nwrite = ["role-a/a/narrow/*"]\n'
     store = opened(tmp_path, role_server.environ(), role).store_of(ARN)
 
