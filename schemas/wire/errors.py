@@ -157,7 +157,7 @@ class StorageAccessDeniedError(StorageError):
 
 
 class CredentialsRefusedError(StorageAccessDeniedError):
-    """The credentials are no good for anything: nobody knows them, or the role that should have some gives none."""
+    """The credentials are no good for anything: not known to the server, or the role gives none."""
 
 
 class ObjectExistsError(StorageError):

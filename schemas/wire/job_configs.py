@@ -60,9 +60,7 @@ OWN_AWS = re.compile(
 
 def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
     if reserved := sorted(name for name in variables if name.startswith("AWS") and not OWN_AWS.fullmatch(name)):
-        raise ValueError(
-            f"variables that begin with AWS are reserved, but for those of SDKs; rename {', '.join(reserved)}"
-        )
+        raise ValueError(f"AWS variables other than those of SDKs are reserved; rename {', '.join(reserved)}")
     if with_nul := sorted(name for name, value in variables.items() if "\0" in value):
         raise ValueError(f"no variable can hold a NUL character; remove it from {', '.join(with_nul)}")
     return variables

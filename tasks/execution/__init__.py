@@ -8,7 +8,6 @@ __all__ = [
     "artifacts",
     "batch_slots",
     "claims",
-    "credential_blocks",
     "dead_flow_runs",
     "events",
     "flow_ends",

@@ -19,7 +19,7 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
-from ..execution.credential_blocks import read_credential_block
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots

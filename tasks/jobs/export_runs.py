@@ -13,7 +13,7 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..catalog import Resource
-from ..execution.credential_blocks import read_credential_block
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.task_runs import step_runner
 from ..service.service import Progress, Service

@@ -26,8 +26,8 @@ from ...schemas.wire.errors import (
     StorageError,
     StorageUnavailableError,
 )
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.claims import run_if_unclaimed, run_under_lease
-from ..execution.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
@@ -36,13 +36,13 @@ from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job
 from ..simulations.containers.outputs import settle_containers
+from ..simulations.environment.fresh_keys import fresh_keys
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
-from .fresh_keys import fresh_keys
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
 

@@ -15,7 +15,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StateConflictError
 from ..catalog import Resource
-from ..execution.credential_blocks import read_credential_block
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.held_leases import HELD
 from ..execution.job_leases import Lease
 from ..service.service import Service

@@ -20,7 +20,7 @@ from ...schemas.operations.simulation_jobs import (
 from ...schemas.runs.machine_waits import Scarce
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
-from ..execution.credential_blocks import read_credential_block
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.task_pool import run_alone
 from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job

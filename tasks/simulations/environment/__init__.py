@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.service`, `tasks.storage.roles`.
 """
 
-__all__ = ["compute", "folders", "process_variables", "role_access", "run_environment", "shared_memory"]
+__all__ = ["compute", "folders", "fresh_keys", "process_variables", "role_access", "run_environment", "shared_memory"]

@@ -30,7 +30,7 @@ class _Opened:
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     stores: dict[str, ObjectStore] = field(default_factory=dict[str, ObjectStore])
-    sessions: dict[str, "Session"] = field(default_factory=dict)
+    sessions: "dict[str, Session]" = field(default_factory=lambda: dict[str, "Session"]())
 
 
 @dataclass(frozen=True)

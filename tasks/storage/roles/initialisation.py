@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 from uuid import uuid4
 
 from ....schemas.roles import Role
@@ -123,7 +123,7 @@ class _Users:
     def __init__(self, endpoint: str, region: str, environ: Mapping[str, str]) -> None:
         session: Any = own_session(environ)
         self._endpoint = endpoint
-        self._iam = cast("Any", session.client("iam", region_name=region, endpoint_url=endpoint))
+        self._iam: Any = session.client("iam", region_name=region, endpoint_url=endpoint)
 
     def has(self, name: str) -> bool:
         """Whether there is a user."""

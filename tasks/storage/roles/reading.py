@@ -13,7 +13,7 @@ from ....schemas.wire.request_problems import nearest
 
 
 def read_roles_file(path: Path) -> tuple[Role, ...]:
-    """Reads a roles file, which nobody but its owner may read or write: it may hold keys.
+    """Reads a roles file, which only its owner may read or write: it may hold keys.
 
     Raises:
         ConfigurationError: it cannot be read, others can, or something in it is wrong; its values are not repeated.

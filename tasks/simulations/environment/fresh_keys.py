@@ -7,10 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from ...schemas.wire.errors import RobomakerError
-from ..service.service import Service
-from ..simulations.environment.role_access import role_keys, write_store_files
-from ..simulations.environment.run_environment import run_sandbox
+from ....schemas.wire.errors import RobomakerError
+from ...service.service import Service
+from .role_access import role_keys, write_store_files
+from .run_environment import run_sandbox
 
 EVERY_S = 60.0
 """Credentials of an assumed role are had again when half of their time is over, which is 15 minutes at least."""
