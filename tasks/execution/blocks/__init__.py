@@ -1,3 +1,4 @@
+# pyright: reportUnsupportedDunderAll=false
 """Blocks of Prefect that jobs need while they run: credentials of their roles.
 
 May import: nothing of this package.
