@@ -19,6 +19,7 @@
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
 | `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
 | `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
 | `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
@@ -126,6 +127,10 @@ class Settings(Model):
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
     )
+    roles_file: Path | None = Field(
+        default=None,
+        description="File of the roles that `iamRole` names; None: jobs act with the credentials of their job worker.",
+    )
     robots_url: str | None = Field(
         default=None,
         pattern=r"^https?://[^/\s]+/?$",
@@ -187,8 +192,9 @@ class Settings(Model):
         for name in ("region", "account", "bucket", "backend", "robots_url", "robot_folder"):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
-        if access_keys_file := environ.get("ROBOMAKER_ACCESS_KEYS_FILE"):
-            values["access_keys_file"] = Path(access_keys_file).expanduser()
+        for name in ("access_keys_file", "roles_file"):
+            if file := environ.get(f"ROBOMAKER_{name.upper()}"):
+                values[name] = Path(file).expanduser()
         try:
             return cls.model_validate(values)
         except ValidationError as error:

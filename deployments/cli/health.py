@@ -53,6 +53,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "data home": lambda: check_home(settings.home),
         "catalog": lambda: check_catalog(settings),
         "object store": lambda: check_store(settings),
+        "roles": lambda: check_roles(settings),
         "prefect server": lambda: check_server(settings),
         "video": check_video,
         "extras": check_extras,
@@ -183,6 +184,24 @@ def check_store(settings: Settings) -> Finding:
     if content != b"probe":
         return Finding("object store", "broken", f"{settings.object_store} gives back other bytes than were put")
     return Finding("object store", "ok", f"{settings.object_store}, bucket {settings.bucket}: put, get, delete work")
+
+
+def check_roles(settings: Settings) -> Finding:
+    """Whose rights jobs have: those of the role that they name, where there is a roles file."""
+    from ...tasks.storage.roles import read_roles_file
+
+    if settings.roles_file is None:
+        found = "no ROBOMAKER_ROLES_FILE: `iamRole` is recorded only, all jobs have the rights of their job worker"
+        return Finding("roles", "ok", found)
+    roles = read_roles_file(settings.roles_file)
+    is_folder = settings.object_store != "aws" and "://" not in settings.object_store
+    lacking = [role.arn for role in roles if not role.has_source and not is_folder]
+    found = f"{len(roles)} in {settings.roles_file}; jobs with any other role fail"
+    if lacking:
+        return Finding(
+            "roles", "warning", f"{found}; without credentials: {', '.join(lacking)}", "`robomaker storage init`"
+        )
+    return Finding("roles", "ok", found)
 
 
 def check_server(settings: Settings) -> Finding:

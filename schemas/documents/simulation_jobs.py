@@ -80,7 +80,9 @@ class ResolvedKey(Part):
     """An object of a data source."""
 
     s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Its key.")
-    etag: str = Field(description="Its ETag when the job was created.")
+    etag: str | None = Field(
+        default=None, description="Its ETag when the job was created; absent: the job's role could not read it."
+    )
 
 
 class ResolvedDataSource(Part):

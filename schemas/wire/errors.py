@@ -156,6 +156,10 @@ class StorageAccessDeniedError(StorageError):
     """The credentials do not allow it."""
 
 
+class CredentialsRefusedError(StorageAccessDeniedError):
+    """The credentials are no good for anything: not known to the server, or the role gives none."""
+
+
 class ObjectExistsError(StorageError):
     """A create-only write found an object in its place."""
 

@@ -1,5 +1,6 @@
 """The parts of a simulation job: applications, launch, tools, uploads, data, network, compute."""
 
+import re
 from pathlib import PurePosixPath
 from typing import Annotated, Literal, Self
 
@@ -49,10 +50,17 @@ _USED_FOLDERS = ("/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomake
 """Folders of containers that hold something else."""
 _DATA_SOURCES = "/opt/robomaker/datasources"
 
+OWN_AWS = re.compile(
+    r"AWS_(ENDPOINT_URL(_(?!ROBOMAKER)[A-Z0-9_]+)?|REGION|DEFAULT_REGION|ACCESS_KEY_ID|SECRET_ACCESS_KEY|SESSION_TOKEN"
+    r"|PROFILE|DEFAULT_PROFILE|CONFIG_FILE|SHARED_CREDENTIALS_FILE|CA_BUNDLE|DATA_PATH|DEFAULT_OUTPUT|MAX_ATTEMPTS"
+    r"|RETRY_MODE|S3_[A-Z0-9_]+|EC2_METADATA_DISABLED|ROLE_ARN|ROLE_SESSION_NAME|WEB_IDENTITY_TOKEN_FILE)"
+)
+"""Variables of SDKs that a request may set, though they begin with AWS: its own values win over the service's."""
+
 
 def _possible_variables(variables: dict[str, str]) -> dict[str, str]:
-    if reserved := sorted(name for name in variables if name.startswith("AWS")):
-        raise ValueError(f"variables that begin with AWS are reserved; rename {', '.join(reserved)}")
+    if reserved := sorted(name for name in variables if name.startswith("AWS") and not OWN_AWS.fullmatch(name)):
+        raise ValueError(f"AWS variables other than those of SDKs are reserved; rename {', '.join(reserved)}")
     if with_nul := sorted(name for name, value in variables.items() if "\0" in value):
         raise ValueError(f"no variable can hold a NUL character; remove it from {', '.join(with_nul)}")
     return variables

@@ -19,6 +19,7 @@ from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots
@@ -298,7 +299,9 @@ class BatchRun:
             return None
         request, token = self._request(index)
         try:
-            job = store_job(request, self._patient, token=token, batch=(self._arn, index))
+            job = store_job(
+                request, self._patient.with_blocks(read_credential_block), token=token, batch=(self._arn, index)
+            )
         except StorageUnavailableError as error:
             if not self._why_stop():
                 self._fail_request(index, "InternalServiceError", str(error))

@@ -13,6 +13,7 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..catalog import Resource
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import Lease
 from ..execution.task_runs import step_runner
 from ..service.service import Progress, Service
@@ -57,11 +58,20 @@ def _stored_archive(lease: Lease, service: Service) -> bool:
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
     patient = service.patient(lease.job.id, stopped)
     try:
-        return export_worlds(lease.job, patient, stopped, step_runner()) is not None
+        return export_worlds(lease.job, patient, _acting(lease.job, patient), stopped, step_runner()) is not None
     except StorageUnavailableError:
         if stopped():
             return False
         raise
+
+
+def _acting(job: Resource, service: Service) -> Service:
+    """The service as the job's role has it.
+
+    Raises:
+        StorageError: there is no such role, or its credentials are no good.
+    """
+    return service.with_blocks(read_credential_block).acting_as(WorldExportJobDocument.of(job).request.iam_role)
 
 
 def _remove_archive(job: Resource, service: Service) -> None:
@@ -69,7 +79,7 @@ def _remove_archive(job: Resource, service: Service) -> None:
     if not WorldExportJobDocument.of(job).started:
         return
     try:
-        service.store.delete(*archive_place(job))
+        _acting(job, service).store.delete(*archive_place(job))
     except BucketNotFoundError:
         return
     except StorageError as error:

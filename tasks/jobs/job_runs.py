@@ -26,6 +26,7 @@ from ...schemas.wire.errors import (
     StorageError,
     StorageUnavailableError,
 )
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
@@ -35,6 +36,7 @@ from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job
 from ..simulations.containers.outputs import settle_containers
+from ..simulations.environment.fresh_keys import fresh_keys
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume, reached_s
@@ -141,7 +143,7 @@ class JobRun:
         self._waited_s = noticed(waited_s or {})
         self._run_step = run_step
         self._lease = lease
-        self._service = service
+        self._service = service.with_blocks(read_credential_block)
         self._stop = stop
         self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
         self._kills = 0  # of runs, from outside, since one came further than those before
@@ -294,7 +296,8 @@ class JobRun:
     def _carry_out(self, plan: RunPlan) -> "_Next":
         """Carries out a planned run; returns how the job goes on."""
         run_id = plan.run_id
-        with self._outputs(run_id).rolling():
+        service, folder = self._service, self._folder(run_id)
+        with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
             ended = self._run_step("simulate", lambda: self._simulated(plan))
         if ended.was_killed:
             return self._after_kill(ended.failure_reason or "it was killed")

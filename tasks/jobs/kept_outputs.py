@@ -15,6 +15,7 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import StateConflictError
 from ..catalog import Resource
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.held_leases import HELD
 from ..execution.job_leases import Lease
 from ..service.service import Service
@@ -94,7 +95,7 @@ def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
             document = SimulationJobDocument.of(lease.refreshed())
             if not _misses(document, kept.run_id):
                 raise StateConflictError(f"the outputs of {arn} have just been stored")
-            outputs = RunOutputs(lease.job, kept.run_id, kept.folder, service)
+            outputs = RunOutputs(lease.job, kept.run_id, kept.folder, service.with_blocks(read_credential_block))
             if kept.run_id == document.run_id:
                 outcome = _outcome_of(document)
                 place = outputs.store(outcome.about_run(), finished=bool(document.finished), resumes=True)

@@ -20,6 +20,7 @@ from ...schemas.operations.simulation_jobs import (
 from ...schemas.runs.machine_waits import Scarce
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
+from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.task_pool import run_alone
 from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
@@ -70,6 +71,7 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
     """Stores a simulation job whose applications, world and data exist."""
     token = ClientToken.of("CreateSimulationJob", request)
+    service = service.with_blocks(read_credential_block)
     job = reuse_job(request, service, token=token) if service.reuses else None
     described = describe(job or store_job(request, service, token=token))
     for member in ("name", "failureReason", "networkInterface"):

@@ -1,6 +1,6 @@
 """The service that every operation works with: settings, catalog, object store, clock, random numbers.
 
-May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.storage`.
+May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.storage`, `tasks.storage.roles`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

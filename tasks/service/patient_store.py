@@ -26,6 +26,10 @@ class PatientStore:
         self.at_once = store
         self.patience = patience
 
+    def over(self, store: ObjectStore) -> "PatientStore":
+        """Another store, with the same patience."""
+        return PatientStore(store, self.patience)
+
     def ask(self, bucket: str, call: Callable[[], Result]) -> Result:
         """Does something with the store behind this one, again until that answers; see `Patience.ask`."""
         return self.patience.ask(call, lambda: self.at_once.probe(bucket))
@@ -33,6 +37,10 @@ class PatientStore:
     def ensure_bucket(self, bucket: str) -> None:
         """See `ObjectStore`."""
         self.ask(bucket, lambda: self.at_once.ensure_bucket(bucket))
+
+    def check_writable(self, bucket: str, key: str) -> None:
+        """See `ObjectStore`."""
+        self.ask(bucket, lambda: self.at_once.check_writable(bucket, key))
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """See `ObjectStore`."""

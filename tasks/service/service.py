@@ -27,6 +27,7 @@ from ..backends.opening import open_backend
 from ..catalog import Catalog, ClientToken, Resource
 from ..storage import open_store
 from ..storage.base import ObjectStore, Stopped
+from ..storage.roles import ReadBlock, Roles, open_roles
 from .builtin_applications import register_builtins
 from .home import prepare_home
 from .patience import Patience
@@ -78,6 +79,9 @@ class Service:
     settings: Settings
     catalog: Catalog
     store: ObjectStore
+    roles: Roles | None = None
+    """What roles stand for that requests name; `None`: all jobs act with this process's own credentials."""
+
     backend: Backend | None = None
     """Who starts the job workers of batches; `None`: they run where they are carried out."""
 
@@ -108,10 +112,12 @@ class Service:
         backend = open_backend(settings.backend)
         prepare_home(settings)
         catalog = Catalog.open(settings.catalog_url, clock=_utc_now)
-        store = open_store(settings, os.environ if environ is None else environ)
+        variables = os.environ if environ is None else environ
+        store = open_store(settings, variables)
+        roles = open_roles(settings, store, variables)
         register_builtins(catalog, settings)
         timing = Timing(store_patience_s=60.0 * settings.store_patience_min)
-        return cls(settings=settings, catalog=catalog, store=store, timing=timing, backend=backend)
+        return cls(settings=settings, catalog=catalog, store=store, roles=roles, timing=timing, backend=backend)
 
     @classmethod
     def current(cls) -> "Service":
@@ -155,6 +161,25 @@ class Service:
             sleep,
         )
         return replace(self, store=PatientStore(at_once(self.store), patience))
+
+    def acting_as(self, role: str | None) -> "Service":
+        """The same service with the object store as a role has it; its own where there are no roles.
+
+        Args:
+            role: ARN of the role, as a request names it.
+
+        Raises:
+            CredentialsRefusedError: there is no such role, or its credentials are no good.
+            StorageUnavailableError: the server does not answer.
+        """
+        if self.roles is None or role is None:
+            return self
+        store = self.roles.store_of(role)
+        return replace(self, store=self.store.over(store) if isinstance(self.store, PatientStore) else store)
+
+    def with_blocks(self, read_block: ReadBlock) -> "Service":
+        """The same service, whose roles may be blocks of Prefect."""
+        return self if self.roles is None else replace(self, roles=self.roles.with_blocks(read_block))
 
     @property
     def reuses(self) -> bool:

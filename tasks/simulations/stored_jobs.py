@@ -109,7 +109,7 @@ def job_document(
     if (world := world_arn(wire)) is not None:
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
-    data_sources = resolve_data_sources(wire.get("dataSources") or [], service)
+    data_sources = resolve_data_sources(wire.get("dataSources") or [], service, wire.get("iamRole"))
     seed, trials = seed_of(request), trials_of(request)
     if seed is None:
         seed = 0 if trials else service.new_seed()  # trials have seeds of their own, from there on

@@ -47,6 +47,15 @@ class ObjectStore(Protocol):
         """Creates the bucket unless it exists."""
         ...
 
+    def check_writable(self, bucket: str, key: str) -> None:
+        """Finds out whether an object could be stored, without storing anything.
+
+        Raises:
+            StorageAccessDeniedError: the credentials do not allow it.
+            BucketNotFoundError: there is no such bucket.
+        """
+        ...
+
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """Stores a file's content; checksums are verified by the receiving side.
 

@@ -21,6 +21,7 @@ from ...schemas.wire.errors import (
     BucketNotFoundError,
     ObjectExistsError,
     ObjectNotFoundError,
+    StorageAccessDeniedError,
     StorageError,
     TransferStoppedError,
 )
@@ -57,6 +58,20 @@ class DirectoryStore:
                 folder.mkdir(parents=True, exist_ok=True)
             _sync(self._root)
             self._remove_abandoned()
+
+    def check_writable(self, bucket: str, key: str) -> None:
+        """Finds out whether the bucket is there and its folder can be written to.
+
+        Raises:
+            StorageAccessDeniedError: this user may not.
+            BucketNotFoundError: there is no such bucket.
+        """
+        check_bucket(bucket)
+        check_key(key)
+        if not (self._root / bucket).is_dir():
+            raise BucketNotFoundError(f"there is no bucket {bucket!r} in {self._root}")
+        if not os.access(self._root / bucket, os.W_OK | os.X_OK):
+            raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """Stores a file's content.

@@ -30,11 +30,18 @@ def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
         ConfigurationError: the settings or the credentials cannot be used.
     """
     place = settings.object_store
-    if place == "aws":
-        return _s3(None, settings.region, environ)
-    if "://" in place:
-        return _s3(_endpoint(place), settings.region, environ)
+    if place == "aws" or "://" in place:
+        return _s3(s3_endpoint(settings), settings.region, environ)
     return DirectoryStore(Path(place).expanduser())
+
+
+def s3_endpoint(settings: Settings) -> str | None:
+    """The URL of the S3 server that keeps the objects; `None`: AWS does, or a folder.
+
+    Raises:
+        ConfigurationError: it cannot be used.
+    """
+    return _endpoint(settings.object_store) if "://" in settings.object_store else None
 
 
 def _endpoint(url: str) -> str:
@@ -62,12 +69,17 @@ def _s3(endpoint_url: str | None, region: str, environ: Mapping[str, str]) -> Ob
     from .s3 import S3Store
 
     try:
-        return S3Store(endpoint_url, region, _session(environ))
+        return S3Store(endpoint_url, region, own_session(environ))
     except (BotoCoreError, ValueError) as error:
         raise ConfigurationError(f"the object store {endpoint_url or 'aws'} cannot be used: {error}") from error
 
 
-def _session(environ: Mapping[str, str]) -> "Session":
+def own_session(environ: Mapping[str, str]) -> "Session":
+    """A session with the credentials that environment variables name, else those that AWS tools would find.
+
+    Raises:
+        ConfigurationError: only one half of an access key is set.
+    """
     from boto3 import Session
 
     key, secret = environ.get("AWS_ACCESS_KEY_ID"), environ.get("AWS_SECRET_ACCESS_KEY")

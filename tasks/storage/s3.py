@@ -12,7 +12,7 @@ them: `robomaker fsck --mend` aborts such uploads, and so does a lifecycle rule 
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, closing
+from contextlib import AbstractContextManager, closing, suppress
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -28,6 +28,7 @@ from s3transfer.subscribers import BaseSubscriber
 
 from ...schemas.wire.errors import (
     BucketNotFoundError,
+    CredentialsRefusedError,
     ObjectNotFoundError,
     StorageError,
     StorageUnavailableError,
@@ -141,6 +142,34 @@ class S3Store:
             except ClientError as error:
                 if _code(error) != "BucketAlreadyOwnedByYou":  # another client was quicker
                     raise
+
+    def check_credentials(self) -> None:
+        """Finds out whether the server knows the credentials, whatever they allow.
+
+        Raises:
+            CredentialsRefusedError: it does not, or there are none.
+            StorageUnavailableError: it does not answer.
+        """
+        try:
+            with self._failures("find out who one is"):
+                self._client.list_buckets()  # unlike the answer to a HEAD, this one says what is wrong
+        except (CredentialsRefusedError, StorageUnavailableError):
+            raise
+        except StorageError:
+            return  # such as that these may not be listed
+
+    def check_writable(self, bucket: str, key: str) -> None:
+        """Finds out whether an object could be stored: an upload in parts is begun, and ended without any.
+
+        Raises:
+            StorageAccessDeniedError: the credentials do not allow it.
+            BucketNotFoundError: there is no such bucket.
+        """
+        _check(bucket, key)
+        with self._failures(f"write {bucket}/{key}"):
+            upload = self._client.create_multipart_upload(Bucket=bucket, Key=key)["UploadId"]
+        with suppress(StorageError), self._failures(f"end an upload to {bucket}/{key}"):
+            self._client.abort_multipart_upload(Bucket=bucket, Key=key, UploadId=upload)
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
         """Stores a file's content.

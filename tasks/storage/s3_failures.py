@@ -26,6 +26,7 @@ from s3transfer.exceptions import RetriesExceededError, S3DownloadFailedError, S
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
+    CredentialsRefusedError,
     ObjectExistsError,
     ObjectNotFoundError,
     StorageAccessDeniedError,
@@ -40,6 +41,12 @@ _BY_CODE: dict[str, type[StorageError]] = {
     "NoSuchKey": ObjectNotFoundError,
     "404": ObjectNotFoundError,  # a HEAD answer has no body, so its status is all there is
     "NotFound": ObjectNotFoundError,
+    # AWS says the first three, STS the fourth; SeaweedFS says of a token that has run out that its key is not known.
+    "InvalidAccessKeyId": CredentialsRefusedError,
+    "ExpiredToken": CredentialsRefusedError,
+    "InvalidToken": CredentialsRefusedError,
+    "InvalidClientTokenId": CredentialsRefusedError,
+    "SignatureDoesNotMatch": CredentialsRefusedError,
     "PreconditionFailed": ObjectExistsError,
     "412": ObjectExistsError,
     "BadDigest": ChecksumMismatchError,
@@ -110,7 +117,7 @@ def from_client_error(error: Exception, beginning: str) -> StorageError:
     if isinstance(error, RetriesExceededError):
         return StorageUnavailableError(f"{beginning}: the connection broke again and again: {error.last_exception}")
     if isinstance(error, _NO_CREDENTIALS):
-        return StorageAccessDeniedError(
+        return CredentialsRefusedError(
             f"{beginning}: {error}; set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or AWS_PROFILE"
         )
     if isinstance(error, ChecksumError | FlexibleChecksumError):

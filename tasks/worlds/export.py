@@ -15,12 +15,15 @@ from ..worldforge.exports.export import write_export_zip
 from .archive_places import archive_place
 
 
-def export_worlds(job: Resource, service: Service, stopped: Callable[[], bool], run_step: RunStep) -> str | None:
+def export_worlds(
+    job: Resource, service: Service, acting: Service, stopped: Callable[[], bool], run_step: RunStep
+) -> str | None:
     """Stores one archive with all worlds of an export job.
 
     Args:
         job: the export job.
         service: where job and worlds are stored.
+        acting: the same service as the role of the job has it, which stores the archive.
         stopped: whether the archive is not wanted any more; asked all the time.
         run_step: how the steps `export` and `upload` are run.
 
@@ -32,13 +35,13 @@ def export_worlds(job: Resource, service: Service, stopped: Callable[[], bool], 
         StorageError: a bundle cannot be read or the archive cannot be stored.
     """
     bucket, key = archive_place(job)
-    prepare_bucket(service, bucket)
+    prepare_bucket(acting, bucket)
     worlds = [service.catalog.get(arn, kind="world") for arn in WorldExportJobDocument.of(job).request.worlds]
     try:
         with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
             archive = Path(scratch, "export.zip")
             run_step("export", lambda: write_export_zip(_Bundles(worlds, service, stopped), archive))
-            run_step("upload", lambda: service.store.put_file(bucket, key, archive, stopped=stopped))
+            run_step("upload", lambda: acting.store.put_file(bucket, key, archive, stopped=stopped))
     except TransferStoppedError:
         return None
     return service.store.uri(bucket, key)

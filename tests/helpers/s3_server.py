@@ -1,5 +1,7 @@
 """A real S3 server on this machine, started when the first test asks for it: SeaweedFS from the package index."""
 
+import base64
+import json
 import os
 import shutil
 import signal
@@ -31,6 +33,7 @@ _MORE = (
     "s3.port.lance=0",
     "master.telemetry=false",
 )
+_ROLES = "iam.json"
 _READY_WITHIN_S = 60.0
 _STARTS = 3
 
@@ -64,6 +67,41 @@ class S3Server:
             region_name="us-east-1",
             config=Config(s3={"addressing_style": "path"}, retries={"total_max_attempts": 2}, connect_timeout=2),
         )
+
+
+@pytest.fixture(scope="session")
+def role_server() -> Iterator[S3Server]:
+    """Another one, whose STS lets its users assume the role `JobA`; it may use bucket `role-a` below `a/`."""
+    with _own_folder() as (data, running):
+        (data / _ROLES).write_text(json.dumps(_role_config()))
+        yield _start(data, running)
+
+
+def _role_config() -> dict[str, Any]:
+    """SeaweedFS takes roles from a file only; its IAM makes users and policies."""
+    objects = {"Effect": "Allow", "Action": ["s3:GetObject", "s3:PutObject", "s3:AbortMultipartUpload"]}
+    lists = {"Effect": "Allow", "Action": ["s3:ListBucket"], "Resource": ["arn:aws:s3:::role-a"]}
+    statements = [{**objects, "Resource": ["arn:aws:s3:::role-a/a/*"]}, lists]
+    trust = {"Effect": "Allow", "Principal": "*", "Action": ["sts:AssumeRole"]}
+    version = "2012-10-17"
+    return {
+        "sts": {
+            "tokenDuration": "1h",
+            "maxSessionLength": "12h",
+            "issuer": "robomaker-tests",
+            "signingKey": base64.b64encode(b"a key that signs tokens of tests").decode(),
+        },
+        "policy": {"defaultEffect": "Deny", "storeType": "memory"},
+        "policies": [{"name": "JobA", "document": {"Version": version, "Statement": statements}}],
+        "roles": [
+            {
+                "roleName": "JobA",
+                "roleArn": "arn:aws:iam::role/JobA",
+                "trustPolicy": {"Version": version, "Statement": [trust]},
+                "attachedPolicies": ["JobA"],
+            }
+        ],
+    }
 
 
 @pytest.fixture(scope="session")
@@ -145,6 +183,8 @@ def _launch(folder: Path, ports: dict[str, int], server: S3Server) -> subprocess
     folder.mkdir(exist_ok=True)
     arguments = [f"{name}={port}" for name, port in ports.items()]
     arguments += [f"dir={folder}", "ip=127.0.0.1", "ip.bind=127.0.0.1", "s3.iam.readOnly=false", *_MORE]
+    if (roles := folder.parent / _ROLES).is_file():
+        arguments.append(f"s3.iam.config={roles}")
     keys = {"AWS_ACCESS_KEY_ID": server.access_key, "AWS_SECRET_ACCESS_KEY": server.secret_key}
     with (folder / "log").open("ab") as log:
         return subprocess.Popen(

@@ -9,8 +9,8 @@ SIMULATIONS = (
         "Roles",
         f"{_JOB_REQUESTS} CreateWorldExportJob",
         known="Jobs had the rights of `iamRole`.",
-        here="It is recorded, not assumed: jobs run as the user of their job worker, without any of its variables that "
-        "hold credentials. Batches do without it.",
+        here="With a roles file, jobs read and write as the role; without one it is recorded only. Their processes are "
+        "those of the job worker's user, without any of its variables that hold credentials. Batches do without it.",
     ),
     differs(
         "What runs",

@@ -15,7 +15,8 @@ from ...catalog import Resource
 from ...runtime.agents.agent_client import SOCKET_VARIABLE
 from ...runtime.agents.agent_socket import agent_socket_path
 from ..environment.compute import gpu_of
-from ..environment.folders import AGENT, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
+from ..environment.folders import AGENT, AWS, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
+from ..environment.role_access import container_variables
 from ..environment.run_environment import RunEnvironment, container_sandbox, tool_plan
 from ..environment.shared_memory import SHARED_MEMORY, make_shared_memory
 from ..ros.domains import DOMAIN_VARIABLE
@@ -69,6 +70,7 @@ def plan_container(
         command=launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)],
         environment={
             DOMAIN_VARIABLE: run_environment.plan.environment[DOMAIN_VARIABLE],
+            **container_variables(run_environment.plan.environment),
             **(launch.get("environmentVariables") or {}),
             **_container_variables(run_environment, drives),
         },
@@ -168,6 +170,8 @@ def _mounts(sandbox: Sandbox, run_environment: RunEnvironment, drives: bool) -> 
         for path in (DATA_SOURCES, *run_environment.destinations)
     ]
     mounts.append(Mount(make_shared_memory(run_environment.folder), SHARED_MEMORY))
+    if (access := run_environment.sandbox.place(AWS)).is_dir():
+        mounts.append(Mount(access, AWS, read_only=True))
     if run_environment.plan.world_dir is not None:
         mounts.append(Mount(run_environment.plan.world_dir, WORLD, read_only=True))
     if drives:
@@ -219,5 +223,4 @@ def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[
         variables[SOCKET_VARIABLE] = f"{AGENT}/{agent_socket_path(run_environment.plan).name}"
     if run_environment.plan.world_dir is not None:
         variables["ROBOMAKER_WORLD_DIR"] = WORLD
-    service = {name: value for name, value in run_environment.plan.environment.items() if name.startswith("AWS_")}
-    return variables | {name: value for name, value in service.items() if name != "AWS_DATA_PATH"}
+    return variables

@@ -18,6 +18,8 @@ HOME = "/home/robomaker"
 LOGS = "/var/log"
 TEMPORARY = "/tmp"  # noqa: S108 - the job's own
 DATA_SOURCES = "/opt/robomaker/datasources"
+AWS = "/opt/robomaker/aws"
+"""What SDKs read of the object store; see `role_access`."""
 OUTPUT, WORLD, AGENT = "/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent"
 """What containers have besides."""
 

@@ -25,8 +25,17 @@ MAX_FILES = 100
 MAX_BYTES = 25 * 10**9
 
 
-def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service) -> list[ResolvedDataSource]:
+def resolve_data_sources(
+    configs: Sequence[Mapping[str, Any]], service: Service, role: str | None = None
+) -> list[ResolvedDataSource]:
     """Finds the objects that data sources mean now, with their ETags.
+
+    What a role may not read is taken as it is named, without ETags: the job finds that out, and has a code for it.
+
+    Args:
+        configs: the data sources of a request.
+        service: where they are stored.
+        role: ARN of the role that reads them.
 
     Raises:
         InvalidParameterException: an object does not exist or cannot be read, or there are too many.
@@ -35,7 +44,12 @@ def resolve_data_sources(configs: Sequence[Mapping[str, Any]], service: Service)
     resolved: list[ResolvedDataSource] = []
     objects: list[ObjectInfo] = []
     for index, config in enumerate(configs):
-        found = _objects(config, f"dataSources[{index}]", service)
+        try:
+            found = _objects(config, f"dataSources[{index}]", service.acting_as(role))
+        except StorageAccessDeniedError:
+            named = [{"s3Key": key} for key in config["s3Keys"]]
+            resolved.append(ResolvedDataSource.model_validate({"type": "File", **config, "s3Keys": named}))
+            continue
         objects += found
         keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
         resolved.append(ResolvedDataSource.model_validate({"type": "File", **config, "s3Keys": keys}))
@@ -107,6 +121,10 @@ def _objects(config: Mapping[str, Any], place: str, service: Service) -> list[Ob
                 items = [service.store.head(config["s3Bucket"], key)]
         except StorageUnavailableError:
             raise  # the request may be right
+        except StorageAccessDeniedError as error:
+            if service.roles is not None:
+                raise
+            raise InvalidParameterException(f"{where} cannot be read: {error}") from error
         except StorageError as error:
             raise InvalidParameterException(f"{where} cannot be read: {error}") from error
         if not items:
@@ -122,8 +140,11 @@ def _fetch(source: ResolvedDataSource, item: ResolvedKey, folder: Path, service:
         raise StorageError(f"the key {key!r} leads out of the data folder")
     path = folder / relative
     path.parent.mkdir(parents=True, exist_ok=True)
+    if item.etag is None and source.type == "Prefix":
+        any(service.store.list(bucket, key))  # the role may not do this even now, and that is what is told
+        raise StorageError("the job's role could not list this prefix when the job was made; make it again")
     fetched = service.store.get_file(bucket, key, path)
-    if fetched.etag != item.etag:
+    if item.etag is not None and fetched.etag != item.etag:
         raise LaunchError(f"s3://{bucket}/{key} has changed since the job was made", "MismatchedEtag")
     if source.type == "Archive":
         _unpack(path, folder, has_destination=bool(source.destination))

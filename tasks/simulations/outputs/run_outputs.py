@@ -11,16 +11,18 @@ from ....schemas.documents.worlds import StoredPlace
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
+    CredentialsRefusedError,
     LaunchError,
     StorageAccessDeniedError,
     StorageError,
 )
 from ...catalog import Resource
 from ...service.service import Service
-from ...storage import publish, read_manifest, store_unfinished
+from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
 from ...storage.base import Stopped, never
 from ...storage.folders import FolderFile, regular_files
 from ...storage.naming import check_key, join_key
+from ..environment.role_access import acting_service, role_of
 from .distinct_names import Found, distinct
 from .output_places import output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
@@ -72,21 +74,29 @@ class RunOutputs:
         """Where they are stored."""
         return StoredPlace(bucket=self.bucket, prefix=self.prefix)
 
+    @property
+    def _request(self) -> Mapping[str, Any]:
+        return SimulationJobDocument.of(self._job).request
+
     def prepare(self) -> None:
         """Finds out before a long run that its outputs have nowhere to go.
 
         Raises:
-            LaunchError: there is no such bucket.
+            LaunchError: there is no such bucket, or the job's role may not write there, or is none.
         """
+        service = acting_service(self._request, self._service)
         try:
-            prepare_bucket(self._service, self.bucket)
-        except BucketNotFoundError as error:
+            prepare_bucket(service, self.bucket)
+            if service is not self._service:  # own credentials that lack rights are found out at the end, as ever
+                service.store.check_writable(self.bucket, join_key(self.prefix, MANIFEST_NAME))
+        except (BucketNotFoundError, StorageAccessDeniedError) as error:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
         """The uploads while the run goes on."""
         every_s = self._service.timing.upload_every_s
-        return RollingUploads(self._uploads(), self._folder, self._service.store, self.bucket, self.prefix, every_s)
+        store = acting_service(self._request, self._service).store
+        return RollingUploads(self._uploads(), self._folder, store, self.bucket, self.prefix, every_s)
 
     def store(
         self,
@@ -143,12 +153,11 @@ class RunOutputs:
         )
 
     def _patient(self, stopped: Stopped) -> Service:
-        """The service whose store waits: at most a short while if the job was told to stop before."""
+        """The service as the job's role has it, whose store waits: not for long if the job was told to stop before."""
+        service = self._service.acting_as(role_of(self._request))
         if stopped is not never and stopped():
-            return self._service.patient(
-                self._job.id, never, patience_s=self._service.timing.store_grace_s, sleep=self._sleep
-            )
-        return self._service.patient(self._job.id, stopped, sleep=self._sleep)
+            return service.patient(self._job.id, never, patience_s=service.timing.store_grace_s, sleep=self._sleep)
+        return service.patient(self._job.id, stopped, sleep=self._sleep)
 
     def _store_once(
         self,
@@ -182,7 +191,7 @@ class RunOutputs:
         )
 
     def _uploads(self) -> list[Upload]:
-        return uploads_of(SimulationJobDocument.of(self._job).request, self._folder)
+        return uploads_of(self._request, self._folder)
 
     def _stage(self) -> list[FolderFile]:
         """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
@@ -236,6 +245,8 @@ class RunOutputs:
 
 def failure_code_of(error: Exception) -> str:
     """The job's failure code for outputs that could not be stored."""
+    if isinstance(error, CredentialsRefusedError):
+        return "BadPermissionsUserCredentials"
     if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):
         return "BadPermissionsS3Output"
     return "UploadContentMismatchError" if isinstance(error, ChecksumMismatchError) else "InternalServiceError"

@@ -15,7 +15,15 @@ from ....schemas.worlds.world import World
 from ...catalog import Resource
 from ...service.service import Service
 from ..environment.compute import compute_limits, disk_limit
+from ..environment.folders import Sandbox
 from ..environment.process_variables import process_variables
+from ..environment.role_access import (
+    acting_service,
+    role_keys,
+    store_variables,
+    with_store_variables,
+    write_store_files,
+)
 from ..environment.run_environment import RunEnvironment, run_sandbox
 from ..inputs.bundles import world_bundle
 from ..inputs.data_sources import fetch_data_sources
@@ -39,7 +47,7 @@ def run_plan(
         job: the simulation job.
         run_id: id of this run of it.
         folder: the run's own folder, empty.
-        service: where worlds, applications and data are stored.
+        service: where worlds, applications and data are stored; the last two are read as the role of the request.
         ros_domain: the run's own domain of ROS 2; see `ros_domains`.
         stopped: asked while something takes long whether to give up.
 
@@ -49,6 +57,7 @@ def run_plan(
     """
     document = SimulationJobDocument.of(job)
     request = document.request
+    acting = acting_service(request, service)
     work_dir, output_dir = folder / "work", folder / "output"
     work_dir.mkdir(parents=True)
     output_dir.mkdir()
@@ -63,13 +72,13 @@ def run_plan(
         seed=document.seed,
         max_duration_s=float(request["maxJobDurationInSeconds"]),
         world_dir=world_dir,
-        data_dir=fetch_data_sources(sources, sandbox, service),
+        data_dir=fetch_data_sources(sources, sandbox, acting),
         root_dir=sandbox.root,
         work_dir=work_dir,
         output_dir=output_dir,
         checkpoint_dir=folder / CHECKPOINTS_FOLDER,
         compute=limits,
-        environment={DOMAIN_VARIABLE: str(ros_domain), **process_variables(sandbox, service.settings, os.environ)},
+        environment={DOMAIN_VARIABLE: str(ros_domain), **_variables(request, sandbox, service)},
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=document.video,
@@ -78,7 +87,7 @@ def run_plan(
         trials=Trials.model_validate(document.trials) if document.trials else None,
     )
     destinations = tuple(each.destination for each in sources if each.destination)
-    applications = plan_applications(request, RunEnvironment(plan, folder, sandbox, destinations, service, stopped))
+    applications = plan_applications(request, RunEnvironment(plan, folder, sandbox, destinations, acting, stopped))
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
     planned = plan.model_copy(
         update={
@@ -92,6 +101,16 @@ def run_plan(
     )
     _check_trials(planned)
     return planned
+
+
+def _variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
+    """The variables of all processes of the run; files that some of them name are written."""
+    usual, store = process_variables(sandbox, service.settings, os.environ), store_variables(request, sandbox, service)
+    if not store:
+        return usual
+    keys = role_keys(request, service)
+    write_store_files(sandbox, service.settings, keys)
+    return with_store_variables(usual, store, has_keys=keys is not None)
 
 
 def _check_trials(plan: RunPlan) -> None:

@@ -129,7 +129,7 @@ def test_commands_may_have_several_lines() -> None:
         (
             "CreateSimulationJob",
             app(launchConfig={"environmentVariables": {"AWS_KEY": "x"}}),
-            "launchConfig.environmentVariables: variables that begin with AWS are reserved; rename AWS_KEY",
+            "launchConfig.environmentVariables: AWS variables other than those of SDKs are reserved; rename AWS_KEY",
         ),
         (
             "CreateSimulationJob",

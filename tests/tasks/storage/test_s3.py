@@ -22,6 +22,7 @@ from helpers.s3_server import S3Server
 from prefect_robomaker.schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
+    CredentialsRefusedError,
     ObjectExistsError,
     ObjectNotFoundError,
     StorageAccessDeniedError,
@@ -399,7 +400,7 @@ def test_a_download_that_never_succeeds_leaves_nothing(s3: S3Store, s3_server: S
         ("BadGateway", 502, StorageUnavailableError),
         ("GatewayTimeout", 504, StorageUnavailableError),
         ("RequestTimeout", 400, StorageUnavailableError),
-        ("InvalidAccessKeyId", 403, StorageAccessDeniedError),
+        ("InvalidAccessKeyId", 403, CredentialsRefusedError),
         ("MethodNotAllowed", 405, StorageError),
     ],
 )

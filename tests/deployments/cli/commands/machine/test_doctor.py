@@ -19,8 +19,8 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     ended = robomaker("doctor", "-o", "json")
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
-    subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "prefect server", "video"]
-    subjects += ["extras", "containers", "kept outputs"]
+    subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "roles", "prefect server"]
+    subjects += ["video", "extras", "containers", "kept outputs"]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0

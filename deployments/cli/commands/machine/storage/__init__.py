@@ -1,0 +1,3 @@
+"""Prepare the object store for the roles of the roles file: init."""
+
+__all__: list[str] = []

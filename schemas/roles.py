@@ -1,0 +1,111 @@
+"""The roles file: what the ARN of a role in `iamRole` stands for on this service.
+
+```toml
+[[role]]
+arn = "arn:aws:iam::000000000000:role/nightly-*"
+read = ["maps/*", "applications/nav/*"]
+write = ["results/nightly/*"]
+profile = "nightly"
+```
+"""
+
+import re
+from collections.abc import Sequence
+from typing import Annotated, Self
+
+from pydantic import AfterValidator, Field, model_validator
+
+from .wire.base import Model
+
+ITSELF = "itself"
+"""What `assume_role` says when the role that is assumed has the ARN of the request."""
+
+BLOCK_TYPES = ("aws-credentials", "minio-credentials", "robomaker-credentials")
+"""The types of Prefect's blocks that credentials are taken from; the first two are prefect-aws's."""
+
+_PLACE = re.compile(r"[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]/.+")
+
+
+def _place(place: str) -> str:
+    if not _PLACE.fullmatch(place) or "*" in place[:-1] or ".." in place.split("/"):
+        raise ValueError(f"{place!r} is no place; bucket/*, bucket/folder/* or bucket/key would be right")
+    return place
+
+
+Place = Annotated[str, AfterValidator(_place)]
+
+
+class Role(Model):
+    """One role: whose credentials its jobs act with, and what it may read and write."""
+
+    arn: str = Field(
+        pattern=r"^arn:aws:iam::\w+:role/[^*]*\*?$",
+        description="ARN of the role; one that ends with * stands for all that begin so.",
+    )
+    read: tuple[Place, ...] = Field(default=(), description="What it may read: bucket/*, bucket/folder/*, bucket/key.")
+    write: tuple[Place, ...] = Field(default=(), description="What it may read and write.")
+    access_key_id: str | None = Field(default=None, min_length=1, description="Id of its access key.")
+    secret_access_key: str | None = Field(default=None, min_length=1, repr=False, description="The access key itself.")
+    session_token: str | None = Field(default=None, repr=False, description="Token of a temporary access key.")
+    profile: str | None = Field(default=None, min_length=1, description="Profile of the AWS configuration files.")
+    block: str | None = Field(
+        default=None,
+        pattern=rf"^({'|'.join(BLOCK_TYPES)})/[a-z0-9-]+$",
+        description="Block of Prefect with credentials, as type/name.",
+    )
+    assume_role: str | None = Field(
+        default=None,
+        pattern=rf"^({ITSELF}|arn:aws:iam::\w+:role/.+)$",
+        description="ARN of the role that the S3 server's STS is asked for, or `itself`: that of the request.",
+    )
+    duration_s: int = Field(
+        default=3600, ge=1800, le=43200, description="How long credentials of an assumed role are good for, in seconds."
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        if bool(self.access_key_id) != bool(self.secret_access_key):
+            raise ValueError("only one of access_key_id and secret_access_key is given; give both")
+        given = [name for name in ("access_key_id", "profile", "block") if getattr(self, name)]
+        if len(given) > 1:
+            raise ValueError(f"{' and '.join(given)} are given; credentials come from one of them")
+        if self.session_token and not self.access_key_id:
+            raise ValueError("session_token belongs to an access_key_id, which is not given")
+        return self
+
+    @property
+    def has_source(self) -> bool:
+        """Whether it says where credentials come from."""
+        return bool(self.access_key_id or self.profile or self.block or self.assume_role)
+
+    def means(self, arn: str) -> bool:
+        """Whether it is meant by the ARN of a request."""
+        return arn.startswith(self.arn[:-1]) if self.arn.endswith("*") else arn == self.arn
+
+
+class RolesFile(Model):
+    """All roles of a service."""
+
+    role: tuple[Role, ...] = Field(default=(), description="The roles.")
+
+    @model_validator(mode="after")
+    def _different(self) -> Self:
+        arns = [role.arn for role in self.role]
+        if twice := sorted({arn for arn in arns if arns.count(arn) > 1}):
+            raise ValueError(f"{', '.join(twice)} is there more than once; each role has one entry")
+        return self
+
+
+def find_role(roles: Sequence[Role], arn: str) -> Role | None:
+    """The role that an ARN means: the one of this very ARN, else the longest beginning."""
+    return max((role for role in roles if role.means(arn)), key=_closeness, default=None)
+
+
+def _closeness(role: Role) -> tuple[bool, int]:
+    return not role.arn.endswith("*"), len(role.arn)
+
+
+def is_within(places: Sequence[str], bucket: str, key: str) -> bool:
+    """Whether an object, or all objects whose keys begin with `key`, are in one of the places."""
+    name = f"{bucket}/{key}"
+    return any(name.startswith(place[:-1]) if place.endswith("*") else name == place for place in places)

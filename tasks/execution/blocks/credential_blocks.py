@@ -1,0 +1,23 @@
+"""Credentials of roles that are blocks of Prefect."""
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def read_credential_block(slug: str, name: str) -> Mapping[str, Any] | None:
+    """The content of a block on the Prefect server, with its secrets; `None`: there is none.
+
+    It is read as it is stored, so its type need not be installed here: prefect-aws binds boto3 to old releases.
+
+    Args:
+        slug: slug of its type.
+        name: its name.
+    """
+    from prefect.client.orchestration import get_client  # only roles that are blocks wait for its import
+    from prefect.exceptions import ObjectNotFound
+
+    with get_client(sync_client=True) as client:
+        try:
+            return client.read_block_document_by_name(name=name, block_type_slug=slug, include_secrets=True).data
+        except ObjectNotFound:
+            return None

@@ -1,0 +1,204 @@
+"""What a job's code needs to use the object store as the job's role: variables, and files that SDKs read.
+
+| file in `/opt/robomaker/aws` | who reads it |
+| --- | --- |
+| `config`, in containers `container.config` | SDKs, by `AWS_CONFIG_FILE`: region, path style, where keys come from |
+| `keys.json` | SDKs that `config` tells to: keys that are had again while the job runs |
+| `models/endpoints.json` | boto3 before 1.28, by `AWS_DATA_PATH`: it knows no variable for an endpoint |
+| `s3cfg` | s3cmd, by `S3CMD_CONFIG` |
+
+Keys are in files and never in variables: the plan of a run, which has its variables, is stored with its outputs.
+"""
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path, PurePath
+from typing import Any
+from urllib.parse import urlsplit
+from uuid import uuid4
+
+from ....schemas.settings import Settings
+from ....schemas.wire.errors import LaunchError, StorageAccessDeniedError
+from ...service.service import Service
+from ...storage.roles import Keys
+from .folders import AWS, Sandbox
+
+_CONFIG, _CONTAINER_CONFIG, _KEYS, _MODELS, _S3CFG = "config", "container.config", "keys.json", "models", "s3cfg"
+_PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
+
+
+def role_of(request: Mapping[str, Any]) -> str | None:
+    """ARN of the role that a request names."""
+    return request.get("iamRole")
+
+
+def acting_service(request: Mapping[str, Any], service: Service) -> Service:
+    """The service with the object store as the role of a request has it.
+
+    Raises:
+        LaunchError: there is no such role, or its credentials are no good.
+        StorageUnavailableError: the store does not answer.
+    """
+    try:
+        return service.acting_as(role_of(request))
+    except StorageAccessDeniedError as error:
+        raise LaunchError(f"iamRole: {error}", "BadPermissionsUserCredentials") from error
+
+
+def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
+    """Variables that lead SDKs to the object store; none where objects are files.
+
+    Args:
+        request: the job's.
+        sandbox: the run's folders.
+        service: where the job is stored.
+
+    Raises:
+        LaunchError: the role has no credentials.
+    """
+    endpoint, keys = _endpoint(service.settings), role_keys(request, service)
+    if endpoint is None and keys is None:
+        return {}
+    folder = sandbox.place(AWS)
+    variables = {"AWS_CONFIG_FILE": str(folder / _CONFIG)}
+    if endpoint is not None:
+        variables |= {
+            "AWS_ENDPOINT_URL_S3": endpoint,
+            "AWS_DATA_PATH": str(folder / _MODELS),
+            "S3CMD_CONFIG": str(folder / _S3CFG),
+        }
+    return variables
+
+
+def with_store_variables(variables: Mapping[str, str], store: Mapping[str, str], *, has_keys: bool) -> dict[str, str]:
+    """The variables of a run with those that lead to the object store.
+
+    Placeholder keys, which clients of the service are given, go: SDKs would take them for those of the store.
+
+    Args:
+        variables: of the run.
+        store: what `store_variables` said.
+        has_keys: whether the role has credentials.
+    """
+    models = [each["AWS_DATA_PATH"] for each in (store, variables) if "AWS_DATA_PATH" in each]
+    joined = {"AWS_DATA_PATH": os.pathsep.join(models)} if models else {}
+    kept = {name: value for name, value in variables.items() if not (has_keys and name in _PLACEHOLDERS)}
+    return {**kept, **store, **joined}
+
+
+def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
+    """The same variables as a container has them, which finds the files elsewhere; models stay on this machine."""
+    places = {"AWS_CONFIG_FILE": _CONTAINER_CONFIG, "S3CMD_CONFIG": _S3CFG}
+    found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != "AWS_DATA_PATH"}
+    found |= {name: f"{AWS}/{file}" for name, file in places.items() if name in variables}
+    return found | ({"AWS_DATA_PATH": f"{AWS}/{_MODELS}"} if "AWS_ENDPOINT_URL_S3" in variables else {})
+
+
+def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
+    """The credentials of the role of a request, as they are now; `None`: there are none to be had.
+
+    Raises:
+        LaunchError: the role gives none.
+        StorageUnavailableError: the server does not answer.
+    """
+    role = role_of(request)
+    if service.roles is None or role is None:
+        return None
+    try:
+        return service.roles.keys_of(role)
+    except StorageAccessDeniedError as error:
+        raise LaunchError(f"iamRole: {error}", "BadPermissionsUserCredentials") from error
+
+
+def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -> None:
+    """Writes the files that `store_variables` names, each as a whole.
+
+    Any user of a container may read them; other users of this machine do not come so far.
+    """
+    folder, endpoint = sandbox.place(AWS), _endpoint(settings)
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.parent.chmod(0o700)
+    if keys is not None:
+        _write(folder / _KEYS, json.dumps(_process_answer(keys), indent=1))
+    for name, seen_at in ((_CONFIG, folder), (_CONTAINER_CONFIG, PurePath(AWS))):
+        _write(folder / name, _config(settings, seen_at, keys, path_style=endpoint is not None))
+    if endpoint is not None:
+        _write(folder / _S3CFG, _s3cfg(endpoint, settings.region, keys))
+        _write(folder / _MODELS / "endpoints.json", json.dumps(_endpoints(endpoint, settings.region), indent=1))
+
+
+def _endpoint(settings: Settings) -> str | None:
+    """The S3 server that is not AWS, if it has the objects."""
+    return settings.object_store.rstrip("/") if "://" in settings.object_store else None
+
+
+def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_style: bool) -> str:
+    lines = ["[default]", f"region = {settings.region}"]
+    if keys is not None and keys.expires_at is None:
+        lines += [f"aws_access_key_id = {keys.access_key_id}", f"aws_secret_access_key = {keys.secret_access_key}"]
+        lines += [f"aws_session_token = {keys.session_token}"] if keys.session_token else []
+    elif keys is not None:
+        lines.append(f'credential_process = cat "{folder / _KEYS}"')
+    if path_style:
+        lines += ["s3 =", "    addressing_style = path"]
+    return "\n".join([*lines, ""])
+
+
+def _process_answer(keys: Keys) -> dict[str, Any]:
+    """What a `credential_process` answers."""
+    answer: dict[str, Any] = {
+        "Version": 1,
+        "AccessKeyId": keys.access_key_id,
+        "SecretAccessKey": keys.secret_access_key,
+    }
+    if keys.session_token:
+        answer["SessionToken"] = keys.session_token
+    return answer | ({"Expiration": keys.expires_at.isoformat()} if keys.expires_at else {})
+
+
+def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
+    parts = urlsplit(endpoint)
+    lines = ["[default]", f"host_base = {parts.netloc}", f"host_bucket = {parts.netloc}", f"bucket_location = {region}"]
+    lines.append(f"use_https = {parts.scheme == 'https'}")
+    if keys is not None:
+        lines += [f"access_key = {keys.access_key_id}", f"secret_key = {keys.secret_access_key}"]
+        lines += [f"access_token = {keys.session_token}"] if keys.session_token else []
+    return "\n".join([*lines, ""])
+
+
+def _endpoints(endpoint: str, region: str) -> dict[str, Any]:
+    """A list of endpoints in which S3 is this server, in the form of botocore's own, whose place it takes."""
+    parts = urlsplit(endpoint)
+    server = {"hostname": parts.netloc, "protocols": [parts.scheme], "signatureVersions": ["s3v4"]}
+    signed_there = {**server, "credentialScope": {"region": region}}
+    regions = {name: {"description": name} for name in dict.fromkeys((region, "us-east-1"))}
+    partition = {
+        "partition": "aws",
+        "partitionName": "this service's object store",
+        "dnsSuffix": "amazonaws.com",
+        "regionRegex": r"^[a-z0-9-]+$",
+        "defaults": {
+            "hostname": "{service}.{region}.{dnsSuffix}",
+            "protocols": ["https"],
+            "signatureVersions": ["v4"],
+        },
+        "regions": regions,
+        "services": {
+            "s3": {
+                "defaults": server,
+                "endpoints": {**dict.fromkeys(regions, server), "aws-global": signed_there},
+                "isRegionalized": True,
+                "partitionEndpoint": "aws-global",  # where SDKs look for S3 in us-east-1
+            }
+        },
+    }
+    return {"version": 3, "partitions": [partition]}
+
+
+def _write(path: Path, text: str) -> None:
+    """Replaces a file at once: a program may be reading it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{uuid4().hex}.part")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)

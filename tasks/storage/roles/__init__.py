@@ -1,0 +1,11 @@
+# pyright: reportUnsupportedDunderAll=false
+"""Roles: the object store as the role that a request names has it, and the roles' users and policies on S3 servers.
+
+May import: `schemas`, `tasks.storage`.
+"""
+
+from .acting import Roles, open_roles
+from .keys import Keys, ReadBlock
+from .reading import read_roles_file
+
+__all__ = ["Keys", "ReadBlock", "Roles", "initialisation", "open_roles", "policies", "read_roles_file", "reading"]

@@ -1,0 +1,162 @@
+"""Making what roles need on an S3 server: buckets, users with policies, and their keys in the roles file."""
+
+import hashlib
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from uuid import uuid4
+
+from ....schemas.roles import Role
+from ....schemas.settings import Settings
+from ....schemas.wire.errors import ConfigurationError, StorageError
+from ..base import ObjectStore
+from ..opening import own_session, s3_endpoint
+from .policies import buckets_of, policy_of
+from .reading import parse_roles, read_roles_file
+
+_POLICY = "robomaker-role"
+_HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One thing that was made or, when nothing may change, that would be."""
+
+    what: str
+    """In words, such as `bucket results`."""
+
+
+def initialise(
+    settings: Settings, store: ObjectStore, environ: Mapping[str, str], *, dry_run: bool = False
+) -> Iterator[Step]:
+    """Makes the buckets of all roles, and on an S3 server a user with a policy for each role that has places only.
+
+    Made again, it changes what policies say and nothing else. Roles whose credentials come from a profile, a block or
+    STS are left to those who made these.
+
+    Args:
+        settings: the roles file, and the store.
+        store: this process's own, whose credentials may make buckets and users.
+        environ: environment variables, which name these credentials.
+        dry_run: whether nothing is changed, and steps are only told.
+
+    Raises:
+        ConfigurationError: there is no roles file, or it cannot be used.
+        StorageError: the server refuses something, or has no interface for users.
+    """
+    path = settings.roles_file
+    if path is None:
+        raise ConfigurationError("ROBOMAKER_ROLES_FILE is not set; it has to name the file of the roles to make")
+    roles = read_roles_file(path)
+    for bucket in sorted({bucket for role in roles for bucket in buckets_of(role)}):
+        if not dry_run:
+            store.ensure_bucket(bucket)
+        yield Step(f"bucket {bucket}")
+    if settings.object_store == "aws":
+        raise ConfigurationError(
+            "on AWS roles are made in IAM; give those of the roles file assume_role: `storage init` has no more to do"
+        )
+    if (endpoint := s3_endpoint(settings)) is None:
+        return
+    users = _Users(endpoint, settings.region, environ)
+    for index, role in enumerate(roles):
+        if role.profile or role.block or role.assume_role or not buckets_of(role):
+            continue
+        yield from _user(users, path, index, role, dry_run=dry_run)
+
+
+def _user(users: "_Users", path: Path, index: int, role: Role, *, dry_run: bool) -> Iterator[Step]:
+    name = user_name(role.arn)
+    if role.access_key_id and not users.has(name):
+        return  # keys that somebody has put into the file by hand
+    yield Step(f"user {name} with the policy of {role.arn}")
+    if not dry_run:
+        users.ensure(name, policy_of(role))
+    if not role.access_key_id:
+        yield Step(f"access key of {name}, in {path}")
+        if not dry_run:
+            write_keys(path, index, *users.new_key(name))
+
+
+def user_name(arn: str) -> str:
+    """The name of the user that a role is on a server."""
+    words = re.sub(r"[^A-Za-z0-9]+", "-", arn.partition(":role/")[2]).strip("-")[:40]
+    return f"robomaker-{words}-{hashlib.sha256(arn.encode()).hexdigest()[:8]}"
+
+
+def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: str) -> None:
+    """Adds an access key to a role of a roles file; all else stays as it is written, comments, too.
+
+    Args:
+        path: the file.
+        index: which of its roles.
+        access_key_id: the key's id.
+        secret_access_key: the key.
+
+    Raises:
+        ConfigurationError: the file is written in a way that nothing can be added to safely.
+    """
+    text = path.read_text(encoding="utf-8")
+    before = parse_roles(text, str(path))
+    headers = list(_HEADER.finditer(text))
+    keys = {"access_key_id": access_key_id, "secret_access_key": secret_access_key}
+    wanted = [role.model_copy(update=keys) if place == index else role for place, role in enumerate(before)]
+    lines = "".join(f'\n{name} = "{value}"' for name, value in keys.items())
+    after = text[: headers[index].end()] + lines + text[headers[index].end() :] if len(headers) == len(before) else ""
+    if not after or list(parse_roles(after, str(path))) != wanted:
+        raise ConfigurationError(f"roles file '{path}': keys can be added to roles below a line [[role]] each")
+    temporary = path.with_name(f".{uuid4().hex}.part")
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(after)
+        file.flush()
+        os.fsync(descriptor)
+    temporary.replace(path)
+
+
+class _Users:
+    """Users of an S3 server that has the interface of AWS IAM, as SeaweedFS has."""
+
+    def __init__(self, endpoint: str, region: str, environ: Mapping[str, str]) -> None:
+        session: Any = own_session(environ)
+        self._endpoint = endpoint
+        self._iam: Any = session.client("iam", region_name=region, endpoint_url=endpoint)
+
+    def has(self, name: str) -> bool:
+        """Whether there is a user."""
+        return self._ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
+
+    def ensure(self, name: str, policy: str) -> None:
+        """Makes a user unless there is one, and sets the policy."""
+        self._ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
+        request = {"UserName": name, "PolicyName": _POLICY, "PolicyDocument": policy}
+        self._ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
+
+    def new_key(self, name: str) -> tuple[str, str]:
+        """Makes an access key; returns its id and the key."""
+        made = self._ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
+        return made["AccessKeyId"], made["SecretAccessKey"]
+
+    def _ask(self, doing: str, call: Any, expected: str = "") -> Any:
+        from botocore.exceptions import BotoCoreError, ClientError
+
+        from ..s3_failures import from_client_error
+
+        try:
+            return call()
+        except ClientError as error:
+            if error.response.get("Error", {}).get("Code") == expected:
+                return None
+            raise self._refused(error, doing) from error
+        except BotoCoreError as error:
+            raise from_client_error(error, f"cannot {doing} at {self._endpoint}") from error
+
+    def _refused(self, error: Any, doing: str) -> StorageError:
+        from ..s3_failures import from_client_error
+
+        why = from_client_error(error, f"cannot {doing} at {self._endpoint}")
+        advice = "users are made through the interface of AWS IAM, for which the server and these keys have to be made"
+        return type(why)(f"{why}; {advice} (MinIO has none: make users with `mc admin`, and write the keys yourself)")

@@ -1,0 +1,158 @@
+"""Sessions of boto3 with the credentials of a role, which are had again before they run out."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol, cast
+
+from boto3 import Session
+from botocore.credentials import RefreshableCredentials
+from botocore.exceptions import BotoCoreError, ClientError
+from botocore.session import get_session
+
+from ....schemas.roles import ITSELF, Role
+from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableError
+from ..opening import own_session
+from ..s3_failures import from_client_error
+from .keys import Keys, ReadBlock
+from .policies import policy_of
+
+_SESSION_NAME = "robomaker"
+
+
+class _Sts(Protocol):
+    """What is asked of the client of STS, whose stubs are not installed."""
+
+    def assume_role(self, **request: Any) -> Mapping[str, Any]: ...
+
+
+class _Clients(Protocol):
+    """The same of a session."""
+
+    def client(self, service_name: str, *, region_name: str, endpoint_url: str | None) -> Any: ...
+
+
+@dataclass(frozen=True)
+class SessionSource:
+    """Where credentials of roles come from.
+
+    Args:
+        endpoint_url: the S3 server, which answers for STS, too; `None`: AWS.
+        region: the region to sign for.
+        environ: environment variables, which name this process's own credentials.
+        read_block: reads blocks of Prefect.
+    """
+
+    endpoint_url: str | None
+    region: str
+    environ: Mapping[str, str]
+    read_block: ReadBlock
+
+    def session_of(self, role: Role, arn: str) -> Session:
+        """A session whose credentials are a role's; those of an assumed role are had again before they run out.
+
+        Args:
+            role: the role.
+            arn: the ARN that the request has.
+
+        Raises:
+            CredentialsRefusedError: it gives none.
+            StorageUnavailableError: STS does not answer.
+        """
+        session = self._source(role, arn)
+        if role.assume_role is None:
+            return session
+        sts = cast("_Clients", session).client("sts", region_name=self.region, endpoint_url=self.endpoint_url)
+
+        def assume() -> dict[str, Any]:
+            return self._assumed(sts, role, arn)
+
+        credentials = RefreshableCredentials.create_from_metadata(
+            metadata=assume(),
+            refresh_using=assume,
+            method="robomaker-role",
+            advisory_timeout=role.duration_s // 2,
+            mandatory_timeout=role.duration_s // 4,
+        )
+        return _session_with(credentials)
+
+    def _source(self, role: Role, arn: str) -> Session:
+        """A session with the credentials that the role names, or that assume it."""
+        if role.access_key_id:
+            return Session(role.access_key_id, role.secret_access_key, role.session_token)
+        try:
+            if role.profile:
+                session = Session(profile_name=role.profile)
+                if session.get_credentials() is None:
+                    raise CredentialsRefusedError(f"role {arn}: profile {role.profile!r} has no credentials")
+                return session
+        except BotoCoreError as error:
+            raise CredentialsRefusedError(f"role {arn}: {error}") from error
+        if role.block:
+            return self._of_block(role.block, arn)
+        if role.assume_role:
+            return own_session(self.environ)
+        raise CredentialsRefusedError(
+            f"role {arn} has no credentials in the roles file; `robomaker storage init` makes some, or give it "
+            "access_key_id and secret_access_key, profile, block or assume_role"
+        )
+
+    def _of_block(self, block: str, arn: str) -> Session:
+        slug, _, name = block.partition("/")
+        content = self.read_block(slug, name)
+        if content is None:
+            raise CredentialsRefusedError(f"role {arn}: the Prefect server has no block {block}")
+        key, secret = ("minio_root_user", "minio_root_password") if slug == "minio-credentials" else _KEY_MEMBERS
+        if content.get(key) and content.get(secret):
+            return Session(content[key], content[secret], content.get("aws_session_token") or None)
+        if content.get("profile_name"):
+            return Session(profile_name=content["profile_name"])
+        raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
+
+    def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
+        """Asks STS for credentials; the places of the role narrow what the server's role may do."""
+        wanted = arn if role.assume_role == ITSELF else role.assume_role
+        request: dict[str, Any] = {
+            "RoleArn": wanted,
+            "RoleSessionName": _SESSION_NAME,
+            "DurationSeconds": role.duration_s,
+        }
+        if role.read or role.write:
+            request["Policy"] = policy_of(role)
+        try:
+            found = sts.assume_role(**request)["Credentials"]
+        except (ClientError, BotoCoreError) as error:
+            why = from_client_error(error, f"role {wanted} cannot be assumed at {self.endpoint_url or 'AWS'}")
+            raise why if isinstance(why, StorageUnavailableError) else CredentialsRefusedError(str(why)) from error
+        return {
+            "access_key": found["AccessKeyId"],
+            "secret_key": found["SecretAccessKey"],
+            "token": found["SessionToken"],
+            "expiry_time": found["Expiration"].isoformat(),
+        }
+
+
+_KEY_MEMBERS = ("aws_access_key_id", "aws_secret_access_key")
+
+
+def keys_of(session: Session) -> Keys:
+    """The credentials of a session as they are now; those that soon run out are had again first.
+
+    Raises:
+        CredentialsRefusedError: it has none.
+    """
+    try:
+        credentials = session.get_credentials()
+        frozen = credentials and credentials.get_frozen_credentials()
+    except BotoCoreError as error:
+        raise CredentialsRefusedError(str(error)) from error
+    if credentials is None or frozen is None or not frozen.access_key or not frozen.secret_key:
+        raise CredentialsRefusedError("there are no credentials")
+    # Every kind that is had again has it, and no public name says it.
+    expires_at = vars(credentials).get("_expiry_time")
+    return Keys(frozen.access_key, frozen.secret_key, frozen.token or None, expires_at)
+
+
+def _session_with(credentials: RefreshableCredentials) -> Session:
+    inner = get_session()
+    vars(inner)["_credentials"] = credentials  # botocore has no public way to give a session such credentials
+    return Session(botocore_session=inner)

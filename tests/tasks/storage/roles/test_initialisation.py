@@ -1,0 +1,92 @@
+"""`robomaker storage init` on a real S3 server: users, policies, buckets, keys in the roles file; again and again."""
+
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+from helpers.roles import roles_file
+from helpers.s3_server import S3Server
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAccessDeniedError
+from prefect_robomaker.tasks.storage import open_store
+from prefect_robomaker.tasks.storage.roles import open_roles, read_roles_file
+from prefect_robomaker.tasks.storage.roles.initialisation import initialise, user_name, write_keys
+
+
+def users(server: S3Server) -> set[str]:
+    return {user["UserName"] for user in server.client("iam").list_users()["Users"]}
+
+
+def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path: Path, s3_server: S3Server) -> None:
+    word = uuid4().hex[:8]
+    arn, bucket = f"arn:aws:iam::000000000000:role/{word}", f"init-{word}"
+    path = roles_file(tmp_path, f'# the nightly one\narn = "{arn}"\nwrite = ["{bucket}/out/*"]\n')
+    environ = {**s3_server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
+    settings = Settings.from_environment(environ)
+    own = open_store(settings, environ)
+    written = path.read_text()
+
+    planned = [step.what for step in initialise(settings, own, environ, dry_run=True)]
+    assert path.read_text() == written
+    assert user_name(arn) not in users(s3_server)
+    made = [step.what for step in initialise(settings, own, environ)]
+
+    assert made == planned
+    assert len(made) == 3
+    [role] = read_roles_file(path)
+    assert "# the nightly one" in path.read_text()
+    roles = open_roles(settings, own, environ)
+    assert roles is not None
+    store = roles.store_of(arn)
+    store.put_bytes(bucket, "out/x", b"x")
+    assert [info.key for info in store.list(bucket, "out/")] == ["out/x"]
+    with pytest.raises(StorageAccessDeniedError):
+        store.put_bytes(bucket, "elsewhere", b"x")
+
+    path.write_text(path.read_text().replace("out/*", "elsewhere*"))
+    again = [step.what for step in initialise(settings, own, environ)]
+    assert again == made[:2]
+    assert read_roles_file(path)[0].access_key_id == role.access_key_id
+    store.put_bytes(bucket, "elsewhere", b"x")
+    with pytest.raises(StorageAccessDeniedError):
+        store.put_bytes(bucket, "out/x", b"x")
+
+
+def test_keys_of_ones_own_are_left_alone(tmp_path: Path, s3_server: S3Server) -> None:
+    role = 'arn = "arn:aws:iam::1:role/own"\nread = ["own-keys/*"]\naccess_key_id = "A"\nsecret_access_key = "S"\n'
+    path = roles_file(tmp_path, role)
+    environ = {**s3_server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
+    settings = Settings.from_environment(environ)
+
+    steps = [step.what for step in initialise(settings, open_store(settings, environ), environ)]
+
+    assert steps == ["bucket own-keys"]
+
+
+def test_in_a_folder_it_makes_buckets(tmp_path: Path) -> None:
+    path = roles_file(tmp_path, 'arn = "arn:aws:iam::1:role/a"\nread = ["maps/*"]\n')
+    environ = {"ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
+    settings = Settings.from_environment(environ)
+
+    steps = list(initialise(settings, open_store(settings, environ), environ))
+
+    assert [step.what for step in steps] == ["bucket maps"]
+    assert (tmp_path / "objects" / "maps").is_dir()
+
+
+def test_a_file_that_nothing_can_be_added_to_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "roles.toml"
+    path.write_text('role = [{arn = "arn:aws:iam::1:role/a"}]\n')
+    path.chmod(0o600)
+
+    with pytest.raises(ConfigurationError, match=r"roles below a line \[\[role\]\]"):
+        write_keys(path, 0, "A", "S")
+    assert "S" not in path.read_text().replace("aws", "")
+
+
+def test_without_a_roles_file_it_says_what_to_set(tmp_path: Path) -> None:
+    settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path)})
+
+    with pytest.raises(ConfigurationError, match="ROBOMAKER_ROLES_FILE is not set"):
+        list(initialise(settings, open_store(settings, {}), {}))
