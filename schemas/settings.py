@@ -14,7 +14,7 @@
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require` or `off` ([The box](sandbox.md)) | `auto`: what this machine can |
-| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
+| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full` or `none` | `full` |
 | `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
@@ -118,7 +118,7 @@ class Settings(Model):
     )
     sandbox_network: BoxNetwork = Field(
         default="full",
-        description="What confined jobs reach: the network, only services that they are told of, or only each other.",
+        description="What confined jobs reach: the network, or only their own processes.",
     )
     sandbox_show: tuple[Path, ...] = Field(
         default=(), description="Folders that confined jobs may read besides their own, absolute paths."

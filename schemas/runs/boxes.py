@@ -10,7 +10,7 @@ from ..wire.base import Model
 SandboxMode = Literal["auto", "require", "off"]
 BoxLevel = Literal["box", "landlock", "none"]
 """`box`: namespaces of its own; `landlock`: rules of the kernel for files; `none`: nothing."""
-BoxNetwork = Literal["full", "local", "none"]
+BoxNetwork = Literal["full", "none"]
 
 
 class BoxPlan(Model):
@@ -19,8 +19,7 @@ class BoxPlan(Model):
     level: BoxLevel = Field(default="none", description="How its processes are confined.")
     network: BoxNetwork = Field(
         default="full",
-        description="What they reach: the machine's network, only the services that they are told of, or only "
-        "each other.",
+        description="What they reach: the machine's network, or only each other.",
     )
     shown: list[Path] = Field(default=[], description="Files and folders that they may read besides their own.")
     hidden: list[Path] = Field(default=[], description="What they must not see, wherever it lies.")

@@ -24,7 +24,7 @@ from ....schemas.runs.boxes import BoxNetwork
 from ..limits.processes import die_with_parent
 from . import kernel
 from .furnishing import Furnishing
-from .views import Sight
+from .views import Sight, View
 
 _ALL = kernel.NEW_USER | kernel.NEW_MOUNTS | kernel.NEW_IPC | kernel.NEW_NAMES | kernel.NEW_PIDS
 _PID = struct.Struct("=i")
@@ -63,7 +63,8 @@ class Box:
         Raises:
             BoxError: It cannot be done.
         """
-        message = json.dumps({"sights": [asdict(sight) for sight in sights], "network": network}).encode()
+        shown = [{**asdict(sight), "identity": _identity(sight.path)} for sight in sights]
+        message = json.dumps({"sights": shown, "network": network}).encode()
         try:
             self._control.send(message)
             answer = self._control.recv(_MOST_BYTES)
@@ -163,6 +164,21 @@ def _begin(theirs: socket.socket, become: Callable[[], NoReturn]) -> None:
         os._exit(1)
 
 
+def _identity(path: str) -> list[int] | None:
+    try:
+        status = os.stat(path)
+    except OSError:
+        return None
+    return [status.st_dev, status.st_ino]
+
+
+def _known(path: str, view: View, identity: list[int] | None) -> Sight:
+    """A sight that is the same in this namespace of mounts: what was mounted since it was made may not be there."""
+    if view != "hide" and _identity(path) != identity:
+        raise OSError(f"{path} is on a file system that was mounted after the box was made")
+    return Sight(path, view)
+
+
 def _unshare_all() -> None:
     user, group = os.geteuid(), os.getegid()
     kernel.unshare(_ALL)
@@ -182,7 +198,7 @@ def _keep(control: socket.socket) -> NoReturn:
         if not message:
             os._exit(0)
         run = json.loads(message)
-        furnishing.finish([Sight(**sight) for sight in run["sights"]], run["network"])
+        furnishing.finish([_known(**sight) for sight in run["sights"]], run["network"])
     except BaseException as error:
         with suppress(OSError):
             control.send(str(error).encode()[:1000] or b"unknown")

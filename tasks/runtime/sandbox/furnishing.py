@@ -29,7 +29,7 @@ class Furnishing:
     """
 
     def __init__(self) -> None:
-        kernel.make_private()
+        kernel.keep_mounts_inside()
         # No process of the box gets rights over namespaces of its own.
         Path("/proc/sys/user/max_user_namespaces").write_text("0")
         self._root = next((path for path in _EMPTY_FOLDERS if _is_empty(path)), _ELSE)

@@ -16,7 +16,7 @@ NEW_USER, NEW_MOUNTS, NEW_IPC, NEW_NAMES, NEW_PIDS, NEW_NETWORK = (
 READ_ONLY, NO_SET_USER_ID, NO_DEVICES, NO_PROGRAMS = 1, 2, 4, 8
 """Of mounts (`MOUNT_ATTR_…`, which for these are also `MS_…`)."""
 
-_MS_BIND, _MS_REC, _MS_PRIVATE = 0x1000, 0x4000, 0x40000
+_MS_BIND, _MS_REC, _MS_SLAVE = 0x1000, 0x4000, 0x80000
 _MNT_DETACH = 2
 _AT_FDCWD, _AT_RECURSIVE = -100, 0x8000
 _MOUNT_SETATTR = 442
@@ -61,9 +61,9 @@ def bind(source: str, target: str) -> None:
     _mount(source, target, None, _MS_BIND | _MS_REC, "")
 
 
-def make_private() -> None:
-    """Keeps mounts of this namespace from others."""
-    _mount("none", "/", None, _MS_REC | _MS_PRIVATE, "")
+def keep_mounts_inside() -> None:
+    """Keeps mounts of this namespace from others; theirs still come in, where the machine passes them on."""
+    _mount("none", "/", None, _MS_REC | _MS_SLAVE, "")
 
 
 def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:

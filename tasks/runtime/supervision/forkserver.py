@@ -142,7 +142,7 @@ class _Supervisors:
         """Gives a run to the supervisor that waits for one, or to a new one."""
         supervisor, self._standing_by = self._standing_by, None
         while True:
-            supervisor = supervisor or self._fork()
+            supervisor = supervisor or self._fork(descriptor)
             try:
                 with supervisor.control as control:
                     socket.send_fds(control, [b"r"], [descriptor])
@@ -159,8 +159,11 @@ class _Supervisors:
         os.waitpid(supervisor.pid, 0)
         os.close(supervisor.pidfd)
 
-    def _fork(self) -> "_StandBy":
+    def _fork(self, of_run: int | None = None) -> "_StandBy":
         """Forks a supervisor that waits.
+
+        Args:
+            of_run: The connection of the run that it is for, which it gets by message and must not have twice.
 
         Raises:
             OSError: There is no room for another process.
@@ -172,6 +175,8 @@ class _Supervisors:
                 if pid == 0:
                     try:
                         ours.close()
+                        if of_run is not None:
+                            os.close(of_run)
                         self._become_supervisor(theirs)
                     finally:
                         os._exit(0)

@@ -22,7 +22,7 @@ from ..limits.limits import Excess, Meter, confine
 from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
 from ..limits.processes import descendants_of, kill_children
 from ..process.run_request import RunRequest
-from ..process.run_sights import rules_of_run, sights_of_run
+from ..process.run_sights import rules_of_run
 from ..sandbox.box import Box
 from ..sandbox.forking import fork_beside
 from ..sandbox.rights import give_up_rights
@@ -109,8 +109,6 @@ class Supervision:
         """
         plan = self._plan
         ports = open_ports(plan.ports, is_shared=self._request.box.network == "full")
-        if self._box:
-            self._box.furnish(sights_of_run(self._request), self._request.box.network)
         if ports:
             self._others |= {fork_forwarder(ports, self._box.join_network if self._box else lambda: None)}
             self._meter = Meter(plan.compute, self._others)
@@ -118,12 +116,15 @@ class Supervision:
         folder.mkdir(parents=True, exist_ok=True)
         if plan.has_episode:
             self._logs = [CappedLog(folder / STDOUT_LOG), CappedLog(folder / STDERR_LOG)]
+        in_containers = {program.role for program in plan.programs if program.image_id is not None}
         for program in plan.programs:
             environment = program_environment(self._request, program)
             if program.cleanup_argv is not None:  # a container, whose engine confines it
                 # Programs have limits of their own, and may be about to set a higher one.
                 limits = plan.compute.model_copy(update={"processes": None})
                 confined, fork = partial(confine, limits, self._request.cores), fork_beside
+            elif program.role in in_containers:  # a tool, which the engine starts there
+                confined, fork = partial(confine, plan.compute, self._request.cores), fork_beside
             else:
                 confined = partial(_confine_in_box, self._request)
                 fork = self._box.fork if self._box else fork_beside

@@ -15,7 +15,7 @@ import json
 import os
 import signal
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
@@ -24,8 +24,10 @@ from ....schemas.wire.errors import LaunchError
 from ..episode.progress import Progress
 from ..limits.processes import adopt_orphans, come_first, kill_children
 from ..process.run_request import RunRequest
+from ..process.run_sights import sights_of_run
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..sandbox.box import Box
+from ..sandbox.views import Sight
 from ..states.provenance import note_run_of_programs
 from .process_supervision import Supervision
 
@@ -65,10 +67,43 @@ def stand_by(
         return
     request = RunRequest.model_validate_json(message)
     is_boxed = request.box.level == "box"
-    while is_boxed != (run.box is not None) or not run.tell(message):  # which both read at the same time
+    sights = sights_of_run(request) if is_boxed else []
+    try:
+        for is_last in (False, False, True):
+            if is_boxed == (run.box is not None) and _is_ready(run, sights, request, message, is_last=is_last):
+                break
+            run.dismiss()
+            run = wait(lambda _: None, channel.close, request.box.level)
+        else:
+            raise OSError("the run's process was killed three times while it waited")
+    except OSError as error:
+        channel.send_bytes(_refusal(error))
         run.dismiss()
-        run = wait(lambda _: None, channel.close, request.box.level)
+        return
     _supervise(channel, request, run, progress)
+
+
+def _is_ready(
+    run: WaitingRun, sights: Sequence[Sight], request: RunRequest, message: bytes, *, is_last: bool
+) -> bool:
+    """Furnishes the box of a waiting process and tells it of its run, unless it has been killed or is out of date.
+
+    Raises:
+        OSError: It is the last that is tried, and it cannot be furnished.
+    """
+    if run.box is not None:
+        try:
+            run.box.furnish(sights, request.box.network)
+        except OSError:
+            if is_last:
+                raise
+            return False
+    return run.tell(message)
+
+
+def _refusal(error: LaunchError | OSError) -> bytes:
+    code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"
+    return json.dumps({"event": "refused", "code": code, "reason": str(error)}).encode()
 
 
 def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progress: Progress) -> None:
@@ -100,8 +135,8 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
                 note_run_of_programs(request.for_run_process().plan)
     except (LaunchError, OSError) as error:
         kill_children()
-        code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"
-        tell({"event": "refused", "code": code, "reason": str(error)})
+        with suppress(OSError):  # the launcher may be gone
+            channel.send_bytes(_refusal(error))
         return
     tell({"event": "started"})
     supervision.start()
