@@ -6,14 +6,18 @@ from pathlib import Path
 
 from ..agents.agent_socket import agent_socket_path, make_private
 from ..sandbox.landlock import Rules
-from ..sandbox.views import Sight, python_paths, readable_rules, system_sights
+from ..sandbox.views import Sight, paths_in, python_paths, readable_rules, system_sights
 from .run_request import RunRequest
 
 
 def sights_of_run(request: RunRequest) -> list[Sight]:
-    """Files and folders of a run, besides those of the system; folders that it writes to are made."""
+    """Files and folders of a run, besides those of the system; folders that it writes to are made.
+
+    Paths in variables count where the service or its user has set them; a job cannot name what it wants to see.
+    """
     plan = request.plan
-    sights = [Sight(str(path), "read") for path in (*python_paths(request.import_path), *request.box.shown)]
+    paths = [*python_paths(request.import_path), *paths_in({**os.environ, **plan.environment}), *request.box.shown]
+    sights = [Sight(str(path), "read") for path in paths]
     sights += [Sight(str(path), "hide") for path in request.box.hidden]
     sights += [Sight(str(path), "read") for path in _inputs(request)]
     for folder in (plan.work_dir, plan.output_dir, plan.root_dir, plan.checkpoint_dir):

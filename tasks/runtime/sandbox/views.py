@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -15,6 +15,11 @@ _FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", 
 """Never shown as a whole, whoever imports from there."""
 
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
+
+_PATH_VARIABLES = (
+    *("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "MENAGERIE_ROOT", "LIBGL_DRIVERS_PATH", "__EGL_VENDOR_LIBRARY_DIRS"),
+    *("AWS_DATA_PATH", "AWS_CONFIG_FILE", "AWS_CONTAINER_AUTHORIZATION_TOKEN_FILE", "AWS_CA_BUNDLE"),
+)
 
 View = Literal["read", "write", "hide"]
 
@@ -48,8 +53,18 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
     for name, module in list(sys.modules.items()):
         if name.startswith("__editable__"):
             found |= {os.path.realpath(folder) for folder in getattr(module, "MAPPING", {}).values()}
-    foreign = {*_FOREIGN, os.path.expanduser("~"), os.path.realpath(os.path.expanduser("~"))}
-    return [Path(path) for path in sorted(found) if path not in foreign and os.path.exists(path)]
+    return [Path(path) for path in sorted(found - _foreign()) if os.path.exists(path)]
+
+
+def paths_in(variables: Mapping[str, str]) -> list[Path]:
+    """Where programs, libraries and settings are that variables of the job worker name."""
+    named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
+    return [Path(path) for path in sorted(named - _foreign()) if os.path.isabs(path) and os.path.exists(path)]
+
+
+def _foreign() -> set[str]:
+    home = os.path.expanduser("~")
+    return {*_FOREIGN, home, os.path.realpath(home)}
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:
