@@ -13,7 +13,7 @@
 | `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
-| `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require` or `off` ([The box](sandbox.md)) | `auto`: what this machine can |
+| `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
 | `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full` or `none` | `full` |
 | `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |

@@ -253,7 +253,9 @@ def check_sandbox(settings: Settings) -> Finding:
     told = {"box": "jobs are in boxes of their own", "landlock": "jobs reach only their own files (Landlock)"}
     found = told.get(box.level, "jobs are not confined")
     if settings.sandbox == "off":
-        return Finding("sandbox", "ok", f"off: {found}, as ROBOMAKER_SANDBOX says; this machine has {confinement.level}")
+        return Finding(
+            "sandbox", "ok", f"off: {found}, as ROBOMAKER_SANDBOX says; this machine has {confinement.level}"
+        )
     found += f"; network: {box.network}"
     if confinement.why_not_more:
         remedy = "allow user namespaces (docs/sandbox.md)"

@@ -41,7 +41,7 @@ def test_what_jobs_are_confined_to() -> None:
 
     assert (settings.sandbox, settings.sandbox_network) == ("require", "full")
     assert [str(path) for path in settings.sandbox_show] == ["/data", "/maps"]
-    with pytest.raises(ConfigurationError, match="^ROBOMAKER_SANDBOX .*auto.*require.*off"):
+    with pytest.raises(ConfigurationError, match=r"^ROBOMAKER_SANDBOX .*auto.*require.*off"):
         Settings.from_environment({"ROBOMAKER_SANDBOX": "maybe"})
-    with pytest.raises(ConfigurationError, match="^ROBOMAKER_SANDBOX_SHOW has 'maps'; it has to be an absolute path"):
+    with pytest.raises(ConfigurationError, match=r"^ROBOMAKER_SANDBOX_SHOW has 'maps'; it has to be an absolute path"):
         Settings.from_environment({"ROBOMAKER_SANDBOX_SHOW": "maps"})

@@ -56,7 +56,8 @@ def _of_program(folder: Path, argv: Sequence[str], known: Sequence[Sight]) -> It
     """A program's own folder, which it may write to, and its file, where no other sight has them."""
     if folder.is_dir() and folder != Path("/") and not _is_among(folder, known):
         yield Sight(str(folder), "write")
-    if os.path.isabs(argv[0]) and os.path.isfile(argv[0]) and not _is_among(Path(argv[0]), known):
+    file = Path(argv[0])
+    if file.is_absolute() and file.is_file() and not _is_among(file, known):
         yield Sight(argv[0], "read")
 
 

@@ -136,7 +136,9 @@ def _orphan(enter: Callable[[], None], become: Callable[[], NoReturn]) -> int:
         return _PID.unpack(answer)[0]
 
 
-def _help(ours: socket.socket, theirs: socket.socket, enter: Callable[[], None], become: Callable[[], NoReturn]) -> None:
+def _help(
+    ours: socket.socket, theirs: socket.socket, enter: Callable[[], None], become: Callable[[], NoReturn]
+) -> None:
     try:
         ours.close()
         enter()

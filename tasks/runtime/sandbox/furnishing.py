@@ -10,7 +10,7 @@ from . import kernel
 from .views import Sight, ordered, system_sights
 
 _EMPTY_FOLDERS = ("/mnt", "/media", "/srv")
-_ELSE = "/dev/shm"  # noqa: S108 - only hidden, in a mount namespace of our own
+_ELSE = "/dev/shm"
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty")
 _GPUS = ("dri", "kfd", "nvidia*", "dxg")
 _LINKS = {"fd": "/proc/self/fd", "stdin": "/proc/self/fd/0", "stdout": "/proc/self/fd/1", "stderr": "/proc/self/fd/2"}
@@ -64,7 +64,8 @@ class Furnishing:
 
     def _show(self, sight: Sight) -> None:
         if os.path.islink(sight.path) and sight.view == "read" and sight.path.count("/") == 1:
-            os.symlink(os.readlink(sight.path), self._root + sight.path)  # /bin and the like
+            if not os.path.lexists(self._root + sight.path):
+                os.symlink(os.readlink(sight.path), self._root + sight.path)  # /bin and the like
             return
         source = os.path.realpath(sight.path)
         for place in {sight.path, source}:

@@ -11,7 +11,7 @@ from typing import Literal
 from .landlock import Rules
 
 _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/etc", "/nix", "/snap")
-_FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", "/sys", "/dev")  # noqa: S108
+_FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", "/sys", "/dev")
 """Never shown as a whole, whoever imports from there."""
 
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
@@ -53,18 +53,25 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
     for name, module in list(sys.modules.items()):
         if name.startswith("__editable__"):
             found |= {os.path.realpath(folder) for folder in getattr(module, "MAPPING", {}).values()}
-    return [Path(path) for path in sorted(found - _foreign()) if os.path.exists(path)]
+    return _worth_showing(found)
 
 
 def paths_in(variables: Mapping[str, str]) -> list[Path]:
     """Where programs, libraries and settings are that variables of the job worker name."""
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
-    return [Path(path) for path in sorted(named - _foreign()) if os.path.isabs(path) and os.path.exists(path)]
+    return _worth_showing(path for path in named if os.path.isabs(path))
 
 
-def _foreign() -> set[str]:
+def _worth_showing(paths: Iterable[str]) -> list[Path]:
+    """Those that are there, are not much more than what is looked for, and are not shown with the system."""
     home = os.path.expanduser("~")
-    return {*_FOREIGN, home, os.path.realpath(home)}
+    foreign = {*_FOREIGN, home, os.path.realpath(home)}
+    system = tuple(f"{path}/" for path in _SYSTEM)
+    return [
+        Path(path)
+        for path in sorted(set(paths) - foreign)
+        if os.path.exists(path) and not f"{path}/".startswith(system) and os.path.realpath(path) not in foreign
+    ]
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:

@@ -23,7 +23,10 @@ def _warn_once(text: str) -> None:
 
 
 def plan_box(
-    settings: Settings, confinement: Confinement, user_home: Path | None = None, warn: Callable[[str], None] = _warn_once
+    settings: Settings,
+    confinement: Confinement,
+    user_home: Path | None = None,
+    warn: Callable[[str], None] = _warn_once,
 ) -> BoxPlan:
     """Decides what a run is confined to.
 

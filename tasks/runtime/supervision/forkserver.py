@@ -7,8 +7,8 @@ a process, imports the caller's `__main__` again in each child and hands down th
 output. Here nothing is inherited but a cleaned environment.
 
 Started as `python -P -m prefect_robomaker.tasks.runtime.supervision.forkserver FD`. The socket FD carries one
-message to the launcher (`ready` and how runs are confined here, or why not), then one message per run from the launcher, with the
-run's own connection attached. When the launcher's end closes, the process ends.
+message to the launcher (`ready` and how runs are confined here, or why not), then one message per run from the
+launcher, with the run's own connection attached. When the launcher's end closes, the process ends.
 
 A supervisor that is killed leaves the processes of its run to this process, which kills them before the
 launcher can see that the run has ended.

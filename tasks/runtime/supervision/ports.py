@@ -61,9 +61,7 @@ def _listen(port: PortPlan) -> socket.socket:
     return listening
 
 
-def fork_forwarder(
-    ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None
-) -> int:
+def fork_forwarder(ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None) -> int:
     """Forwards connections in a process of its own, which ends with this one; returns its pid.
 
     The sockets are closed here and live on there, in the network that they are of.

@@ -32,9 +32,7 @@ from ..states.provenance import note_run_of_programs
 from .process_supervision import Supervision
 
 
-def stand_by(
-    control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none"
-) -> None:
+def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
     """Waits for a run, and supervises it.
 
     Args:
@@ -83,9 +81,7 @@ def stand_by(
     _supervise(channel, request, run, progress)
 
 
-def _is_ready(
-    run: WaitingRun, sights: Sequence[Sight], request: RunRequest, message: bytes, *, is_last: bool
-) -> bool:
+def _is_ready(run: WaitingRun, sights: Sequence[Sight], request: RunRequest, message: bytes, *, is_last: bool) -> bool:
     """Furnishes the box of a waiting process and tells it of its run, unless it has been killed or is out of date.
 
     Raises:

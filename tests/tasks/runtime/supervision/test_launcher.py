@@ -260,11 +260,7 @@ print(Launcher().run(plan, lambda: None).model_dump_json())
 def waiting_below(server: int) -> list[int]:
     """Supervisors whose process has no run yet: it is in the warm process's folder."""
     home = Path(f"/proc/{server}/cwd").readlink()
-    return [
-        supervisor
-        for supervisor in children_of(server)
-        if is_waiting(children_of(supervisor), home)
-    ]
+    return [supervisor for supervisor in children_of(server) if is_waiting(children_of(supervisor), home)]
 
 
 def is_waiting(pids: Sequence[int], home: Path) -> bool:
