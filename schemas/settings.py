@@ -41,8 +41,7 @@ from urllib.parse import quote
 import platformdirs
 from pydantic import Field, ValidationError
 
-from .runs.boxes import BoxNetwork, SandboxMode
-from .runs.programs import DISK_BYTES
+from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
 from .wire.base import Model
 from .wire.errors import ConfigurationError
 from .wire.request_problems import problems_of

@@ -17,9 +17,8 @@ import pytest
 from helpers.paths import TESTS
 from helpers.run_processes import never, wait_until
 
-from prefect_robomaker.schemas.runs.boxes import BoxPlan
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.runs.programs import BoxPlan, ProgramPlan
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.runtime.sandbox.landlock import landlock_version
 from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement

@@ -2,8 +2,8 @@
 
 from pydantic import Field
 
-from ....schemas.runs.boxes import BoxPlan
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import BoxPlan
 from ....schemas.wire.base import Model
 
 

@@ -20,7 +20,7 @@ from contextlib import suppress
 from dataclasses import asdict
 from typing import NoReturn
 
-from ....schemas.runs.boxes import BoxNetwork
+from ....schemas.runs.programs import BoxNetwork
 from ..limits.processes import die_with_parent
 from . import kernel
 from .furnishing import Furnishing

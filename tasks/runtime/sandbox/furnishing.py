@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ....schemas.runs.boxes import BoxNetwork
+from ....schemas.runs.programs import BoxNetwork
 from . import kernel
 from .views import Sight, ordered, system_sights
 

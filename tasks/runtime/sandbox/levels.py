@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable
 from typing import NamedTuple, NoReturn
 
-from ....schemas.runs.boxes import BoxLevel
+from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans
 from .box import Box, BoxError
 from .forking import fork_beside

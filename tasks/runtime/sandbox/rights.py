@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from ....schemas.runs.boxes import BoxLevel
+from ....schemas.runs.programs import BoxLevel
 from . import kernel
 from .landlock import Rules, restrict
 

@@ -12,7 +12,7 @@ from .landlock import Rules
 
 _SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/etc", "/nix", "/snap")
 _FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", "/sys", "/dev")
-"""Never shown as a whole, whoever imports from there."""
+"""Never shown as a whole, even where Python imports from there."""
 
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
 

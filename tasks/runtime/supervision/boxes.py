@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
-from ....schemas.runs.boxes import BoxPlan
+from ....schemas.runs.programs import BoxPlan
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ..sandbox.levels import Confinement

@@ -29,7 +29,7 @@ from functools import partial
 from multiprocessing.connection import wait
 from typing import NamedTuple
 
-from ....schemas.runs.boxes import BoxLevel
+from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans, kill_children
 from ..sandbox.levels import Confinement, strongest_level
 

@@ -16,8 +16,8 @@ from datetime import UTC, datetime
 from multiprocessing.connection import Connection
 from types import TracebackType
 
-from ....schemas.runs.boxes import BoxPlan
 from ....schemas.runs.plan import RunOutcome, RunPlan
+from ....schemas.runs.programs import BoxPlan
 from ....schemas.runs.stops import RunStop
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, LaunchInterruptedError

@@ -4,9 +4,8 @@ import os
 import sys
 from pathlib import Path
 
-from ....schemas.runs.boxes import BoxPlan
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.programs import BoxPlan, ProgramPlan
 from ....schemas.runs.variables import variables_of
 from ..agents.agent_client import SOCKET_VARIABLE
 from ..agents.agent_socket import agent_socket_path

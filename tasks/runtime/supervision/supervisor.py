@@ -19,7 +19,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
-from ....schemas.runs.boxes import BoxLevel
+from ....schemas.runs.programs import BoxLevel
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import Progress
 from ..limits.processes import adopt_orphans, come_first, kill_children

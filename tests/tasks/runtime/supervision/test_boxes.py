@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.runs.boxes import BoxLevel
+from prefect_robomaker.schemas.runs.programs import BoxLevel
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement
