@@ -66,7 +66,8 @@ class Box:
         shown = [{**asdict(sight), "identity": _identity(sight.path)} for sight in sights]
         message = json.dumps({"sights": shown, "network": network}).encode()
         try:
-            self._control.send(message)
+            with suppress(BrokenPipeError):  # it has ended, and said why
+                self._control.send(message)
             answer = self._control.recv(_MOST_BYTES)
         except OSError as error:
             answer = str(error).encode()

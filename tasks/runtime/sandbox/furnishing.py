@@ -1,13 +1,14 @@
 """The files of a box: an empty root, into which what is seen is mounted."""
 
 import os
+import sys
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
 from ....schemas.runs.programs import BoxNetwork
 from . import kernel
-from .views import Sight, ordered, system_sights
+from .views import Sight, ordered, paths_in, python_paths, system_sights
 
 _EMPTY_FOLDERS = ("/mnt", "/media", "/srv")
 _ELSE = "/dev/shm"
@@ -44,6 +45,11 @@ class Furnishing:
                 kernel.bind(self._root + path, self._root + path)
                 kernel.restrict_mount(self._root + path, kernel.READ_ONLY)
         self._show(Sight("/sys", "read"))
+        imported = [Sight(str(path), "read") for path in (*python_paths(sys.path), *paths_in(os.environ))]
+        self._shown = {*system_sights(), *imported}
+        """What need not be mounted when a job waits for it."""
+        for sight in ordered(imported):
+            self._show(sight)
 
     def finish(self, sights: Sequence[Sight], network: BoxNetwork) -> None:
         """Adds what a run sees, makes it all there is, and gives up the right to change it.
@@ -52,7 +58,7 @@ class Furnishing:
             sights: files and folders of the run.
             network: what is reached from the box.
         """
-        for sight in ordered(sights):
+        for sight in ordered(sight for sight in sights if sight not in self._shown):
             self._show(sight)
         if network != "full":
             kernel.unshare(kernel.NEW_NETWORK)

@@ -10,7 +10,7 @@ from .box import Box, BoxError
 from .forking import fork_beside
 from .landlock import Rules, landlock_version
 from .rights import give_up_rights
-from .views import Sight
+from .views import Sight, system_sights
 
 
 class Confinement(NamedTuple):
@@ -24,6 +24,7 @@ class Confinement(NamedTuple):
 def strongest_level() -> Confinement:
     """Tries the levels, the strongest first; this process has one thread, and adopts orphans from now on."""
     adopt_orphans()
+    system_sights()  # looked for once, and known to all that is forked from this process
     try:
         _try_box()
     except OSError as error:
