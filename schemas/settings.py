@@ -13,6 +13,9 @@
 | `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
+| `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
+| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full` or `none` | `full` |
+| `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
 | `ROBOMAKER_REFUSE_DEPRECATED` | `1`: refuse what the service refused in its last years | `0` |
@@ -39,7 +42,7 @@ from urllib.parse import quote
 import platformdirs
 from pydantic import Field, ValidationError
 
-from .runs.programs import DISK_BYTES
+from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
 from .wire.base import Model
 from .wire.errors import ConfigurationError
 from .wire.request_problems import problems_of
@@ -108,6 +111,17 @@ class Settings(Model):
     )
     max_job_disk_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
+    )
+    sandbox: SandboxMode = Field(
+        default="auto",
+        description="What simulation jobs are confined to: what this machine can, at least something, or nothing.",
+    )
+    sandbox_network: BoxNetwork = Field(
+        default="full",
+        description="What confined jobs reach: the network, or only their own processes.",
+    )
+    sandbox_show: tuple[Path, ...] = Field(
+        default=(), description="Folders that confined jobs may read besides their own, absolute paths."
     )
     max_worlds_per_job: int = Field(
         default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
@@ -189,7 +203,12 @@ class Settings(Model):
             values["notify"] = tuple(channels.split())
         if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
             values["notify_when"] = _notify_when(when)
-        for name in ("region", "account", "bucket", "backend", "robots_url", "robot_folder"):
+        if shown := environ.get("ROBOMAKER_SANDBOX_SHOW"):
+            values["sandbox_show"] = _absolute_paths("ROBOMAKER_SANDBOX_SHOW", shown)
+        for name in (
+            *("region", "account", "bucket", "backend", "robots_url", "robot_folder"),
+            *("sandbox", "sandbox_network"),
+        ):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):
                 values[name] = value
         for name in ("access_keys_file", "roles_file"):
@@ -222,6 +241,14 @@ def _notify_when(given: str) -> frozenset[str]:
             f"ROBOMAKER_NOTIFY_WHEN is {given!r}; it has to be some of {known}, with commas between"
         )
     return chosen
+
+
+def _absolute_paths(name: str, given: str) -> tuple[Path, ...]:
+    paths = tuple(Path(path).expanduser() for path in given.split(os.pathsep) if path)
+    for path in paths:
+        if not path.is_absolute():
+            raise ConfigurationError(f"{name} has {str(path)!r}; it has to be an absolute path such as /data/maps")
+    return paths
 
 
 def _switch(environ: Mapping[str, str], name: str, default: str = "0") -> bool:

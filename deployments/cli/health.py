@@ -1,5 +1,6 @@
 """The checks of `robomaker doctor`: what works on this machine, and how to fix what does not."""
 
+import json
 import os
 import shutil
 import subprocess
@@ -58,6 +59,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "video": check_video,
         "extras": check_extras,
         "containers": lambda: check_containers(settings),
+        "sandbox": lambda: check_sandbox(settings),
         "kept outputs": lambda: check_kept_outputs(settings),
     }
     if settings.notify or notify:
@@ -255,6 +257,29 @@ def check_containers(settings: Settings) -> Finding:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
         return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
     return Finding("containers", "ok", "no run that is over has left any")
+
+
+def check_sandbox(settings: Settings) -> Finding:
+    """What simulation jobs are confined to on this machine, tried in a process of its own."""
+    from ...tasks.runtime.sandbox.levels import Confinement
+    from ...tasks.runtime.supervision.boxes import plan_box
+
+    command = [sys.executable, "-P", "-m", "prefect_robomaker.tasks.runtime.sandbox.levels"]
+    tried = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    confinement = Confinement(**json.loads(tried.stdout))
+    lacks: list[str] = []
+    box = plan_box(settings, confinement, warn=lacks.append)
+    told = {"box": "jobs are in boxes of their own", "landlock": "jobs reach only their own files (Landlock)"}
+    found = told.get(box.level, "jobs are not confined")
+    if settings.sandbox == "off":
+        return Finding(
+            "sandbox", "ok", f"off: {found}, as ROBOMAKER_SANDBOX says; this machine has {confinement.level}"
+        )
+    found += f"; network: {box.network}"
+    if confinement.why_not_more:
+        remedy = "allow user namespaces (docs/sandbox.md)"
+        return Finding("sandbox", "warning", f"{found}\n{confinement.why_not_more}", remedy)
+    return Finding("sandbox", "ok", found)
 
 
 def check_robot_keys(settings: Settings) -> Finding:

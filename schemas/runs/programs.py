@@ -1,4 +1,4 @@
-"""Programs of a simulation run: applications that are processes of their own, and tools beside them."""
+"""Programs of a simulation run (applications that are processes, and tools beside them), and what confines them."""
 
 from pathlib import Path
 from typing import Literal
@@ -11,6 +11,10 @@ from ..wire.job_configs import ExitBehavior
 ApplicationRole = Literal["robot", "simulation"]
 ProgramKind = Literal["application", "tool"]
 FailureBehavior = Literal["Fail", "Continue"]
+SandboxMode = Literal["auto", "require", "off"]
+BoxLevel = Literal["box", "landlock", "none"]
+"""`box`: namespaces of its own; `landlock`: rules of the kernel for files; `none`: nothing."""
+BoxNetwork = Literal["full", "none"]
 DISK_BYTES = 128 * 10**9
 """The disk that a job of the service had."""
 
@@ -70,6 +74,18 @@ class ComputeLimits(Model):
     )
     nice: int = Field(default=0, ge=0, le=19, description="Its niceness at least: how far all else comes first.")
     gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
+
+
+class BoxPlan(Model):
+    """What a run is confined to."""
+
+    level: BoxLevel = Field(default="none", description="How its processes are confined.")
+    network: BoxNetwork = Field(
+        default="full",
+        description="What they reach: the machine's network, or only each other.",
+    )
+    shown: list[Path] = Field(default=[], description="Files and folders that they may read besides their own.")
+    hidden: list[Path] = Field(default=[], description="What they must not see, wherever it lies.")
 
 
 class FoundFiles(Model):

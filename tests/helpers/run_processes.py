@@ -41,6 +41,16 @@ def processes_with(text: str) -> list[int]:
     return found
 
 
+def processes_in(folder: Path) -> list[int]:
+    """Processes that have a working directory, as they call it."""
+    found = []
+    for entry in running():
+        with suppress(OSError):
+            if (entry / "cwd").readlink() == folder:
+                found.append(int(entry.name))
+    return found
+
+
 def wait_until(condition: Callable[[], bool], timeout_s: float) -> None:
     deadline = time.monotonic() + timeout_s
     while not condition():

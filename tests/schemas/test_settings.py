@@ -34,3 +34,14 @@ def test_zero_turns_memory_and_disk_off() -> None:
     settings = Settings.from_environment({"ROBOMAKER_JOB_MEMORY_MB": "0", "ROBOMAKER_MIN_FREE_DISK_MB": "0"})
 
     assert (settings.job_memory_mb, settings.min_free_disk_mb) == (0, 0)
+
+
+def test_what_jobs_are_confined_to() -> None:
+    settings = Settings.from_environment({"ROBOMAKER_SANDBOX": "require", "ROBOMAKER_SANDBOX_SHOW": "/data:/maps"})
+
+    assert (settings.sandbox, settings.sandbox_network) == ("require", "full")
+    assert [str(path) for path in settings.sandbox_show] == ["/data", "/maps"]
+    with pytest.raises(ConfigurationError, match=r"^ROBOMAKER_SANDBOX .*auto.*require.*off"):
+        Settings.from_environment({"ROBOMAKER_SANDBOX": "maybe"})
+    with pytest.raises(ConfigurationError, match=r"^ROBOMAKER_SANDBOX_SHOW has 'maps'; it has to be an absolute path"):
+        Settings.from_environment({"ROBOMAKER_SANDBOX_SHOW": "maps"})

@@ -85,7 +85,7 @@ class AgentSocket:
         self._plan = plan
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
-            _make_private(self.path.parent.parent)
+            make_private(self.path.parent.parent)
             self.path.parent.mkdir(exist_ok=True)
             self.path.parent.chmod(0o755)  # a container's user may be another one
             self.path.unlink(missing_ok=True)
@@ -276,7 +276,7 @@ class AgentLink:
             raise TimeoutError
 
 
-def _make_private(folder: Path) -> None:
+def make_private(folder: Path) -> None:
     """Makes a folder for this user alone, also where others could have made one of its name before.
 
     Raises:

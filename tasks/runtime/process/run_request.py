@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import BoxPlan
 from ....schemas.wire.base import Model
 
 
@@ -13,6 +14,7 @@ class RunRequest(Model):
     environment: dict[str, str] = Field(description="The environment of the run's process.")
     import_path: list[str] = Field(description="`sys.path` of the process that asked.")
     video_backend: str | None = Field(default=None, description="How to render; None: no video.")
+    box: BoxPlan = Field(default=BoxPlan(), description="What its processes are confined to.")
     cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
 
     def for_run_process(self) -> "RunRequest":

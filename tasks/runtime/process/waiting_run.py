@@ -9,12 +9,15 @@ import signal
 import socket
 from collections.abc import Callable
 from contextlib import suppress
-from typing import BinaryIO, cast
+from typing import BinaryIO, NoReturn, cast
 
 from ..episode.progress import Progress
 from ..limits.limits import confine
-from ..limits.processes import die_with_parent
+from ..sandbox.box import Box, enter_network_of_keeper
+from ..sandbox.forking import fork_beside
+from ..sandbox.rights import give_up_rights
 from .run_request import RunRequest
+from .run_sights import rules_of_run
 
 RunChild = Callable[[RunRequest, Progress], int]
 """Carries out the run described by a request; returns the exit code."""
@@ -34,18 +37,28 @@ class WaitingRun:
         progress: What it shares with this process.
         close_in_child: What of this process's it must not keep open.
         rehearse: What it does until there is a run.
+        box: The box that it is in, if it is in one.
     """
 
     def __init__(
-        self, run_child: RunChild, progress: Progress, close_in_child: Callable[[], None], rehearse: Rehearse
+        self,
+        run_child: RunChild,
+        progress: Progress,
+        close_in_child: Callable[[], None],
+        rehearse: Rehearse,
+        box: Box | None = None,
     ) -> None:
         self._pipe, theirs = socket.socketpair()
-        supervisor = os.getpid()
-        self.pid = os.fork()
-        if self.pid == 0:
+        self.box = box
+
+        def become() -> NoReturn:
             self._pipe.close()
             close_in_child()
-            _become_run(supervisor, theirs, run_child, progress, rehearse)
+            if box is not None:
+                box.close_in_child()
+            _become_run(theirs, run_child, progress, rehearse)
+
+        self.pid = box.fork(become) if box else fork_beside(become)
         theirs.close()
 
     def tell(self, request: bytes) -> bool:
@@ -70,32 +83,30 @@ class WaitingRun:
         self._pipe.close()
         return self.pid
 
-    def dismiss(self) -> None:
-        """Ends the process before its run begins."""
+    def dismiss(self, *, keep_box: bool = False) -> None:
+        """Ends the process before its run begins, and its box unless that is to be kept."""
         self._pipe.close()
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)
         os.waitpid(self.pid, 0)
+        if self.box is not None and not keep_box:
+            self.box.close()
 
 
-def _become_run(
-    supervisor: int, pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse
-) -> None:
-    """Turns a fork into the run's process; never returns."""
+def _become_run(pipe: socket.socket, run_child: RunChild, progress: Progress, rehearse: Rehearse) -> NoReturn:
+    """Turns a fork into the run's process."""
     code = _INTERNAL_ERROR
     try:
-        os.setsid()
-        # The supervisor itself may be killed too, for want of memory for example.
-        die_with_parent()
-        request = None
-        if os.getppid() == supervisor:
-            rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))
-            with pipe, cast(BinaryIO, pipe.makefile("rb")) as stream:
-                request = _awaited_request(stream)
+        rehearse(lambda wait_s: bool(select.select([pipe], [], [], wait_s)[0]))
+        with pipe, cast(BinaryIO, pipe.makefile("rb")) as stream:
+            request = _awaited_request(stream)
         if request is None:
             code = 0
         else:
             confine(request.plan.compute, request.cores)
+            if request.box.level == "box":
+                enter_network_of_keeper(request.box.network)
+            give_up_rights(request.box.level, rules_of_run(request))
             code = run_child(request, progress)
     finally:
         # Not sys.exit: this fork must not run the clean-up of the process it was copied from.

@@ -7,8 +7,8 @@ a process, imports the caller's `__main__` again in each child and hands down th
 output. Here nothing is inherited but a cleaned environment.
 
 Started as `python -P -m prefect_robomaker.tasks.runtime.supervision.forkserver FD`. The socket FD carries one
-message to the launcher (`ready`, or why not), then one message per run from the launcher, with the
-run's own connection attached. When the launcher's end closes, the process ends.
+message to the launcher (`ready` and how runs are confined here, or why not), then one message per run from the
+launcher, with the run's own connection attached. When the launcher's end closes, the process ends.
 
 A supervisor that is killed leaves the processes of its run to this process, which kills them before the
 launcher can see that the run has ended.
@@ -16,6 +16,7 @@ launcher can see that the run has ended.
 
 import gc
 import importlib
+import json
 import os
 import signal
 import socket
@@ -28,9 +29,13 @@ from functools import partial
 from multiprocessing.connection import wait
 from typing import NamedTuple
 
+from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans, kill_children
+from ..sandbox.levels import Confinement, strongest_level
 
-READY = b"ready"
+READY = b"ready "
+"""Followed by how runs are confined here, as JSON of a `Confinement`."""
+SANDBOX_VARIABLE = "ROBOMAKER_SANDBOX"
 FORK_AHEAD_AFTER_S = 0.1
 """By then the run that was begun last has made its world."""
 _MODULES = (
@@ -59,13 +64,15 @@ def main() -> None:
         return
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     adopt_orphans()
+    is_off = os.environ.pop(SANDBOX_VARIABLE, "") == "off"
+    confinement = Confinement("none", f"{SANDBOX_VARIABLE} is off") if is_off else strongest_level()
     gc.collect()
     gc.freeze()  # keeps the collector from touching, and so copying, the shared pages in each run
     from ..process.rehearsal import rehearsal_room, rehearse
 
     with rehearsal_room() as room:
-        control.send(READY)
-        _Supervisors(control, partial(rehearse, room)).serve()
+        control.send(READY + json.dumps(confinement).encode())
+        _Supervisors(control, partial(rehearse, room), level=confinement.level).serve()
 
 
 class _StandBy(NamedTuple):
@@ -84,6 +91,7 @@ class _Supervisors:
         control: The socket that carries a message for each run.
         rehearse: What processes do until there is a run for them.
         fork_ahead_after_s: How long nothing has to happen before there is time to fork ahead.
+        level: How runs are confined, if they do not ask for less.
     """
 
     def __init__(
@@ -91,7 +99,9 @@ class _Supervisors:
         control: socket.socket,
         rehearse: Callable[[Callable[[float], bool]], None],
         fork_ahead_after_s: float = FORK_AHEAD_AFTER_S,
+        level: BoxLevel = "none",
     ) -> None:
+        self._level: BoxLevel = level
         self._control = control
         self._rehearse = rehearse
         self._fork_ahead_after_s = fork_ahead_after_s
@@ -132,7 +142,7 @@ class _Supervisors:
         """Gives a run to the supervisor that waits for one, or to a new one."""
         supervisor, self._standing_by = self._standing_by, None
         while True:
-            supervisor = supervisor or self._fork()
+            supervisor = supervisor or self._fork(descriptor)
             try:
                 with supervisor.control as control:
                     socket.send_fds(control, [b"r"], [descriptor])
@@ -149,8 +159,11 @@ class _Supervisors:
         os.waitpid(supervisor.pid, 0)
         os.close(supervisor.pidfd)
 
-    def _fork(self) -> "_StandBy":
+    def _fork(self, of_run: int | None = None) -> "_StandBy":
         """Forks a supervisor that waits.
+
+        Args:
+            of_run: The connection of the run that it is for, which it gets by message and must not have twice.
 
         Raises:
             OSError: There is no room for another process.
@@ -162,6 +175,8 @@ class _Supervisors:
                 if pid == 0:
                     try:
                         ours.close()
+                        if of_run is not None:
+                            os.close(of_run)
                         self._become_supervisor(theirs)
                     finally:
                         os._exit(0)
@@ -178,7 +193,7 @@ class _Supervisors:
         for pidfd, (_, other) in self._alive.items():
             os.close(pidfd)
             os.close(other)
-        stand_by(control, run_child, self._rehearse)
+        stand_by(control, run_child, self._rehearse, self._level)
 
     def _bury(self, pidfd: int) -> None:
         pid, descriptor = self._alive.pop(pidfd)

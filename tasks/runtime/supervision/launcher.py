@@ -2,6 +2,7 @@
 
 import fcntl
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -16,17 +17,22 @@ from multiprocessing.connection import Connection
 from types import TracebackType
 
 from ....schemas.runs.plan import RunOutcome, RunPlan
+from ....schemas.runs.programs import BoxPlan
 from ....schemas.runs.stops import RunStop
+from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, LaunchInterruptedError
 from ..limits.disk_use import found_files
 from ..limits.logs import log_tail
 from ..limits.run_notes import note_screens
 from ..process.run_request import RunRequest
+from ..sandbox.levels import Confinement
 from ..states.checkpoint_files import wall_time_used_s
 from ..video.failure_videos import record_failure_videos
+from .boxes import plan_box
 from .core_assignment import Cores
 from .disk_attribution import attribute_disk_use
 from .finished_outputs import finish_outputs, read_result
+from .forkserver import READY, SANDBOX_VARIABLE
 from .outcomes import Exit, Outcome, decide_outcome, was_killed
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
 from .stop_monitor import StopMonitor
@@ -115,7 +121,7 @@ class Launcher:
         crash = _FirstCrash(plan, on_crash)
         left_s = max(0.0, plan.max_duration_s - wall_time_used_s(plan))  # an earlier attempt may have been killed
         with self._cores.taken(plan.compute.cpus) as cores:
-            request = make_request(plan, cores)
+            request = make_request(plan, cores, self._box())
             # Closing this end of the connection, for any reason, kills the run.
             with self._connect() as channel:
                 _begin(channel, request)
@@ -154,6 +160,11 @@ class Launcher:
         record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **inherited_environment()})
         return outcome
 
+    def _box(self) -> BoxPlan:
+        with self._lock:
+            confinement = self._running_server().confinement
+        return plan_box(Settings.from_environment(os.environ), confinement)
+
     def _connect(self) -> Connection:
         """Has a supervisor forked; returns the connection to it."""
         ours, theirs = socket.socketpair()
@@ -178,7 +189,11 @@ class _Server:
             process = subprocess.Popen(
                 [sys.executable, "-P", "-m", _FORKSERVER, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
-                env={**DEFAULT_VARIABLES, **inherited_environment()},
+                env={
+                    **DEFAULT_VARIABLES,
+                    **inherited_environment(),
+                    SANDBOX_VARIABLE: os.environ.get(SANDBOX_VARIABLE, ""),
+                },
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
@@ -191,11 +206,13 @@ class _Server:
             answer = ours.recv(8192)
         except TimeoutError:
             answer = f"it was not ready after {_WARM_UP_TIMEOUT_S:g} s".encode()
-        if answer != b"ready":
+        if not answer.startswith(READY):
             self.close()
             why = answer.decode(errors="replace") or f"it ended with exit code {process.returncode}"
             kind = LaunchInterruptedError if process.returncode == -signal.SIGKILL else LaunchError
             raise kind(f"the process that runs are forked from cannot start: {why}", _INTERNAL)
+        self.confinement = Confinement(*json.loads(answer.removeprefix(READY)))
+        """How runs are confined on this machine."""
 
     def alive(self) -> bool:
         return self._process.poll() is None

@@ -4,7 +4,7 @@ import asyncio
 import os
 import signal
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from ....schemas.runs.programs import PortPlan
@@ -16,12 +16,13 @@ _CHUNK_BYTES = 64 * 1024
 _FAILURE_CODE = "InvalidInput"
 
 
-def open_ports(ports: Sequence[PortPlan]) -> list[tuple[socket.socket, int]]:
+def open_ports(ports: Sequence[PortPlan], *, is_shared: bool = True) -> list[tuple[socket.socket, int]]:
     """Listens on the job's ports.
 
     Args:
         ports: What to forward. A port that keeps its number is only looked at: the application itself
             is going to listen on it.
+        is_shared: Whether the application has this process's network; otherwise all its ports are forwarded.
 
     Returns:
         Listening sockets, each with the application's port.
@@ -33,7 +34,7 @@ def open_ports(ports: Sequence[PortPlan]) -> list[tuple[socket.socket, int]]:
     try:
         for port in ports:
             listening = _listen(port)
-            if port.job_port == port.application_port:
+            if is_shared and port.job_port == port.application_port:
                 listening.close()
             else:
                 opened.append((listening, port.application_port))
@@ -60,10 +61,14 @@ def _listen(port: PortPlan) -> socket.socket:
     return listening
 
 
-def fork_forwarder(ports: Sequence[tuple[socket.socket, int]]) -> int:
+def fork_forwarder(ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None) -> int:
     """Forwards connections in a process of its own, which ends with this one; returns its pid.
 
-    The sockets are closed here and live on there.
+    The sockets are closed here and live on there, in the network that they are of.
+
+    Args:
+        ports: Listening sockets, each with the application's port.
+        join_network: Moves that process into the application's network.
     """
     parent = os.getpid()
     pid = os.fork()
@@ -73,6 +78,7 @@ def fork_forwarder(ports: Sequence[tuple[socket.socket, int]]) -> int:
             signal.signal(signal.SIGTERM, signal.SIG_IGN)  # ends last, when the run has ended
             die_with_parent()
             if os.getppid() == parent:
+                join_network()
                 asyncio.run(_forward_all(ports))
         finally:
             os._exit(0)

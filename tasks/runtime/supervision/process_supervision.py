@@ -22,6 +22,10 @@ from ..limits.limits import Excess, Meter, confine
 from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
 from ..limits.processes import descendants_of, kill_children
 from ..process.run_request import RunRequest
+from ..process.run_sights import rules_of_run
+from ..sandbox.box import Box
+from ..sandbox.forking import fork_beside
+from ..sandbox.rights import give_up_rights
 from .outcomes import Crash, Exit, how_it_ended
 from .ports import fork_forwarder, open_ports
 from .programs import Program, StartError
@@ -48,6 +52,7 @@ class Supervision:
         progress: What the run's process shares.
         begin_run: Lets the run's process begin; returns its pid.
         tell: Sends a message to the launcher.
+        box: The box of its processes, if they are in one.
     """
 
     def __init__(
@@ -57,7 +62,9 @@ class Supervision:
         progress: Progress,
         begin_run: Callable[[], int],
         tell: Callable[[dict[str, Any]], None],
+        box: Box | None = None,
     ) -> None:
+        self._box = box
         self._channel = channel
         self._request = request
         self._plan = request.plan
@@ -70,7 +77,9 @@ class Supervision:
         self._run_status: int | None = None
         self._programs: list[Program] = []
         self._logs: list[CappedLog] = []
-        self._meter = Meter(self._plan.compute)
+        self._others = frozenset({box.keeper}) if box else frozenset[int]()
+        """Processes below this one that are no part of the run."""
+        self._meter = Meter(self._plan.compute, self._others)
         self._disk = disk_meter(self._plan, _pids_of_run)
         self._disk_writer: int | None = None
         """The session of processes that had written most when the run's folders held too much."""
@@ -99,21 +108,27 @@ class Supervision:
             OSError: The logs cannot be made.
         """
         plan = self._plan
-        ports = open_ports(plan.ports)
+        ports = open_ports(plan.ports, is_shared=self._request.box.network == "full")
         if ports:
-            self._meter = Meter(plan.compute, frozenset({fork_forwarder(ports)}))
+            self._others |= {fork_forwarder(ports, self._box.join_network if self._box else lambda: None)}
+            self._meter = Meter(plan.compute, self._others)
         folder = plan.output_dir / LOG_FOLDER
         folder.mkdir(parents=True, exist_ok=True)
         if plan.has_episode:
             self._logs = [CappedLog(folder / STDOUT_LOG), CappedLog(folder / STDERR_LOG)]
+        in_containers = {program.role for program in plan.programs if program.image_id is not None}
         for program in plan.programs:
             environment = program_environment(self._request, program)
-            limits = plan.compute
-            if program.cleanup_argv is not None:
+            if program.cleanup_argv is not None:  # a container, whose engine confines it
                 # Programs have limits of their own, and may be about to set a higher one.
-                limits = limits.model_copy(update={"processes": None})
-            confined = partial(confine, limits, self._request.cores)
-            self._programs.append(Program(program, environment, plan.output_dir, confined))
+                limits = plan.compute.model_copy(update={"processes": None})
+                confined, fork = partial(confine, limits, self._request.cores), fork_beside
+            elif program.role in in_containers:  # a tool, which the engine starts there
+                confined, fork = partial(confine, plan.compute, self._request.cores), fork_beside
+            else:
+                confined = partial(_confine_in_box, self._request)
+                fork = self._box.fork if self._box else fork_beside
+            self._programs.append(Program(program, environment, plan.output_dir, confined, fork=fork))
             self._logs += self._programs[-1].logs
 
     def start(self) -> None:
@@ -123,9 +138,6 @@ class Supervision:
             self._run_ended = os.pidfd_open(self._run_pid)
         for program in self._programs:
             self._start(program)
-
-    def _confine(self) -> None:
-        confine(self._plan.compute, self._request.cores)
 
     def _start(self, program: Program) -> None:
         if self._is_stopping:
@@ -361,6 +373,11 @@ class Supervision:
 
     def _tools(self) -> list[ToolEnds]:
         return [restarts for program in self._programs if (restarts := program.restarts) is not None]
+
+
+def _confine_in_box(request: RunRequest) -> None:
+    confine(request.plan.compute, request.cores)
+    give_up_rights(request.box.level, rules_of_run(request))
 
 
 def _pids_of_run() -> Iterator[int]:

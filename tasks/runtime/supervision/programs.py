@@ -6,11 +6,12 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import NoReturn
 
 from ....schemas.runs.programs import ProgramPlan, ToolEnds
 from ..limits.capped_logs import CappedLog
 from ..limits.logs import LOG_FOLDER, program_logs
-from ..limits.processes import die_with_parent
+from ..sandbox.forking import fork_beside
 
 FIRST_PAUSE_S = 0.5
 """Pause before a tool is started again; doubles with each time."""
@@ -19,6 +20,10 @@ STEADY_LIFE_S = 60.0
 """A tool that lived this long begins again with the first pause."""
 _NOT_STARTED = 127
 _RESTORED_SIGNALS = (signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGCHLD, signal.SIGTERM)
+
+
+Fork = Callable[[Callable[[], NoReturn]], int]
+"""Forks a process that does something and never returns; returns its pid."""
 
 
 class StartError(Exception):
@@ -34,6 +39,7 @@ class Program:
         output_dir: Its logs go to `logs/` in it.
         confine: Called in the new process before the program takes it over.
         clock: Seconds, for the time it lived.
+        fork: Forks its process, in a box for example.
 
     Raises:
         OSError: Its logs cannot be made.
@@ -46,8 +52,10 @@ class Program:
         output_dir: Path,
         confine: Callable[[], None],
         clock: Callable[[], float] = time.monotonic,
+        fork: Fork = fork_beside,
     ) -> None:
         self.plan = plan
+        self._fork = fork
         self.pid: int | None = None
         """The process, until it was reaped; None before it was started and while it waits to be started again."""
         self.ended: int | None = None
@@ -79,7 +87,7 @@ class Program:
         self._starts += 1
         if self.plan.kind == "tool" and self.plan.exit_behavior == "RESTART":
             self._note(f"start {self._starts} of this tool")
-        self.pid = spawn(self.plan.argv, self.plan.folder, self._environment, self.logs, self._confine)
+        self.pid = spawn(self.plan.argv, self.plan.folder, self._environment, self.logs, self._confine, self._fork)
         self.ended = os.pidfd_open(self.pid)
 
     def see_end(self) -> int:
@@ -150,6 +158,7 @@ def spawn(
     environment: Mapping[str, str],
     logs: tuple[CappedLog, CappedLog],
     confine: Callable[[], None],
+    fork: Fork = fork_beside,
 ) -> int:
     """Starts a program in a session of its own, with nothing open but its logs; it dies with this process.
 
@@ -159,6 +168,7 @@ def spawn(
         environment: The whole environment.
         logs: Where standard output and error go; standard input is empty.
         confine: Called in the new process before the program takes it over.
+        fork: Forks that process.
 
     Returns:
         Its pid.
@@ -166,20 +176,23 @@ def spawn(
     Raises:
         StartError: It cannot be executed.
     """
-    parent = os.getpid()
     failed, tell = os.pipe()
-    pid = os.fork()
-    if pid == 0:
+
+    def become() -> NoReturn:
         try:
-            os.setsid()
-            die_with_parent()
-            if os.getppid() == parent:
-                _take_over(tell, argv, folder, environment, logs, confine)
+            _take_over(tell, argv, folder, environment, logs, confine)
         except BaseException as error:
             os.write(tell, _why_not(error, argv[0], folder).encode())
         finally:
             os._exit(_NOT_STARTED)
-    os.close(tell)
+
+    try:
+        pid = fork(become)
+    except OSError:
+        os.close(failed)
+        raise
+    finally:
+        os.close(tell)
     with os.fdopen(failed, "rb") as reader:
         problem = reader.read()  # ends when the program has taken over, or failed to
     if problem:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.programs import BoxPlan, ProgramPlan
 from ....schemas.runs.variables import variables_of
 from ..agents.agent_client import SOCKET_VARIABLE
 from ..agents.agent_socket import agent_socket_path
@@ -36,12 +36,13 @@ _INHERITED_VARIABLES = frozenset(
 _GPU_VARIABLES = ("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES")
 
 
-def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
+def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = None) -> RunRequest:
     """Adds to a plan what this process knows: its import path, its environment, how to render.
 
     Args:
         plan: The run. Relative paths are those of this process.
         cores: Processor cores it may use; None: all.
+        box: What it is confined to; None: to nothing.
 
     Raises:
         LaunchError: The variables ask for an impossible video or recording.
@@ -56,7 +57,10 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
     variables = dict(variables_of(plan))
     if renders_now and backend in ("egl", "osmesa"):
         variables.setdefault("MUJOCO_GL", backend)
+    box = box or BoxPlan()
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
+    if box.level == "box":
+        home["TMPDIR"] = "/tmp"  # noqa: S108 - the box's own
     return RunRequest(
         plan=plan,
         environment={
@@ -69,6 +73,7 @@ def make_request(plan: RunPlan, cores: list[int] | None) -> RunRequest:
         },
         import_path=[str(Path(entry).absolute()) for entry in sys.path],
         video_backend=backend,
+        box=box,
         cores=cores,
     )
 

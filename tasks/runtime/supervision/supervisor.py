@@ -15,32 +15,43 @@ import json
 import os
 import signal
 import socket
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection
 
+from ....schemas.runs.programs import BoxLevel
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import Progress
 from ..limits.processes import adopt_orphans, come_first, kill_children
 from ..process.run_request import RunRequest
+from ..process.run_sights import sights_of_run
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
+from ..sandbox.box import Box
+from ..sandbox.views import Sight
 from ..states.provenance import note_run_of_programs
 from .process_supervision import Supervision
 
 
-def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse) -> None:
+def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
     """Waits for a run, and supervises it.
 
     Args:
         control: Brings one message, with the connection to the run's launcher; closed, if no run will come.
         run_child: What the run's process does.
         rehearse: What that process does until there is a run.
+        level: How runs are confined, if they do not ask for less.
     """
     os.setsid()
     adopt_orphans()
     come_first()
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     progress = Progress()
-    run = WaitingRun(run_child, progress, control.close, rehearse)
+
+    def wait(rehearse: Rehearse, close: Callable[[], None], level: BoxLevel) -> WaitingRun:
+        box = Box() if level == "box" else None
+        return WaitingRun(run_child, progress, close, rehearse, box)
+
+    run = wait(rehearse, control.close, level)
     with control:
         _, descriptors, _, _ = socket.recv_fds(control, 1, 1)
     if not descriptors:
@@ -52,10 +63,43 @@ def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse) ->
     except EOFError:
         run.dismiss()
         return
-    while not run.tell(message):  # which both read at the same time
+    request = RunRequest.model_validate_json(message)
+    is_boxed = request.box.level == "box"
+    sights = sights_of_run(request) if is_boxed else []
+    try:
+        for is_last in (False, False, True):
+            if is_boxed == (run.box is not None) and _is_ready(run, sights, request, message, is_last=is_last):
+                break
+            run.dismiss()
+            run = wait(lambda _: None, channel.close, request.box.level)
+        else:
+            raise OSError("the run's process was killed three times while it waited")
+    except OSError as error:
+        channel.send_bytes(_refusal(error))
         run.dismiss()
-        run = WaitingRun(run_child, progress, channel.close, lambda _: None)
-    _supervise(channel, RunRequest.model_validate_json(message), run, progress)
+        return
+    _supervise(channel, request, run, progress)
+
+
+def _is_ready(run: WaitingRun, sights: Sequence[Sight], request: RunRequest, message: bytes, *, is_last: bool) -> bool:
+    """Furnishes the box of a waiting process and tells it of its run, unless it has been killed or is out of date.
+
+    Raises:
+        OSError: It is the last that is tried, and it cannot be furnished.
+    """
+    if run.box is not None:
+        try:
+            run.box.furnish(sights, request.box.network)
+        except OSError:
+            if is_last:
+                raise
+            return False
+    return run.tell(message)
+
+
+def _refusal(error: LaunchError | OSError) -> bytes:
+    code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"
+    return json.dumps({"event": "refused", "code": code, "reason": str(error)}).encode()
 
 
 def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progress: Progress) -> None:
@@ -73,13 +117,13 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
         progress: What that shares with this process.
     """
     if not request.plan.has_episode:
-        run.dismiss()
+        run.dismiss(keep_box=True)
 
     def tell(message: dict[str, object]) -> None:
         with suppress(OSError):  # the launcher may be gone
             channel.send_bytes(json.dumps(message).encode())
 
-    supervision = Supervision(channel, request, progress, run.begin, tell)
+    supervision = Supervision(channel, request, progress, run.begin, tell, run.box)
     try:
         supervision.prepare()
         if not request.plan.has_episode:
@@ -87,8 +131,8 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
                 note_run_of_programs(request.for_run_process().plan)
     except (LaunchError, OSError) as error:
         kill_children()
-        code = error.failure_code if isinstance(error, LaunchError) else "InternalServiceError"
-        tell({"event": "refused", "code": code, "reason": str(error)})
+        with suppress(OSError):  # the launcher may be gone
+            channel.send_bytes(_refusal(error))
         return
     tell({"event": "started"})
     supervision.start()

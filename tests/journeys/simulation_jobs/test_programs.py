@@ -162,7 +162,10 @@ def test_a_job_knows_no_secret_of_its_job_worker(
     assert variables["AWS_ACCESS_KEY_ID"] == variables["AWS_SECRET_ACCESS_KEY"] == "local"
 
 
-def test_a_job_cancels_itself_with_the_command(service: Service, order_command: Order, run: Any) -> None:
+def test_a_job_cancels_itself_with_the_command(
+    service: Service, order_command: Order, run: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOMAKER_SANDBOX", "off")  # in a box it does not see the catalog
     script = """
       robomaker call CancelSimulationJob --input "{\\"job\\": \\"$AWS_ROBOMAKER_SIMULATION_JOB_ARN\\"}"
       sleep 1000

@@ -1,0 +1,65 @@
+"""What the processes of a run see of this machine's files."""
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from ..agents.agent_socket import agent_socket_path, make_private
+from ..sandbox.landlock import Rules
+from ..sandbox.views import Sight, paths_in, python_paths, readable_rules, system_sights
+from .run_request import RunRequest
+
+
+def sights_of_run(request: RunRequest) -> list[Sight]:
+    """Files and folders of a run, besides those of the system; folders that it writes to are made.
+
+    Paths in variables count where the service or its user has set them; a job cannot name what it wants to see.
+    """
+    plan = request.plan
+    paths = [*python_paths(request.import_path), *paths_in({**os.environ, **plan.environment}), *request.box.shown]
+    sights = [Sight(str(path), "read") for path in paths]
+    sights += [Sight(str(path), "hide") for path in request.box.hidden]
+    sights += [Sight(str(path), "read") for path in _inputs(request)]
+    for folder in (plan.work_dir, plan.output_dir, plan.root_dir, plan.checkpoint_dir):
+        if folder is not None:
+            folder.mkdir(parents=True, exist_ok=True)
+            sights.append(Sight(str(folder), "write"))
+    for program in plan.programs:
+        sights += _of_program(program.folder, program.argv, [*system_sights(), *sights])
+    if plan.has_robot_program:
+        private = agent_socket_path(plan).parent.parent
+        if not private.is_relative_to(plan.work_dir):
+            make_private(private)
+            sights.append(Sight(str(private), "write"))
+    if plan.data_dir is not None:
+        sights.append(Sight(str(plan.data_dir), "read"))
+    return sights
+
+
+def rules_of_run(request: RunRequest) -> Sequence[Rules]:
+    """The same for Landlock, which needs all of it; nothing for runs that are confined otherwise."""
+    return readable_rules(sights_of_run(request)) if request.box.level == "landlock" else ()
+
+
+def _inputs(request: RunRequest) -> Iterator[Path]:
+    plan = request.plan
+    if plan.world_dir is not None:
+        yield plan.world_dir
+    for application in (plan.simulation_application, plan.robot_application):
+        if application is not None and application.path is not None:
+            yield application.path
+    if plan.recorded_actions is not None:
+        yield plan.recorded_actions.path
+
+
+def _of_program(folder: Path, argv: Sequence[str], known: Sequence[Sight]) -> Iterator[Sight]:
+    """A program's own folder, which it may write to, and its file, where no other sight has them."""
+    if folder.is_dir() and folder != Path("/") and not _is_among(folder, known):
+        yield Sight(str(folder), "write")
+    file = Path(argv[0])
+    if file.is_absolute() and file.is_file() and not _is_among(file, known):
+        yield Sight(argv[0], "read")
+
+
+def _is_among(path: Path, sights: Sequence[Sight]) -> bool:
+    return any(path.is_relative_to(sight.path) for sight in sights if sight.view != "hide")

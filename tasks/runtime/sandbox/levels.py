@@ -1,0 +1,71 @@
+"""Which level of confinement this machine and this user have, found out by trying."""
+
+import os
+from collections.abc import Callable
+from typing import NamedTuple, NoReturn
+
+from ....schemas.runs.programs import BoxLevel
+from ..limits.processes import adopt_orphans
+from .box import Box, BoxError
+from .forking import fork_beside
+from .landlock import Rules, landlock_version
+from .rights import give_up_rights
+from .views import Sight, system_sights
+
+
+class Confinement(NamedTuple):
+    """The strongest level there is."""
+
+    level: BoxLevel
+    why_not_more: str = ""
+    """What refused the stronger ones, in words."""
+
+
+def strongest_level() -> Confinement:
+    """Tries the levels, the strongest first; this process has one thread, and adopts orphans from now on."""
+    adopt_orphans()
+    system_sights()  # looked for once, and known to all that is forked from this process
+    try:
+        _try_box()
+    except OSError as error:
+        refused = f"no namespaces: {error}"
+    else:
+        return Confinement("box")
+    if landlock_version() == 0:
+        return Confinement("none", f"{refused}; no Landlock: this kernel does not have it, or has it switched off")
+    if _exit_code(fork_beside(_leaving(lambda: give_up_rights("landlock", [Rules("/usr", writable=False)])))) == 0:
+        return Confinement("landlock", refused)
+    return Confinement("none", f"{refused}; no Landlock: the kernel refused its rules")
+
+
+def _try_box() -> None:
+    box = Box()
+    try:
+        box.furnish([Sight("/usr", "read")], "none")
+        if _exit_code(box.fork(_leaving(lambda: give_up_rights("box")))) != 0:
+            raise BoxError("a process in it could not give up its rights")
+    finally:
+        box.close()
+
+
+def _leaving(action: Callable[[], None]) -> Callable[[], NoReturn]:
+    def become() -> NoReturn:
+        code = 1
+        try:
+            action()
+            code = 0
+        finally:
+            os._exit(code)
+
+    return become
+
+
+def _exit_code(pid: int) -> int:
+    return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+
+
+if __name__ == "__main__":
+    import json
+    import sys
+
+    json.dump(strongest_level()._asdict(), sys.stdout)

@@ -1,0 +1,23 @@
+"""What a process gives up when it begins to run code of a job."""
+
+from collections.abc import Sequence
+
+from ....schemas.runs.programs import BoxLevel
+from . import kernel
+from .landlock import Rules, restrict
+
+
+def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
+    """Confines this process and all that it starts, for good.
+
+    Args:
+        level: `box`: it is in one already, and gives up what it could do to it; `landlock`: it gets rules; `none`.
+        rules: for `landlock`.
+    """
+    if level == "none":
+        return
+    kernel.leave_keyrings()
+    kernel.forgo_privileges()
+    if level == "landlock":
+        restrict(rules)
+    kernel.stay_visible()

@@ -1,0 +1,116 @@
+"""What a run sees of the machine's files: the system, Python and what it imports, and the run's own folders."""
+
+import os
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from .landlock import Rules
+
+_SYSTEM = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", "/libx32", "/opt", "/etc", "/nix", "/snap")
+_FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", "/sys", "/dev")
+"""Never shown as a whole, even where Python imports from there."""
+
+_DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
+
+_PATH_VARIABLES = (
+    *("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "MENAGERIE_ROOT", "LIBGL_DRIVERS_PATH", "__EGL_VENDOR_LIBRARY_DIRS"),
+    *("AWS_DATA_PATH", "AWS_CONFIG_FILE", "AWS_CONTAINER_AUTHORIZATION_TOKEN_FILE", "AWS_CA_BUNDLE"),
+)
+
+View = Literal["read", "write", "hide"]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """One file or folder, and what a run may do with it."""
+
+    path: str
+    view: View
+
+
+@cache
+def system_sights() -> tuple[Sight, ...]:
+    """What every run sees: programs and libraries of the system, without files that only root may read."""
+    shown = [Sight(path, "read") for path in _SYSTEM if os.path.lexists(path)]
+    if os.path.islink("/etc/resolv.conf"):  # often into /run, which runs do not see
+        shown.append(Sight(os.path.realpath("/etc/resolv.conf"), "read"))
+    return (*shown, *(Sight(path, "hide") for path in _secrets_below("/etc")))
+
+
+def python_paths(import_path: Iterable[str]) -> list[Path]:
+    """Where Python, and what is imported by it, are; a folder that is much more than that is left out.
+
+    Args:
+        import_path: `sys.path` of the process that asked for the run.
+    """
+    found = {*map(os.path.abspath, import_path), sys.prefix, sys.base_prefix}
+    found |= {os.path.realpath(path) for path in found} | {os.path.dirname(os.path.realpath(sys.executable))}
+    # What is installed in editable form is found by a table and not by the path.
+    for name, module in list(sys.modules.items()):
+        if name.startswith("__editable__"):
+            found |= {os.path.realpath(folder) for folder in getattr(module, "MAPPING", {}).values()}
+    return _worth_showing(found)
+
+
+def paths_in(variables: Mapping[str, str]) -> list[Path]:
+    """Where programs, libraries and settings are that variables of the job worker name."""
+    named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
+    return _worth_showing(path for path in named if os.path.isabs(path))
+
+
+def _worth_showing(paths: Iterable[str]) -> list[Path]:
+    """Those that are there, are not much more than what is looked for, and are not shown with the system."""
+    home = os.path.expanduser("~")
+    foreign = {*_FOREIGN, home, os.path.realpath(home)}
+    system = tuple(f"{path}/" for path in _SYSTEM)
+    return [
+        Path(path)
+        for path in sorted(set(paths) - foreign)
+        if os.path.exists(path) and not f"{path}/".startswith(system) and os.path.realpath(path) not in foreign
+    ]
+
+
+def ordered(sights: Iterable[Sight]) -> list[Sight]:
+    """Sights in the order in which they are mounted: folders before what is in them, and of one path the last."""
+    return sorted({sight.path: sight for sight in sights}.values(), key=lambda sight: sight.path.count("/"))
+
+
+def _secrets_below(folder: str) -> list[str]:
+    """What not everybody may read, which only root could read in the box."""
+    if os.geteuid() != 0:
+        return []
+    found = []
+    for parent, folders, files in os.walk(folder):
+        for name in [*folders, *files]:
+            path = os.path.join(parent, name)
+            if not os.path.islink(path) and not os.lstat(path).st_mode & 0o004:
+                found.append(path)
+        folders[:] = [name for name in folders if os.path.join(parent, name) not in found]
+    return found
+
+
+def readable_rules(sights: Iterable[Sight]) -> list[Rules]:
+    """What a run sees, as rules for Landlock, which can only allow: folders with something hidden are taken apart."""
+    every = [*system_sights(), *sights]
+    hidden = {os.path.realpath(sight.path) for sight in every if sight.view == "hide"}
+    rules = [Rules(path, writable=True) for path in (f"/dev/{name}" for name in _DEVICES)]
+    rules += [Rules(str(path), writable=True) for path in Path("/dev").glob("nvidia*")]
+    rules += [Rules(path, writable=False) for path in ("/proc", "/sys")]
+    for sight in every:
+        if sight.view == "write":
+            rules.append(Rules(sight.path, writable=True))
+        elif sight.view == "read":
+            rules += [Rules(path, writable=False) for path in _without(os.path.realpath(sight.path), hidden)]
+    return rules
+
+
+def _without(path: str, hidden: set[str]) -> list[str]:
+    if path in hidden:
+        return []
+    if not any(other.startswith(path + "/") for other in hidden):
+        return [path]
+    return [found for name in os.listdir(path) for found in _without(os.path.realpath(f"{path}/{name}"), hidden)]

@@ -1,0 +1,75 @@
+"""Decides what a run is confined to: what the settings ask for and what this machine can."""
+
+import logging
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from ....schemas.runs.programs import BoxPlan
+from ....schemas.settings import Settings
+from ....schemas.wire.errors import LaunchError
+from ..sandbox.levels import Confinement
+
+_CODE = "InternalServiceError"
+_OF_USERS = (".aws", ".ssh", ".gnupg", ".prefect", ".docker", ".kube", ".netrc", ".config", ".s3cfg")
+_SQLITE = "sqlite:///"
+
+_logger = logging.getLogger(__name__)
+
+
+@cache
+def _warn_once(text: str) -> None:
+    _logger.warning("%s", text)
+
+
+def plan_box(
+    settings: Settings,
+    confinement: Confinement,
+    user_home: Path | None = None,
+    warn: Callable[[str], None] = _warn_once,
+) -> BoxPlan:
+    """Decides what a run is confined to.
+
+    Args:
+        settings: The service's.
+        confinement: The strongest level that this machine has.
+        user_home: Home folder of this process's user; None: as the system says.
+        warn: Told once what is missing.
+
+    Raises:
+        LaunchError: The settings require more than this machine has.
+    """
+    if settings.sandbox == "off":
+        return BoxPlan()
+    level, why = confinement
+    lacks = ""
+    if level == "none":
+        lacks = f"simulation jobs are not confined on this machine: {why}"
+    elif level != "box" and settings.sandbox_network != "full":
+        lacks = f"the network of simulation jobs cannot be {settings.sandbox_network!r} on this machine: {why}"
+    if lacks and settings.sandbox == "require":
+        raise LaunchError(
+            f"{lacks}; ROBOMAKER_SANDBOX=require refuses to run them so: allow user namespaces, or set it to auto",
+            _CODE,
+        )
+    if lacks:
+        warn(f"{lacks} (see `robomaker doctor`)")
+    return BoxPlan(
+        level=level,
+        network=settings.sandbox_network if level == "box" else "full",
+        shown=list(settings.sandbox_show),
+        hidden=_hidden(settings, user_home or Path.home()),
+    )
+
+
+def _hidden(settings: Settings, user_home: Path) -> list[Path]:
+    """What of the service and of the user is hidden also where it lies in a folder that is shown."""
+    hidden = [settings.home, *(user_home / name for name in _OF_USERS)]
+    if settings.access_keys_file is not None:
+        hidden.append(settings.access_keys_file)
+    if settings.object_store.startswith("/"):
+        hidden.append(Path(settings.object_store))
+    if settings.catalog_url.startswith(_SQLITE):
+        catalog = settings.catalog_url.removeprefix(_SQLITE)
+        hidden += [Path(catalog + end) for end in ("", "-wal", "-shm", "-journal")]
+    return hidden

@@ -1,0 +1,164 @@
+"""Ways out of a job, tried for real: each function returns what it got, or fails.
+
+It runs as a program of a job, and is imported by the factory of one. What it is to reach is in `TARGETS`, as JSON.
+"""
+
+import ctypes
+import json
+import os
+import signal
+import socket
+import sqlite3
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+LIBC = ctypes.CDLL(None, use_errno=True)
+NEW_USER, PTRACE_ATTACH, PTRACE_DETACH = 0x10000000, 16, 17
+KEYCTL, KEYCTL_SEARCH, SESSION_KEYRING = 250, 10, -3
+
+
+def called(answer: int) -> int:
+    if answer < 0:
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+    return answer
+
+
+def in_a_fork(action: Callable[[], Any]) -> bool:
+    pid = os.fork()
+    if pid == 0:
+        code = 1
+        try:
+            action()
+            code = 0
+        finally:
+            os._exit(code)
+    assert os.waitpid(pid, 0)[1] == 0, "it failed"
+    return True
+
+
+def connect(family: int, address: Any) -> bool:
+    with socket.socket(family) as client:
+        client.settimeout(3)
+        client.connect(address)
+        return client.recv(2) == b"hi"
+
+
+def written(path: str) -> bool:
+    Path(path).write_bytes(b"")
+    Path(path).unlink()
+    return True
+
+
+def catalog(target: str) -> Any:
+    with sqlite3.connect(f"file:{target}?mode=ro", uri=True) as database:
+        return database.execute("SELECT secret FROM jobs").fetchone()
+
+
+def attach(pid: int) -> bool:
+    called(LIBC.ptrace(PTRACE_ATTACH, pid, None, None))
+    os.waitpid(pid, 0x40000000)
+    LIBC.ptrace(PTRACE_DETACH, pid, None, None)
+    return True
+
+
+def processes(text: str) -> bool:
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            if text.encode() in entry.read_bytes() and entry.parent.name != str(os.getpid()):
+                return True
+        except OSError:
+            continue
+    return False
+
+
+def sysctl(path: str) -> bool:
+    value = Path(path).read_text()
+    Path(path).write_text(value)
+    return True
+
+
+def supervisor(_: Any) -> bool:
+    assert os.getppid() > 1, "the parent is not seen"
+    os.kill(os.getppid(), 0)
+    return True
+
+
+def foreign_descriptors(_: Any) -> list[str]:
+    found = []
+    for number in os.listdir("/proc/self/fd"):
+        try:
+            where = os.readlink(f"/proc/self/fd/{number}")
+        except OSError:
+            continue
+        if where.startswith("socket:") or where.endswith(".db"):
+            found.append(where)
+    return found
+
+
+def key(name: str) -> bool:
+    return called(LIBC.syscall(KEYCTL, KEYCTL_SEARCH, SESSION_KEYRING, b"user", name.encode(), 0)) > 0
+
+
+ATTACKS: dict[str, Callable[[Any], Any]] = {
+    "environ": lambda pid: b"SECRET_KEY" in Path(f"/proc/{pid}/environ").read_bytes(),
+    "working directory": lambda pid: os.listdir(f"/proc/{pid}/cwd") is not None,
+    "root of a process": lambda pid: os.listdir(f"/proc/{pid}/root/") is not None,
+    "processes": processes,
+    "ptrace": attach,
+    "kill": lambda pid: os.kill(pid, signal.SIGCONT) is None,
+    "supervisor": supervisor,
+    "catalog": catalog,
+    "other output": lambda path: Path(path).read_text(),
+    "cloud keys": lambda path: Path(path).read_text(),
+    "touch the catalog": lambda path: os.utime(path) is None,
+    "installed packages": written,
+    "input": written,
+    "temporary files": lambda path: Path(path).exists(),
+    "tcp": lambda port: connect(socket.AF_INET, ("127.0.0.1", port)),
+    "abstract socket": lambda name: connect(socket.AF_UNIX, "\0" + name),
+    "socket": lambda path: connect(socket.AF_UNIX, path),
+    "user namespace": lambda _: in_a_fork(lambda: called(LIBC.unshare(NEW_USER))),
+    "keyring": key,
+    # of root only
+    "mount": lambda folder: in_a_fork(
+        lambda: called(LIBC.unshare(0x20000)) or called(LIBC.mount(b"none", folder.encode(), b"tmpfs", 0, None))
+    ),
+    "chroot": lambda folder: in_a_fork(lambda: os.chroot(folder)),
+    "setuid": lambda _: in_a_fork(lambda: os.setuid(1)),
+    "device": lambda path: in_a_fork(lambda: (os.mknod(path, 0o60600, os.makedev(7, 0)), os.unlink(path))),
+    "shadow": lambda path: bool(Path(path).read_text()),
+    "sysctl": sysctl,
+    "host name": lambda _: in_a_fork(lambda: called(LIBC.unshare(0x4000000)) or socket.sethostname("box")),
+}
+
+
+def try_all(targets: dict[str, Any]) -> dict[str, str]:
+    """What each attack got; those that failed are left out."""
+    succeeded = {}
+    for name, target in targets.items():
+        try:
+            if got := ATTACKS[name](target):
+                succeeded[name] = str(got)
+        except (OSError, AssertionError, sqlite3.Error) as error:
+            sys.stderr.write(f"{name}: {error}\n")
+    if left := foreign_descriptors(None):
+        succeeded["descriptors"] = str(left)
+    return succeeded
+
+
+def note() -> None:
+    result = json.dumps(try_all(json.loads(os.environ["TARGETS"])))
+    Path(os.environ["ROBOMAKER_OUTPUT_DIR"], "escapes.json").write_text(result)
+
+
+def make_environment(context: Any) -> Any:
+    """A factory that attacks."""
+    del context
+    note()
+    sys.exit(0)
+
+
+if __name__ == "__main__":
+    note()

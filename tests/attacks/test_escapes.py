@@ -1,0 +1,183 @@
+"""A job that attacks the machine that it runs on: without a box all of it succeeds, in a box nothing."""
+
+import ctypes
+import json
+import os
+import socket
+import sqlite3
+import subprocess
+import sys
+import sysconfig
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.paths import TESTS
+from helpers.run_processes import never, wait_until
+
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
+from prefect_robomaker.schemas.runs.programs import BoxPlan, ProgramPlan
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.runtime.sandbox.landlock import landlock_version
+from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement
+from prefect_robomaker.tasks.runtime.supervision.boxes import plan_box
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+
+ESCAPES = TESTS / "attacks" / "escapes"
+ADD_KEY, KEYCTL, SESSION_KEYRING, KEYCTL_UNLINK = 248, 250, -3, 9
+MARK = "robomaker-victim"
+NOT_STOPPED_BY_LANDLOCK = {"touch the catalog", "socket", "tcp", "user namespace", "processes", "temporary files"}
+"""As `docs/sandbox.md` says; a run without a network of its own reaches TCP."""
+SYSTEM_OF_ROOT = {"mount", "chroot", "setuid", "device", "shadow", "sysctl", "host name"}
+
+
+@pytest.fixture
+def victim() -> Iterator[subprocess.Popen[bytes]]:
+    """A process like a job worker, with a secret in its environment."""
+    command = [sys.executable, "-c", "import time; time.sleep(600)", MARK]
+    with subprocess.Popen(command, env={"SECRET_KEY": "s3cret"}) as process:
+        wait_until(lambda: b"SECRET" in Path(f"/proc/{process.pid}/environ").read_bytes(), 5)
+        yield process
+        process.kill()
+
+
+@pytest.fixture
+def listeners(tmp_path: Path) -> Iterator[dict[str, Any]]:
+    """Servers of this machine, which greet whoever connects."""
+    places: dict[str, Any] = {"abstract socket": f"{MARK}-{hash(tmp_path)}", "socket": str(tmp_path / "home" / "s")}
+    (tmp_path / "home").mkdir()
+    servers = []
+    for family, address in (
+        (socket.AF_INET, ("127.0.0.1", 0)),
+        (socket.AF_UNIX, "\0" + places["abstract socket"]),
+        (socket.AF_UNIX, places["socket"]),
+    ):
+        server = socket.socket(family)
+        server.bind(address)
+        server.listen()
+        servers.append(server)
+        threading.Thread(target=greet, args=[server], daemon=True).start()
+    yield {**places, "tcp": servers[0].getsockname()[1]}
+    for server in servers:
+        server.shutdown(socket.SHUT_RDWR)  # which also ends its thread's wait
+        server.close()
+
+
+def greet(server: socket.socket) -> None:
+    while True:
+        try:
+            with server.accept()[0] as client:
+                client.sendall(b"hi")
+        except OSError:
+            return
+
+
+@pytest.fixture
+def key() -> Iterator[str | None]:
+    """A key in the session keyring, where the kernel has keyrings."""
+    libc = ctypes.CDLL(None, use_errno=True)
+    number = libc.syscall(ADD_KEY, b"user", MARK.encode(), b"s3cret", 6, SESSION_KEYRING)
+    yield MARK if number > 0 else None
+    if number > 0:
+        libc.syscall(KEYCTL, KEYCTL_UNLINK, number, SESSION_KEYRING)
+
+
+@pytest.fixture
+def targets(
+    tmp_path: Path, victim: subprocess.Popen[bytes], listeners: dict[str, Any], key: str | None
+) -> dict[str, Any]:
+    """What is attacked."""
+    home = tmp_path / "home"
+    with sqlite3.connect(home / "catalog.db") as database:
+        database.execute("CREATE TABLE jobs (secret)")
+        database.execute("INSERT INTO jobs VALUES ('s3cret')")
+    for name in ("other/output/result.json", "user/.aws/credentials", "home/runs/data/map.json"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("s3cret")
+    targets = dict.fromkeys(("environ", "working directory", "root of a process", "ptrace", "kill"), victim.pid)
+    targets |= {
+        "processes": MARK,
+        "supervisor": None,
+        "catalog": str(home / "catalog.db"),
+        "touch the catalog": str(home / "catalog.db"),
+        "other output": str(tmp_path / "other/output/result.json"),
+        "cloud keys": str(tmp_path / "user/.aws/credentials"),
+        "installed packages": sysconfig.get_path("purelib") + "/escaped.py",
+        "input": str(home / "runs/data/escaped.json"),
+        "temporary files": str(tmp_path / "other"),
+        "user namespace": None,
+        **listeners,
+    }
+    if key is not None:
+        targets["keyring"] = key
+    if os.geteuid() == 0:
+        targets |= dict.fromkeys(SYSTEM_OF_ROOT)
+        targets |= {"mount": "/mnt", "chroot": "/usr", "device": str(tmp_path / "home/runs/device")}
+        targets |= {"shadow": "/etc/shadow", "sysctl": "/proc/sys/kernel/core_pattern"}
+    return targets
+
+
+@pytest.fixture
+def attack(
+    tmp_path: Path, targets: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> Callable[..., tuple[dict[str, str], dict[str, Any]]]:
+    """Runs a job that tries everything; returns what succeeded, and what was tried."""
+
+    def run(kind: str, mode: str, box: BoxPlan | None = None) -> tuple[dict[str, str], dict[str, Any]]:
+        monkeypatch.setenv("ROBOMAKER_SANDBOX", mode)
+        monkeypatch.setenv("ROBOMAKER_SANDBOX_NETWORK", "full" if mode == "off" else "none")
+        monkeypatch.setenv("ROBOMAKER_HOME", str(tmp_path / "home"))
+        plan = plan_attack(kind, tmp_path, targets)
+        with Launcher() as launcher:
+            if box is not None:
+                monkeypatch.setattr(launcher, "_box", lambda: box)
+            outcome = launcher.run(plan, never)
+        assert (plan.output_dir / "escapes.json").exists(), outcome.failure_reason
+        return json.loads((plan.output_dir / "escapes.json").read_text()), targets
+
+    return run
+
+
+def plan_attack(kind: str, tmp_path: Path, targets: dict[str, Any]) -> RunPlan:
+    folder = tmp_path / "home/runs/run-1"
+    bundle = folder / "bundle"
+    bundle.mkdir(parents=True)
+    (bundle / "escapes.py").write_bytes((ESCAPES / "escapes.py").read_bytes())
+    application = ApplicationPlan(role="simulation", name="attack")
+    if kind == "factory":
+        application = ApplicationPlan(
+            role="simulation", name="attack", attribute="escapes.make_environment", path=bundle
+        )
+    program = ProgramPlan(
+        name="simulation", role="simulation", kind="application", argv=[sys.executable, "escapes.py"], folder=bundle
+    )
+    return RunPlan(
+        job_id="sim-1", job_arn="arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1", run_id="run-1",
+        seed=1, max_duration_s=30, work_dir=folder / "work", output_dir=folder / "output",
+        data_dir=tmp_path / "home/runs/data", root_dir=folder / "root", simulation_application=application,
+        programs=[program] if kind == "program" else [], environment={"TARGETS": json.dumps(targets)},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["program", "factory"])
+class TestEscapes:
+    def test_all_succeed_without_a_box(self, attack: Callable[..., Any], kind: str) -> None:
+        succeeded, tried = attack(kind, "off")
+        assert set(succeeded) - {"descriptors"} == set(tried)
+
+    def test_none_succeeds_in_a_box(self, attack: Callable[..., Any], kind: str) -> None:
+        with Launcher() as launcher:
+            launcher.start()
+            if launcher._box().level != "box":
+                pytest.skip("this machine or user has no namespaces")
+        succeeded, _ = attack(kind, "require")
+        assert succeeded == {}
+
+    @pytest.mark.skipif(landlock_version() < 6, reason="this kernel has no Landlock with scopes")
+    def test_landlock_stops_what_the_page_says(self, attack: Callable[..., Any], kind: str, tmp_path: Path) -> None:
+        settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "home")})
+        box = plan_box(settings, Confinement("landlock", "as a test"), tmp_path / "user")
+        succeeded, _ = attack(kind, "auto", box)
+        assert set(succeeded) - {"descriptors"} <= NOT_STOPPED_BY_LANDLOCK

@@ -1,0 +1,49 @@
+"""What a run is confined to, by settings and machine."""
+
+from pathlib import Path
+
+import pytest
+
+from prefect_robomaker.schemas.runs.programs import BoxLevel
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement
+from prefect_robomaker.tasks.runtime.supervision.boxes import plan_box
+
+
+def settings(**variables: str) -> Settings:
+    return Settings.from_environment({"ROBOMAKER_HOME": "/data/home", **variables})
+
+
+@pytest.mark.parametrize("level", ["box", "landlock", "none"])
+def test_auto_is_what_the_machine_has(level: BoxLevel, tmp_path: Path) -> None:
+    warnings: list[str] = []
+    box = plan_box(settings(), Confinement(level, "it has no namespaces"), tmp_path, warnings.append)
+    assert (box.level, box.network) == (level, "full")
+    assert {Path("/data/home"), tmp_path / ".aws", Path("/data/home/catalog.db")} <= set(box.hidden)
+    assert warnings == (
+        ["simulation jobs are not confined on this machine: it has no namespaces (see `robomaker doctor`)"]
+        if level == "none"
+        else []
+    )
+
+
+def test_off_is_nothing() -> None:
+    assert plan_box(settings(ROBOMAKER_SANDBOX="off"), Confinement("box")).level == "none"
+
+
+def test_require_refuses_what_cannot_be_confined() -> None:
+    with pytest.raises(LaunchError, match=r"are not confined on this machine: no namespaces; .*allow user") as caught:
+        plan_box(settings(ROBOMAKER_SANDBOX="require"), Confinement("none", "no namespaces"))
+    assert caught.value.failure_code == "InternalServiceError"
+    assert plan_box(settings(ROBOMAKER_SANDBOX="require"), Confinement("landlock", "no namespaces")).level == "landlock"
+
+
+def test_a_network_of_its_own_needs_a_box() -> None:
+    alone = {"ROBOMAKER_SANDBOX_NETWORK": "none"}
+    assert plan_box(settings(**alone), Confinement("box")).network == "none"
+    warnings: list[str] = []
+    assert plan_box(settings(**alone), Confinement("landlock", "why"), warn=warnings.append).network == "full"
+    assert len(warnings) == 1
+    with pytest.raises(LaunchError, match="network of simulation jobs cannot be 'none'"):
+        plan_box(settings(ROBOMAKER_SANDBOX="require", **alone), Confinement("landlock", "why"))
