@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.colcon_bundles import bundle_v1, bundle_v2
 from helpers.processes import wait_for, working_below
 from helpers.required_programs import needs
 from helpers.run_processes import processes_with
@@ -169,3 +170,29 @@ def test_a_launch_file_that_is_not_there_is_the_reason(
 
     assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationCrash")
     assert "package my_robot has no launch file wrok.launch; it has drive.launch" in job["failureReason"]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_colcon_bundle_is_launched_in_its_overlays(
+    version: int, service: Service, launch_config: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    share = "opt/built_workspace/my_robot/share/my_robot"
+    setup = {"setup.sh": 'export GREETING="$GREETING from $BUNDLE_CURRENT_PREFIX"\n'}
+    workspace = {
+        **setup, f"{share}/package.xml": MANIFEST, f"{share}/launch/drive.launch": LAUNCH,
+        f"{share}/scripts/node.py": NODE.replace('environ.get("GREETING")', 'environ.get("GREETING").replace(" ", "|")'),
+    }  # fmt: skip
+    output = tmp_path / "output"
+    if version == 1:
+        bundle_v1(output, workspace)
+    else:
+        bundle_v2(output, setup, workspace)
+    service.store.put_file("applications", "ros.tar.gz", output)  # in the place of the workspace's archive
+
+    arn = ordered(service, robot=launch_config("robot", GREETING="hello"))
+    job = ended(service, arn)
+
+    assert job["status"] == "Completed", job
+    greeting = said(service, arn, "robot")["VARIABLES"].split()[2]
+    names = [place.rpartition("/")[2] for place in greeting.split("|from|")]
+    assert names == ["hello", *(["bundle"] if version == 1 else ["dependencies", "workspace"])]

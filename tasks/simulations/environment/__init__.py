@@ -1,6 +1,6 @@
-"""What the programs of a run find: folders, environment variables, processors, memory, shared memory.
+"""What the programs of a run find: folders, environment variables, overlays of colcon bundles, processors, memory, shared memory.
 
 May import: `schemas`, `tasks.service`.
 """
 
-__all__ = ["compute", "folders", "process_variables", "run_environment", "shared_memory"]
+__all__ = ["compute", "folders", "overlays", "process_variables", "run_environment", "shared_memory"]

@@ -15,6 +15,7 @@ from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
 from ..containers.plans import plan_container
 from ..environment.folders import HOME
+from ..environment.overlays import package_folders
 from ..environment.run_environment import RunEnvironment, tool_plan
 from ..inputs.bundles import application_bundle
 from ..ros.launching import node_variables, own_master
@@ -165,7 +166,8 @@ def _programs(
         import_path.append(inherited)
     environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
     if isinstance(launch, Program) and launch.launcher is not None:
-        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, run_environment.environ)
+        packages = package_folders(code.folder) if code.folder else []
+        environment |= node_variables(packages, launch.launcher, sys.executable, variables, run_environment.environ)
     folder = code.folder or run_environment.sandbox.place(HOME)
     programs = []
     if isinstance(launch, Program):
