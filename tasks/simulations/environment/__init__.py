@@ -1,4 +1,4 @@
-"""What the programs of a run find: folders, environment variables, overlays of colcon bundles, processors, memory, shared memory.
+"""What the programs of a run find: folders, variables, overlays of bundles, processors, memory, shared memory.
 
 May import: `schemas`, `tasks.service`.
 """

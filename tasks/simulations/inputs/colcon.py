@@ -14,8 +14,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.wire.base import Model
 from ....schemas.wire.errors import BundleError
-from ...storage import unpack
-from ...storage.archives import ArchiveLimits
+from ...storage import ArchiveLimits, unpack
 from ..environment.overlays import OVERLAYS_FILE
 
 _SYSTEM = ArchiveLimits(entries=1_000_000, depth=64, is_system_tree=True)

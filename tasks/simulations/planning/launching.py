@@ -150,7 +150,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
         own = own_program(code.folder, _LAUNCHERS[ros])
         if program := str(_of_this_machine(code, own, which)) if own else which(_LAUNCHERS[ros]):
             options = ["launch"] if ros == 2 else ["--wait"] if has_master else []
-            return Program(_with_setups(code, program, [*options, *what]), Path(program), ros)
+            return Program(in_ros(code, Path(program), (program, *options, *what)), Path(program), ros)
     needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
     raise LaunchError(
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
@@ -176,14 +176,20 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
     )
 
 
-def _with_setups(code: Code, program: str, arguments: list[str]) -> tuple[str, ...]:
-    """A program of ROS in the environments of its installation and of the bundle's workspace."""
-    setups = [Path(program).parent.parent / "setup.bash"]
+def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
+    """A command line in the environments of an installation of ROS and of the bundle's workspace.
+
+    Args:
+        code: the application, whose bundle may have a workspace.
+        launcher: `roslaunch` or `ros2` of the installation.
+        argv: the program and its arguments.
+    """
     if overlays(code.folder):
-        return _with_overlays(code, (program, *arguments))  # they source that of their own ROS
+        return _with_overlays(code, argv)  # they source that of their own ROS
+    setups = [launcher.parent.parent / "setup.bash"]
     if code.folder is not None:
         setups += [code.folder / setup for setup in _SETUPS]
-    return _sourced(setups, (program, *arguments))
+    return _sourced(setups, argv)
 
 
 def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
