@@ -141,10 +141,10 @@ SIMULATIONS = (
     differs(
         "ROS services of jobs",
         _JOB_REQUESTS,
-        known="Every job offered `/robomaker/job/cancel`, `add_tags`, `remove_tags` and `list_tags`, with the types of "
-        "`robomaker_simulation_msgs`, in ROS 1 and ROS 2.",
-        here="Jobs that roslaunch starts offer them where rospy is installed; the types need not be in the bundle. Jobs "
-        "of ROS 2 do not.",
+        known="Every job offered `/robomaker/job/cancel`, `add_tags`, `remove_tags` and `list_tags`, with the types "
+        "of `robomaker_simulation_msgs`, in ROS 1 and ROS 2.",
+        here="Jobs that roslaunch starts offer them where rospy is installed; the types need not be in the bundle. "
+        "Jobs of ROS 2 do not.",
     ),
     differs(
         "Recording ROS topics",
