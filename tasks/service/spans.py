@@ -4,7 +4,7 @@ They are made through its API package alone, so they cost microseconds and go no
 an SDK, by `opentelemetry-instrument` for example.
 """
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -20,7 +20,7 @@ Value = str | int | float | bool
 @contextmanager
 def span(
     name: str, *, arn: str | None = None, traceparent: str | None = None, **attributes: Value
-) -> Iterator[trace.Span]:
+) -> Generator[trace.Span]:
     """A span around a block; one that raises has the exception, and ends as an error.
 
     Args:

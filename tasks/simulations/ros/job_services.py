@@ -10,7 +10,7 @@ import socket
 import struct
 import subprocess
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -59,7 +59,7 @@ def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, s
 
 
 @contextmanager
-def answering(root: Path | None, arn: str, service: Service) -> Iterator[None]:
+def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
     """Answers a job's programs while it runs, where its run has the message package.
 
     Args:

@@ -57,7 +57,7 @@ def test_requests_runs_and_steps_have_spans(tmp_path: Path) -> None:
     here = Path(__file__).parents[2]
     variables = {
         **{name: value for name, value in os.environ.items() if not name.startswith(("ROBOMAKER_", "OTEL_"))},
-        "PYTHONPATH": os.pathsep.join([str(sdk), str(conventions), str(here)]), "ROBOMAKER_HOME": str(tmp_path / "home"),
+        "PYTHONPATH": os.pathsep.join(map(str, [sdk, conventions, here])), "ROBOMAKER_HOME": str(tmp_path / "home"),
     }  # fmt: skip
 
     program = [sys.executable, "-c", SCRIPT]
