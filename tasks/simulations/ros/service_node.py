@@ -29,14 +29,14 @@ FILES = {
     "package.xml": f'<package format="2"><name>{PACKAGE}'
     "</name><version>1.1.0</version>"
     "<description>The messages of a job's services.</description>"
-    '<maintainer email="nobody@example.com">nobody</maintainer><license>Apache-2.0</license></package>\n',
+    '<maintainer email="jobs@example.com">robomaker</maintainer><license>Apache-2.0</license></package>\n',
 }
 """The package that nodes of RoboMaker jobs were built with: what their types are called and hashed by."""
 
 
 def make(folder: str) -> int:
     """Writes the package's definitions to FOLDER/share, and what Python imports to FOLDER/python."""
-    import_module("rospy")  # the node needs it; where it is missing, the package helps nobody
+    import_module("rospy")  # the node needs it; where it is missing, the package is of no use
     generator, inits = import_module("genpy.generator"), import_module("genpy.generate_initpy")
     share, modules = (Path(folder, part, PACKAGE) for part in ("share", "python"))
     for name, text in FILES.items():

@@ -57,7 +57,7 @@ def test_a_log_says_why_no_topics_are_recorded(
     assert why in (tmp_path / "output" / "logs" / "ros-topics.log").read_text()
 
 
-def test_nothing_is_recorded_that_nobody_asked_for(planned: Planned, program: ProgramPlan, tmp_path: Path) -> None:
+def test_nothing_is_recorded_unasked(planned: Planned, program: ProgramPlan, tmp_path: Path) -> None:
     assert planned(2, ("ros2",), wants_topics=False) == [program]
     assert list((tmp_path / "output").iterdir()) == []
 
