@@ -29,6 +29,7 @@
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
 | `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
 | `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
+| `ROBOMAKER_LOG_FORMAT` | `json`: logs of `robomaker serve` and of job workers are lines of JSON | `text` |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
 

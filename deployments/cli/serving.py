@@ -17,6 +17,7 @@ from ...tasks.service.home import prepare_home
 from ..endpoint.calling.access_keys import AccessKey, read_access_keys
 from ..endpoint.origins import is_loopback
 from ..endpoint.tls import TlsFiles
+from ..log_lines import log_formatter
 from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
 from .prefect_server import pages, use_server
@@ -199,7 +200,7 @@ def _end_on_hang_up() -> None:
 
 def _log_to_stderr() -> None:
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", datefmt="%H:%M:%S"))
+    handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))
     for name in ("prefect_robomaker", "robomaker.endpoint"):
         logger = logging.getLogger(name)
         logger.handlers = [handler]

@@ -9,6 +9,7 @@ import threading
 from ...schemas.settings import Settings
 from ...tasks.jobs.batch_workers import BatchWorker
 from ...tasks.service.service import Service
+from ..log_lines import log_formatter
 from .signals import interrupted_by_signals
 
 
@@ -22,7 +23,9 @@ def work(batch: str, *, end_with_input: bool) -> int:
     Raises:
         ConfigurationError: the catalog of this machine does not have the batch.
     """
-    logging.basicConfig(level=logging.INFO, format="%(asctime)s %(message)s", datefmt="%H:%M:%S", stream=sys.stderr)
+    handler = logging.StreamHandler(sys.stderr)
+    handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
     service = Service.open(Settings.from_environment(os.environ))
     if end_with_input:
         threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()

@@ -6,11 +6,13 @@
 """
 
 import logging
+import os
 import time
 from pathlib import Path
 
 from starlette.responses import Response
 
+from ..log_lines import log_formatter
 from .messages import ServiceRequest
 
 LOGGER = logging.getLogger("robomaker.access")
@@ -30,7 +32,7 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
         OSError: the file cannot be written.
     """
     handler = logging.StreamHandler() if path is None else logging.FileHandler(path, encoding="utf-8")
-    formatter = logging.Formatter("%(asctime)s %(message)s", datefmt="%Y-%m-%dT%H:%M:%SZ")
+    formatter = log_formatter(os.environ, "%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%SZ")
     formatter.converter = time.gmtime
     handler.setFormatter(formatter)
     LOGGER.addHandler(handler)
@@ -50,4 +52,11 @@ def log_access(request: ServiceRequest, response: Response, duration_s: float) -
             response.headers.get("x-amzn-errortype", "-"),
             duration_s * 1000,
             request.id,
+            # What lines of JSON have besides.
+            extra={
+                "operation": request.operation,
+                "status": response.status_code,
+                "duration_ms": round(duration_s * 1000, 1),
+                "request_id": request.id,
+            },
         )

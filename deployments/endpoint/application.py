@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 
+from opentelemetry.trace import Span
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
@@ -14,6 +15,7 @@ from ...schemas.wire.errors import ThrottlingException
 from ...schemas.wire.operation_shape import OperationShape
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
+from ...tasks.service.spans import span
 from .access_log import log_access
 from .calling.access_keys import AccessKey
 from .calling.audit_log import AuditLog, Call
@@ -148,6 +150,12 @@ class Endpoint:
 
     def _answer_request(self, request: ServiceRequest) -> Response:
         """Answers a request; in a thread of its own, since operations wait for the database."""
+        with span("request", traceparent=request.headers.get("traceparent"), request_id=request.id) as current:
+            answer = self._answered(request, current)
+            current.set_attribute("http.response.status_code", answer.status_code)
+        return answer
+
+    def _answered(self, request: ServiceRequest, current: Span) -> Response:
         operation: OperationShape | None = None
         call = Call(request.id, request.client.host if request.client else None)
         try:
@@ -160,7 +168,10 @@ class Endpoint:
             route = self._router.find(request.method, request.raw_path)
             operation = route.operation
             request.operation = call.operation = operation.name
+            current.update_name(operation.name)
             answer = self._called(route, request, signer, call)
+            if operation.is_job and call.resources:
+                current.set_attribute("robomaker.arn", call.resources[0])
         except Exception as error:
             answer = self._failures.answer(error, operation, request.id)
             call.outcome = answer.headers["x-amzn-errortype"]

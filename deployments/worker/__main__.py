@@ -16,6 +16,7 @@ from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.service.service import Service
 from ..dead_run_sweeper import close_dead_runs
+from ..log_lines import log_formatter
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch
@@ -100,7 +101,7 @@ def _log_to_stderr() -> None:
     """Logs one line per event to standard error, like the endpoint."""
     logging.raiseExceptions = False  # the reader of standard error may be gone
     handler = logging.StreamHandler(sys.stderr)
-    handler.setFormatter(logging.Formatter("%(asctime)s %(message)s", datefmt="%H:%M:%S"))
+    handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))
     logger = logging.getLogger("prefect_robomaker")
     logger.addHandler(handler)
     logger.setLevel(logging.INFO)

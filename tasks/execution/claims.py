@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 from ...schemas.lifecycles import is_terminal
 from ..service.service import Service
+from ..service.spans import span
 from .held_leases import HELD, HeldLeases
 from .job_leases import Lease
 from .retry_limit import fail_job, why_not_retried
@@ -68,5 +69,7 @@ def run_if_unclaimed(
             if reason := why_not_retried(lease, service):
                 fail_job(lease, reason, service)
             else:
-                work(lease)
+                with span(f"run {kind}", arn=arn) as current:
+                    work(lease)
+                    current.set_attribute("robomaker.status", lease.job.status)
     return True

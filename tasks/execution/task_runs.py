@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from functools import cache
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
+from ..service.spans import span
+
 if TYPE_CHECKING:
     from uuid import UUID
 
@@ -30,14 +32,16 @@ class RunStep(Protocol):
         ...
 
 
-def directly(_name: str, part: Callable[[], Result], /) -> Result:
+def directly(name: str, part: Callable[[], Result], /) -> Result:
     """Runs a step as a plain call: in a batch, where each job is one light task run already."""
-    return part()
+    with span(name):
+        return part()
 
 
 def as_task(name: str, part: Callable[[], Result], /) -> Result:
     """Runs a step as a task run of the flow run that is under way."""
-    return _task(name)(part)
+    with span(name):
+        return _task(name)(part)
 
 
 def step_runner() -> RunStep:

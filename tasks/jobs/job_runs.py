@@ -42,6 +42,7 @@ from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
+from ..simulations.ros.job_services import answering
 from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
@@ -320,14 +321,15 @@ class JobRun:
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:
         """Runs the plan's processes to their end."""
-        return launcher().run(
-            plan,
-            lambda: RunStop.CANCELED if self._is_interrupted() else None,
-            on_crash=self._note_crash,
-            on_trials=lambda finished: self._note_trials(finished, plan),
-            on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
-            try_again=lambda: self._may_try_again(plan.run_id),
-        )
+        with answering(plan.root_dir, plan.job_arn, self._service):
+            return launcher().run(
+                plan,
+                lambda: RunStop.CANCELED if self._is_interrupted() else None,
+                on_crash=self._note_crash,
+                on_trials=lambda finished: self._note_trials(finished, plan),
+                on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
+                try_again=lambda: self._may_try_again(plan.run_id),
+            )
 
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""

@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.storage`, `task
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["builtin_applications", "home", "patient_store", "service"]
+__all__ = ["builtin_applications", "home", "patient_store", "service", "spans"]

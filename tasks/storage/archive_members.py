@@ -1,4 +1,4 @@
-"""Reading .tar, .tar.gz and .zip members, refusing every kind that is neither file nor folder.
+"""Reading .tar, .tar.gz and .zip members, refusing every kind that is neither file nor folder, nor a wanted link.
 
 The container is told by its content, not its name. Nothing here writes; whether a member's name and
 size are acceptable is decided by who unpacks.
@@ -50,13 +50,21 @@ class Member:
     executable: bool
     open: Callable[[], AbstractContextManager[IO[bytes]]]
     """Opens the content; to be read before the next member is asked for."""
+    symbolic_link: str | None = None
+    """Of a symbolic link: where it leads."""
+    hard_link: str | None = None
+    """Of a hard link: the name of another member, whose content it has."""
 
 
-def members(archive: Path) -> Iterator[Member]:
+def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
     """Reads an archive's members in their order.
 
+    Args:
+        archive: the archive.
+        links: whether a tar archive may have links, too.
+
     Raises:
-        BundleError: it is no archive, or has a member that is neither file nor folder.
+        BundleError: it is no archive, or has a member of another kind.
         OSError: it cannot be read.
     """
     with archive.open("rb") as file:
@@ -66,9 +74,9 @@ def members(archive: Path) -> Iterator[Member]:
             yield from _zip_members(file)
         elif beginning.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=file) as unzipped:
-                yield from _tar_members(unzipped)
+                yield from _tar_members(unzipped, links)
         elif beginning[257:] == b"ustar":
-            yield from _tar_members(file)
+            yield from _tar_members(file, links)
         else:
             raise BundleError("this is no .tar, .tar.gz or .zip archive")
 
@@ -95,17 +103,20 @@ def _kind(mode: int) -> str:
     return "a symbolic link" if stat.S_ISLNK(mode) else "a device, pipe or socket"
 
 
-def _tar_members(file: IO[bytes] | gzip.GzipFile) -> Iterator[Member]:
+def _tar_members(file: IO[bytes] | gzip.GzipFile, links: bool) -> Iterator[Member]:
     forward = _Forward(file)
     with tarfile.open(fileobj=forward, mode="r:") as container:
         for info in container:
-            if not (info.isreg() or info.isdir()) or info.issparse():
+            is_link = links and (info.issym() or info.islnk())
+            if not (info.isreg() or info.isdir() or is_link) or info.issparse():
                 raise BundleError(f"member {info.name!r}: {_tar_kind(info)} is not allowed, only files and folders are")
             yield Member(
                 name=info.name,
                 is_folder=info.isdir(),
                 executable=bool(info.mode & stat.S_IXUSR),
                 open=lambda info=info: _content(container, info),
+                symbolic_link=info.linkname if info.issym() else None,
+                hard_link=info.linkname if info.islnk() else None,
             )
     forward.check_end()
 

@@ -1,7 +1,8 @@
 """Unpacks untrusted archives safely, and packs folders reproducibly.
 
 `tarfile`'s own filters are not relied on: several releases of Python have known ways around them.
-Members are written here, one by one, into a fresh folder in which no symbolic link ever exists.
+Members are written here, one by one, into a fresh folder in which no symbolic link exists; those of a system's tree
+are made when all else is there.
 """
 
 import errno
@@ -41,6 +42,8 @@ class ArchiveLimits:
     """All files together, in sizes of the archive; held against what is larger than `unsuspicious_bytes`."""
     unsuspicious_bytes: int = 256 << 20
     """What every archive may hold, however small it is."""
+    is_system_tree: bool = False
+    """A part of an operating system's files: names may differ only in case, and links are kept that stay inside."""
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
@@ -66,8 +69,9 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
             unpacked.chmod(0o755)
             extraction = _Extraction(unpacked, limits or ArchiveLimits(), archive.stat().st_size)
             try:
-                for member in members(archive):
+                for member in members(archive, links=extraction.limits.is_system_tree):
                     extraction.add(member)
+                extraction.make_links()
             except BROKEN_ARCHIVE as error:
                 raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
             except OSError as error:
@@ -121,6 +125,8 @@ class _Extraction:
     entries: int = 0
     size: int = 0
     last: str = ""
+    links: dict[str, Member] = field(default_factory=dict[str, Member])
+    """By path: made last, so that nothing is written through one."""
     taken: dict[str, tuple[str, bool]] = field(default_factory=dict[str, tuple[str, bool]])
     """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
 
@@ -142,9 +148,30 @@ class _Extraction:
         if parts:
             name = "/".join(parts)
             self._take(member, name, is_folder=member.is_folder)
-            if not member.is_folder:
+            if member.symbolic_link is not None or member.hard_link is not None:
+                self.links[name] = member
+            elif not member.is_folder:
                 self._write(member, self.top / name)
         self.last = member.name
+
+    def make_links(self) -> None:
+        """Makes the links; those that would lead out of the top, absolute ones too, are left out."""
+        made: list[Path] = []
+        for name, member in self.links.items():
+            if member.hard_link is not None:
+                source = member.hard_link.removeprefix("./")
+                if source not in self.taken or not (self.top / source).is_file():
+                    raise BundleError(f"member {member.name!r}: a hard link to {member.hard_link!r}, no file before it")
+                (self.top / name).hardlink_to(self.top / source)
+        for name, member in self.links.items():
+            if member.symbolic_link and not member.symbolic_link.startswith("/") and "\0" not in member.symbolic_link:
+                (self.top / name).symlink_to(member.symbolic_link)
+                made.append(self.top / name)
+        # Only when all are there is it seen where each leads; removing one takes no other one elsewhere.
+        top = self.top.resolve()
+        for path in made:
+            if not Path(os.path.realpath(path)).is_relative_to(top):
+                path.unlink()
 
     def _parts(self, member: Member) -> list[str]:
         """The components of a member's path below the top; none for the top itself."""
@@ -176,7 +203,7 @@ class _Extraction:
 
     def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
         """Takes a name; folders may be named again, everything else only once."""
-        folded = unicodedata.normalize("NFC", name).casefold()
+        folded = name if self.limits.is_system_tree else unicodedata.normalize("NFC", name).casefold()
         other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
         if other != name:
             raise BundleError(f"member {member.name!r}: differs from {other!r} only in case or composition of letters")
@@ -185,7 +212,7 @@ class _Extraction:
         path = self.top / name
         if is_folder:
             path.mkdir(mode=0o755, exist_ok=True)
-        elif path.exists():
+        elif path.exists() or name in self.links:
             raise BundleError(f"member {member.name!r}: it is in the archive more than once")
 
     def _write(self, member: Member, path: Path) -> None:

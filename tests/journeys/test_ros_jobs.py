@@ -10,10 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.colcon_bundles import bundle_v1, bundle_v2
 from helpers.processes import wait_for, working_below
 from helpers.required_programs import needs
 from helpers.run_processes import processes_with
 from helpers.small_flat import ROLE
+from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
@@ -83,8 +85,10 @@ def launch_config(service: Service, tmp_path: Path) -> Callable[..., dict[str, A
     return make
 
 
-def ordered(service: Service, **roles: dict[str, Any]) -> str:
+def ordered(service: Service, *, loggingConfig: dict[str, bool] | None = None, **roles: dict[str, Any]) -> str:  # noqa: N803
     request = {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "outputLocation": {"s3Bucket": "results"}}
+    if loggingConfig is not None:
+        request |= {"loggingConfig": loggingConfig}
     applications = {f"{role}Applications": [config] for role, config in roles.items()}
     return call("CreateSimulationJob", {**request, **applications}, service)["arn"]
 
@@ -169,3 +173,81 @@ def test_a_launch_file_that_is_not_there_is_the_reason(
 
     assert (job["status"], job["failureCode"]) == ("Failed", "RobotApplicationCrash")
     assert "package my_robot has no launch file wrok.launch; it has drive.launch" in job["failureReason"]
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_a_colcon_bundle_is_launched_in_its_overlays(
+    version: int, service: Service, launch_config: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    share = "opt/built_workspace/my_robot/share/my_robot"
+    setup = {"setup.sh": 'export GREETING="$GREETING from $BUNDLE_CURRENT_PREFIX"\n'}
+    node = NODE.replace('get("GREETING")', 'get("GREETING").replace(" ", "|")')
+    workspace = {
+        **setup, f"{share}/package.xml": MANIFEST, f"{share}/launch/drive.launch": LAUNCH,
+        f"{share}/scripts/node.py": node,
+    }  # fmt: skip
+    output = tmp_path / "output"
+    if version == 1:
+        bundle_v1(output, workspace)
+    else:
+        bundle_v2(output, setup, workspace)
+    service.store.put_file("applications", "ros.tar.gz", output)  # in the place of the workspace's archive
+
+    arn = ordered(service, robot=launch_config("robot", GREETING="hello"))
+    job = ended(service, arn)
+
+    assert job["status"] == "Completed", job
+    greeting = said(service, arn, "robot")["VARIABLES"].split()[2]
+    names = [place.rpartition("/")[2] for place in greeting.split("|from|")]
+    assert names == ["hello", *(["bundle"] if version == 1 else ["dependencies", "workspace"])]
+
+
+CALLING_NODE = """#!/usr/bin/env python3
+import rospy
+from robomaker_simulation_msgs.msg import Tag
+from robomaker_simulation_msgs.srv import AddTags, Cancel, ListTags, RemoveTags
+from std_msgs.msg import String
+rospy.init_node("caller")
+talk = rospy.Publisher("/spoken", String, queue_size=10, latch=True)
+def ask(name, kind, *members):
+    rospy.wait_for_service("/robomaker/job/" + name, 30)
+    return rospy.ServiceProxy("/robomaker/job/" + name, kind)(*members)
+print("ADDED", ask("add_tags", AddTags, [Tag("stage", "driving"), Tag("gone", "x")]).success)
+print("REFUSED", ask("add_tags", AddTags, [Tag("aws:no", "x")]).message.replace(chr(10), " "))
+print("REMOVED", ask("remove_tags", RemoveTags, ["gone"]).success)
+print("TAGS", [(tag.key, tag.value) for tag in ask("list_tags", ListTags).tags])
+for number in range(20):
+    talk.publish("hello %d" % number)
+    rospy.sleep(0.1)
+print("CANCEL", ask("cancel", Cancel).success, flush=True)
+rospy.spin()
+"""
+needs_rospy = needs(
+    "rospy", Path("/usr/lib/python3/dist-packages/rospy").is_dir() and shutil.which("rosbag"),
+    "rospy or rosbag is not installed (Debian's python3-rospy, python3-rosbag)",
+)  # fmt: skip
+
+
+@needs_rospy
+def test_nodes_tag_and_cancel_their_job_and_its_topics_are_recorded(
+    service: Service, launch_config: Callable[..., dict[str, Any]], tmp_path: Path
+) -> None:
+    (tmp_path / "bundle" / "src" / "my_robot" / "scripts" / "node.py").write_text(CALLING_NODE)
+    pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
+    service.store.put_file("applications", "ros.tar.gz", tmp_path / "bundle.tar.gz")
+    arn = ordered(service, robot=launch_config("robot"), loggingConfig={"recordAllRosTopics": True})
+
+    job = ended(service, arn)
+
+    assert job["status"] == "Canceled", job
+    assert job["tags"] == {"stage": "driving"}
+    told = said(service, arn, "robot")
+    assert (told["ADDED"], told["REMOVED"], told["CANCEL"]) == ("True", "True", "True")
+    assert "aws:no" in told["REFUSED"]
+    assert told["TAGS"] == "[('stage', 'driving')]"
+    place = service.catalog.get(arn).document["outputs"]
+    bag = tmp_path / "topics.bag"
+    bag.write_bytes(service.store.get_bytes(place["bucket"], f"{place['prefix']}/ros-topics.bag"))
+    with AnyReader([bag]) as reader:
+        spoken = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/spoken"]
+    assert "hello 19" in [getattr(message, "data", None) for message in spoken]

@@ -16,7 +16,9 @@ APPLICATIONS = (
         f"{_CREATE} {_UPDATE}",
         known="`sources` were colcon bundles, started with roslaunch.",
         here="`sources` are .tar, .tar.gz or .zip archives of Python packages, programs, or ROS packages, launched by "
-        "the ROS that is installed where jobs run; suites are recorded only.",
+        "the ROS that is installed where jobs run; suites are recorded only. Bundles of `colcon bundle`, versions "
+        "1 and 2, are unpacked and launched by the ROS in them, or else by the installed one; one whose ROS needs what "
+        "the machine lacks is refused by that name.",
     ),
     differs(
         "Installed packages",

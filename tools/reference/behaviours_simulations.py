@@ -138,6 +138,21 @@ SIMULATIONS = (
         "The recording that every run of the simulation process makes is no ROS bag: it is made unless a request "
         "says `recordAllRosTopics: false`.",
     ),
+    differs(
+        "ROS services of jobs",
+        _JOB_REQUESTS,
+        known="Every job offered `/robomaker/job/cancel`, `add_tags`, `remove_tags` and `list_tags`, with the types "
+        "of `robomaker_simulation_msgs`, in ROS 1 and ROS 2.",
+        here="Jobs that roslaunch starts offer them where rospy is installed; the types need not be in the bundle. "
+        "Jobs of ROS 2 do not.",
+    ),
+    differs(
+        "Recording ROS topics",
+        _JOB_REQUESTS,
+        known="`recordAllRosTopics: true` recorded all topics of the job.",
+        here="So it does for launch files, as `ros-topics` in the outputs, where `rosbag` or `ros2 bag` is installed; "
+        "else `logs/ros-topics.log` says why not.",
+    ),
     decided(
         "Where data is in a destination",
         _JOB_REQUESTS,

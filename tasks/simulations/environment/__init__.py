@@ -1,6 +1,15 @@
-"""What the programs of a run find: folders, environment variables, processors, memory, shared memory.
+"""What the programs of a run find: folders, variables, overlays of bundles, processors, memory, shared memory.
 
 May import: `schemas`, `tasks.service`, `tasks.storage.roles`.
 """
 
-__all__ = ["compute", "folders", "fresh_keys", "process_variables", "role_access", "run_environment", "shared_memory"]
+__all__ = [
+    "compute",
+    "folders",
+    "fresh_keys",
+    "overlays",
+    "process_variables",
+    "role_access",
+    "run_environment",
+    "shared_memory",
+]

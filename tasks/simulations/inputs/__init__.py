@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
 """
 
-__all__ = ["bundles", "data_sources", "world_rooms"]
+__all__ = ["bundles", "colcon", "data_sources", "world_rooms"]

@@ -24,6 +24,7 @@ from ...service.patient_store import at_once, patiently, stopped_of
 from ...service.service import Service
 from ...storage import ObjectInfo, fetch, unpack
 from ...storage.base import Stopped, never
+from .colcon import unpack_colcon_bundle
 
 _LOOK_S = 0.1
 
@@ -73,6 +74,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
                 if fetched.etag != found.etag:
                     raise _changed(fetched, "it was looked at", found.etag, mismatch)
                 unpack(archive, folder)
+            unpack_colcon_bundle(folder)
 
         folder = service.folder("cache", "applications") / found.etag
         return patiently(service.store, bucket, lambda: _once(folder, fill, stopped_of(service.store)))

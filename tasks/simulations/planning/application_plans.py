@@ -15,11 +15,13 @@ from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
 from ..containers.plans import plan_container
 from ..environment.folders import HOME
+from ..environment.overlays import package_folders
 from ..environment.run_environment import RunEnvironment, tool_plan
 from ..inputs.bundles import application_bundle
 from ..ros.launching import node_variables, own_master
 from .applications import LATEST, find_application, python_package
 from .launching import Code, Factory, Program, check_pair, resolve_launch
+from .ros_companions import RosLaunch, with_ros_companions
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
@@ -33,6 +35,8 @@ class Applications:
     plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
     programs: list[ProgramPlan] = field(default_factory=list)
     ports: list[PortPlan] = field(default_factory=list)
+    ros: RosLaunch | None = None
+    """The first that ROS launches."""
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
@@ -53,6 +57,8 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
             has_master = any(_is_ros_1(launch) for _, launch in launches.values())
             launches[role] = _plan(role, configs[0], run_environment, planned, has_master)
     check_pair(launches.get("simulation"), launches.get("robot"))
+    wants_topics = bool((request.get("loggingConfig") or {}).get("recordAllRosTopics"))
+    planned.programs = with_ros_companions(planned.programs, planned.ros, run_environment, wants_topics=wants_topics)
     if any(_is_ros_1(launch) for _, launch in launches.values()):
         master = own_master()
         planned.programs = [
@@ -106,7 +112,10 @@ def _plan(
         # A factory is imported from the bundle that all jobs share: two roles may have the same one.
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{role}-application"))
         launch = resolve_launch(code, launch_config, run_environment.which, sys.executable, has_master=has_master)
-    planned.programs += _programs(code, launch, config, run_environment)
+    programs = _programs(code, launch, config, run_environment)
+    planned.programs += programs
+    if isinstance(launch, Program) and launch.launcher is not None and planned.ros is None:
+        planned.ros = RosLaunch(code, launch, programs[0])
     return found.name, launch
 
 
@@ -165,7 +174,8 @@ def _programs(
         import_path.append(inherited)
     environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
     if isinstance(launch, Program) and launch.launcher is not None:
-        environment |= node_variables(code.folder, launch.launcher, sys.executable, variables, run_environment.environ)
+        packages = package_folders(code.folder) if code.folder else []
+        environment |= node_variables(packages, launch.launcher, sys.executable, variables, run_environment.environ)
     folder = code.folder or run_environment.sandbox.place(HOME)
     programs = []
     if isinstance(launch, Program):

@@ -13,6 +13,7 @@ from typing import Any
 
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import LaunchError
+from ..environment.overlays import missing_interpreter, overlays, own_program, setups_of
 from ..ros.launching import Ros, is_launch_file, lacks_launch_file, readers_of
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
@@ -20,7 +21,11 @@ _LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
 # Where launch files and scripts are in a package, in sources and as ROS installs them.
 _INNER_FOLDERS = ("", "launch", "scripts")
 _SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
-_SOURCE_AND_RUN = 'n=$1; shift; while [ "$n" -gt 0 ]; do source "$1"; shift; n=$((n - 1)); done; exec "$@"'
+# Setups of colcon bundles find their folder by the variable.
+_SOURCE_AND_RUN = (
+    'n=$1; shift; while [ "$n" -gt 0 ]; do BUNDLE_CURRENT_PREFIX=${1%/*} source "$1"; shift; n=$((n - 1)); done; '
+    'exec "$@"'
+)
 
 Which = Callable[[str], str | None]
 """Finds a program on the path."""
@@ -79,7 +84,7 @@ def resolve_launch(
         LaunchError: it is not there, or cannot be started on this machine.
     """
     if command := launch.get("command"):
-        return Program((_find_program(code, command[0], which), *command[1:]))
+        return Program(_with_overlays(code, (_find_program(code, command[0], which), *command[1:])))
     package, file = launch.get("packageName"), launch.get("launchFile")
     path = _find_file(code.folder, package or "", file) if file and code.folder is not None else None
     if file and is_launch_file(file, path):
@@ -117,9 +122,12 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
 def _find_program(code: Code, name: str, which: Which) -> str:
     """The program that a command begins with: in the bundle, then on the path."""
     if code.folder is not None and not name.startswith("/"):
-        path = code.folder / name
-        if _is_file_of(code.folder, path):
-            return str(_runnable(code, path))
+        # As setups would put it on the path: what a later overlay has comes first.
+        for overlay in [*reversed(overlays(code.folder)), code.folder]:
+            if _is_file_of(code.folder, path := overlay / name):
+                return str(_runnable(code, path))
+        if "/" not in name and (own := own_program(code.folder, name)) is not None:
+            return str(_of_this_machine(code, own, which))
     is_relative = "/" in name and not name.startswith("/")  # to the bundle, not to wherever this process is
     if not is_relative and (found := which(name)) is not None:
         return found
@@ -139,9 +147,10 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
     readers = readers_of(file, path)
     what = [str(path)] if path else [part for part in (package, file) if part]
     for ros in readers:
-        if (program := which(_LAUNCHERS[ros])) is not None:
+        own = own_program(code.folder, _LAUNCHERS[ros])
+        if program := str(_of_this_machine(code, own, which)) if own else which(_LAUNCHERS[ros]):
             options = ["launch"] if ros == 2 else ["--wait"] if has_master else []
-            return Program(_with_setups(code, program, [*options, *what]), Path(program), ros)
+            return Program(in_ros(code, Path(program), (program, *options, *what)), Path(program), ros)
     needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
     raise LaunchError(
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
@@ -150,15 +159,49 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
     )
 
 
-def _with_setups(code: Code, program: str, arguments: list[str]) -> tuple[str, ...]:
-    """A program of ROS in the environments of its installation and of the bundle's workspace."""
-    setups = [Path(program).parent.parent / "setup.bash"]
+def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
+    """A program of the ROS in a colcon bundle, which was built for another system than this machine's.
+
+    Raises:
+        LaunchError: what runs it is missing here.
+    """
+    if (interpreter := missing_interpreter(code.folder, program, which)) is None:
+        return program
+    distribution = program.parent.parent.name
+    raise LaunchError(
+        f"{code.role} application {code.name}: the colcon bundle's {program.name} of ROS {distribution} needs "
+        f"{interpreter}, which this machine does not have; build a container image from ros:{distribution}, or run the "
+        "job on a machine with the Ubuntu that the bundle was made on",
+        "InvalidInput",
+    )
+
+
+def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
+    """A command line in the environments of an installation of ROS and of the bundle's workspace.
+
+    Args:
+        code: the application, whose bundle may have a workspace.
+        launcher: `roslaunch` or `ros2` of the installation.
+        argv: the program and its arguments.
+    """
+    if overlays(code.folder):
+        return _with_overlays(code, argv)  # they source that of their own ROS
+    setups = [launcher.parent.parent / "setup.bash"]
     if code.folder is not None:
         setups += [code.folder / setup for setup in _SETUPS]
+    return _sourced(setups, argv)
+
+
+def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
+    return _sourced(setups_of(code.folder), argv)
+
+
+def _sourced(setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
+    """A program in the environment that scripts make, those that are there."""
     there = [str(setup) for setup in setups if setup.is_file()]
     if not there:
-        return (program, *arguments)
-    return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, program, *arguments)
+        return argv
+    return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, *argv)
 
 
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:

@@ -1,6 +1,6 @@
-"""ROS launch files and ROS 2 domains.
+"""ROS launch files, ROS 2 domains, and the ROS 1 services of jobs.
 
-May import: nothing of this package.
+May import: `schemas`, `tasks.service`.
 """
 
-__all__ = ["domains", "launching"]
+__all__ = ["domains", "job_services", "launching"]

@@ -6,7 +6,7 @@
 import os
 import re
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Literal, NamedTuple, NoReturn
@@ -137,12 +137,12 @@ def _is_marked(tag: str, attributes: Mapping[str, str], marks: _Marks) -> bool:
 
 
 def node_variables(
-    bundle: Path | None, launcher: Path, python: str, variables: Mapping[str, str], environ: Mapping[str, str]
+    packages: Sequence[Path], launcher: Path, python: str, variables: Mapping[str, str], environ: Mapping[str, str]
 ) -> dict[str, str]:
     """What nodes find besides what every program of the job does.
 
     Args:
-        bundle: the application's unpacked bundle, whose packages are found by name.
+        packages: folders of the application's bundle, whose packages are found by name.
         launcher: `roslaunch` or `ros2`.
         python: the interpreter that runs jobs.
         variables: the launch configuration's own.
@@ -153,9 +153,9 @@ def node_variables(
     searched = (variables.get("PATH") or environ.get("PATH") or os.defpath).split(os.pathsep)
     path = [str(launcher.parent), *(each for each in searched if each != own), own]
     found = {"PATH": os.pathsep.join(dict.fromkeys(path))}
-    if bundle is not None:
-        packages = variables.get("ROS_PACKAGE_PATH") or environ.get("ROS_PACKAGE_PATH")
-        found["ROS_PACKAGE_PATH"] = os.pathsep.join([str(bundle), *([packages] if packages else [])])
+    if packages:
+        others = variables.get("ROS_PACKAGE_PATH") or environ.get("ROS_PACKAGE_PATH")
+        found["ROS_PACKAGE_PATH"] = os.pathsep.join([*map(str, packages), *([others] if others else [])])
     return found
 
 

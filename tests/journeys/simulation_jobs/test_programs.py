@@ -417,7 +417,10 @@ def test_a_job_that_goes_on_after_a_crash_has_failed_at_its_limit(order_command:
     assert job["simulationTimeMillis"] >= 900
 
 
-def test_a_job_that_goes_on_after_a_crash_can_be_restarted(service: Service, order_command: Order) -> None:
+def test_a_job_that_goes_on_after_a_crash_can_be_restarted(
+    service: Service, order_command: Order, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOMAKER_SANDBOX", "off")  # it writes beside its own folders
     script = "[ -e $SEEN ] && exec sleep 60; touch $SEEN; exit 4"
     seen = str(service.settings.home / "seen")
     request = order_command(script, failureBehavior="Continue", variables={"SEEN": seen})

@@ -112,7 +112,7 @@ def test_nodes_find_the_python_of_ros_before_that_of_jobs() -> None:
     environ = {"PATH": "/venv/bin:/usr/local/bin:/usr/bin", "ROS_PACKAGE_PATH": "/opt/more", "SECRET": "x"}
     launcher, python = Path("/opt/ros/noetic/bin/roslaunch"), "/venv/bin/python"
 
-    found = node_variables(Path("/bundle"), launcher, python, {}, environ)
+    found = node_variables([Path("/bundle")], launcher, python, {}, environ)
 
     assert found == {
         "PATH": "/opt/ros/noetic/bin:/usr/local/bin:/usr/bin:/venv/bin",
@@ -123,10 +123,12 @@ def test_nodes_find_the_python_of_ros_before_that_of_jobs() -> None:
 def test_a_launch_configurations_own_variables_go_before_those_of_this_process() -> None:
     variables = {"PATH": "/mine", "ROS_PACKAGE_PATH": "/packages"}
 
-    found = node_variables(Path("/b"), Path("/usr/bin/roslaunch"), "/venv/bin/python", variables, {"PATH": "/usr/bin"})
+    found = node_variables(
+        [Path("/b")], Path("/usr/bin/roslaunch"), "/venv/bin/python", variables, {"PATH": "/usr/bin"}
+    )
 
     assert found == {"PATH": "/usr/bin:/mine:/venv/bin", "ROS_PACKAGE_PATH": "/b:/packages"}
-    assert "ROS_PACKAGE_PATH" not in node_variables(None, Path("/usr/bin/ros2"), "/venv/bin/python", {}, {})
+    assert "ROS_PACKAGE_PATH" not in node_variables([], Path("/usr/bin/ros2"), "/venv/bin/python", {}, {})
 
 
 def test_masters_have_ports_of_their_own_on_this_machine_only() -> None:

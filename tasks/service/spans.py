@@ -1,0 +1,40 @@
+"""Spans of OpenTelemetry: requests, runs of jobs, and their steps.
+
+They are made through its API package alone, so they cost microseconds and go nowhere unless the program is started with
+an SDK, by `opentelemetry-instrument` for example.
+"""
+
+from collections.abc import Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
+
+from opentelemetry import trace
+from opentelemetry.propagate import extract
+
+_TRACER = trace.get_tracer("prefect_robomaker")
+_ARN: ContextVar[str | None] = ContextVar("robomaker_arn", default=None)
+
+Value = str | int | float | bool
+
+
+@contextmanager
+def span(
+    name: str, *, arn: str | None = None, traceparent: str | None = None, **attributes: Value
+) -> Generator[trace.Span]:
+    """A span around a block; one that raises has the exception, and ends as an error.
+
+    Args:
+        name: what goes on.
+        arn: the job that it is about; spans inside the block have it, too.
+        traceparent: the caller's span, as its request's header of that name says.
+        **attributes: further attributes, whose names get `robomaker.` in front.
+    """
+    about = arn or _ARN.get()
+    named = {f"robomaker.{key}": value for key, value in ({"arn": about} if about else {}).items() | attributes.items()}
+    token = _ARN.set(about)
+    try:
+        context = extract({"traceparent": traceparent}) if traceparent else None
+        with _TRACER.start_as_current_span(name, context, attributes=named) as current:
+            yield current
+    finally:
+        _ARN.reset(token)

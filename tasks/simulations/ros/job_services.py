@@ -1,0 +1,155 @@
+"""What a job's own programs may ask its job worker for, over a socket in the job's folders: cancel, and its tags.
+
+One line of JSON comes, and one goes back. Only this user's processes are answered, one at a time.
+"""
+
+import json
+import logging
+import os
+import socket
+import struct
+import subprocess
+import threading
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from ....schemas.operations.registry import parse_request
+from ....schemas.wire.errors import ServiceError
+from ...service.service import Service
+from .service_node import SOCKET
+
+FOLDER = "opt/robomaker/ros"
+"""Below a run's root: the message package, and the socket."""
+NODE = Path(__file__).with_name("service_node.py")
+
+_MOST_BYTES = 64 << 10
+_PATIENCE_S = 5.0
+_LOOK_S = 0.2
+_MAKE_S = 60.0
+_CREDENTIALS = "3i"
+
+_logger = logging.getLogger(__name__)
+
+
+def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
+    """Makes the package of the services' messages for the ROS of a launch; says whether that has rospy and genpy.
+
+    Args:
+        argv: `service_node.py make FOLDER` by the Python of that ROS.
+        variables: environment variables of the launch.
+    """
+    environment = {"PATH": os.defpath, **variables}
+    try:
+        made = subprocess.run(argv, env=environment, capture_output=True, timeout=_MAKE_S, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        _logger.info("jobs have no ROS services: %s", error)
+        return False
+    if made.returncode:
+        why = made.stderr.decode(errors="replace").strip().rpartition("\n")[2]
+        _logger.info("jobs have no ROS services: %s", why)
+    return made.returncode == 0
+
+
+def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
+    """Lets programs find the message package, behind one that they bring themselves."""
+    places = {"PYTHONPATH": folder / "python", "ROS_PACKAGE_PATH": folder / "share"}
+    return {name: os.pathsep.join([*filter(None, [variables.get(name)]), str(place)]) for name, place in places.items()}
+
+
+@contextmanager
+def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
+    """Answers a job's programs while it runs, where its run has the message package.
+
+    Args:
+        root: the run's root.
+        arn: the job: it can ask about no other one.
+        service: where it is stored.
+    """
+    folder = root / FOLDER if root is not None else None
+    if folder is None or not folder.is_dir():
+        yield
+        return
+    place = os.open(folder, os.O_PATH)
+    ended = threading.Event()
+    with socket.socket(socket.AF_UNIX) as listener:
+        with suppress(FileNotFoundError):
+            os.unlink(SOCKET, dir_fd=place)  # of a job worker that died
+        listener.bind(f"/proc/self/fd/{place}/{SOCKET}")
+        listener.listen()
+        listener.settimeout(_LOOK_S)
+        thread = threading.Thread(target=_serve, args=(listener, ended, arn, service), name="ros-services")
+        thread.start()
+        try:
+            yield
+        finally:
+            ended.set()
+            thread.join()
+            os.close(place)
+
+
+def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
+    """Does what a job asks for.
+
+    Args:
+        question: `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with `keys`, or `list_tags`.
+        arn: the job that asks.
+        service: where it is stored.
+    """
+    members: Mapping[str, Any] = question if isinstance(question, dict) else {}
+    tags: Mapping[str, str] = {}
+    try:
+        match members.get("operation"):
+            case "cancel":
+                service.catalog.request_cancel(arn)
+            case "add_tags":
+                asked = parse_request("TagResource", {"resourceArn": arn, "tags": members.get("tags")}).to_wire()
+                service.catalog.set_tags(arn, asked["tags"])
+            case "remove_tags":
+                asked = parse_request("UntagResource", {"resourceArn": arn, "tagKeys": members.get("keys")}).to_wire()
+                service.catalog.remove_tags(arn, asked["tagKeys"])
+            case "list_tags":
+                tags = service.catalog.get(arn).tags
+            case other:
+                return _told(f"operation: {other!r} has to be cancel, add_tags, remove_tags or list_tags")
+    except ServiceError as error:
+        return _told(str(error))
+    return {"success": True, "message": "", "tags": dict(tags)}
+
+
+def _told(problem: str) -> dict[str, Any]:
+    return {"success": False, "message": problem, "tags": {}}
+
+
+def _serve(listener: socket.socket, ended: threading.Event, arn: str, service: Service) -> None:
+    while not ended.is_set():
+        try:
+            connection = listener.accept()[0]
+        except TimeoutError:
+            continue
+        with connection:
+            connection.settimeout(_PATIENCE_S)
+            try:
+                connection.sendall(json.dumps(_answer_to(connection, arn, service)).encode() + b"\n")
+            except OSError as error:  # it has gone, or is slower than patience
+                _logger.debug("a program of %s was not answered: %s", arn, error)
+            except Exception:  # the next one may be right
+                _logger.exception("a question of %s broke", arn)
+
+
+def _answer_to(connection: socket.socket, arn: str, service: Service) -> dict[str, Any]:
+    user = struct.unpack(
+        _CREDENTIALS, connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize(_CREDENTIALS))
+    )[1]
+    if user != os.geteuid():
+        return _told("only programs of the job's own user are answered")
+    with connection.makefile("rb") as question:
+        line = question.readline(_MOST_BYTES)
+    if not line.endswith(b"\n"):
+        return _told(f"a question is one line of JSON of at most {_MOST_BYTES} bytes")
+    try:
+        asked = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        return _told(f"a question is one line of JSON: {type(error).__name__}")
+    return answer(asked, arn, service)
