@@ -21,6 +21,10 @@ _PATH_VARIABLES = (
     *("AWS_DATA_PATH", "AWS_CONFIG_FILE", "AWS_CONTAINER_AUTHORIZATION_TOKEN_FILE", "AWS_CA_BUNDLE"),
 )
 
+_OF_TOOLS = ("bin", "lib", "lib64", "libexec", "shims", "versions", "version", "installs", "plugins", "toolchains")
+"""What stands beside a folder of programs that are installed in a home, as by pyenv, asdf, conda, rustup or pip, and is
+needed to run them. `share` and files of settings are not: job workers keep data in the one, tools keys in the other."""
+
 View = Literal["read", "write", "hide"]
 
 
@@ -59,7 +63,12 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
 def paths_in(variables: Mapping[str, str]) -> list[Path]:
     """Where programs, libraries and settings are that variables of the job worker name."""
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
-    return _worth_showing(path for path in named if os.path.isabs(path))
+    return _worth_showing(each for path in named if os.path.isabs(path) for each in (path, *_beside(path)))
+
+
+def _beside(path: str) -> Iterable[str]:
+    folder, name = os.path.split(path.rstrip("/"))
+    return (f"{folder}/{each}" for each in _OF_TOOLS) if name in ("bin", "sbin", "shims") else ()
 
 
 def _worth_showing(paths: Iterable[str]) -> list[Path]:

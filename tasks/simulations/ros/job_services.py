@@ -139,13 +139,14 @@ def _serve(listener: socket.socket, ended: threading.Event, arn: str, service: S
 
 
 def _answer_to(connection: socket.socket, arn: str, service: Service) -> dict[str, Any]:
+    # Read first, also from others: a program that still writes when the connection ends learns no reason.
+    with connection.makefile("rb") as question:
+        line = question.readline(_MOST_BYTES)
     user = struct.unpack(
         _CREDENTIALS, connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize(_CREDENTIALS))
     )[1]
     if user != os.geteuid():
         return _told("only programs of the job's own user are answered")
-    with connection.makefile("rb") as question:
-        line = question.readline(_MOST_BYTES)
     if not line.endswith(b"\n"):
         return _told(f"a question is one line of JSON of at most {_MOST_BYTES} bytes")
     try:
