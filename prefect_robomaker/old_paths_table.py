@@ -43,7 +43,8 @@ _GROUPS = (
     (
         "tasks",
         "tasks.execution",
-        "artifacts giving_up=retry_limit held_leases job_leases performing=claims slots=batch_slots task_pool",
+        "artifacts giving_up=retry_limit held_leases job_leases performing=one_worker_per_job slots=batch_slots "
+        "task_pool",
     ),
     ("tasks", "tasks.fleet", "fleets=records"),
     ("tasks", "tasks.inspection", "found_runs replays reports"),

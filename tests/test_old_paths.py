@@ -19,7 +19,7 @@ PATHS = {
     "schemas.requirements": "schemas.runs.requirements",
     "schemas.world_description": "schemas.worlds.description",
     "tasks.fleets": "tasks.fleet.records",
-    "tasks.performing": "tasks.execution.claims",
+    "tasks.performing": "tasks.execution.one_worker_per_job",
     "tasks.runtime.action_log": "tasks.runtime.agents.action_log",
     "tasks.runtime.agent_client": "tasks.runtime.agents.agent_client",
     "tasks.runtime.messages": "tasks.runtime.recording.messages",

@@ -15,8 +15,8 @@ from ...flows import lookup
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
-from ...tasks.execution.claims import run_under_lease
 from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
+from ...tasks.execution.one_worker_per_job import run_under_lease
 from ...tasks.execution.retry_limit import fail_job
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed

@@ -5,9 +5,9 @@ comparison = compare(before, after, alpha=0.05)
 print(comparison.answer, comparison.why)
 ```
 
-Only `statistics` imports scipy, and only `comparison_answer` imports `statistics`; the rest is quick to import.
+Only `statistics` imports scipy, and only `better_or_worse` imports `statistics`; the rest is quick to import.
 
 May import: `schemas`, `tasks.reporting`.
 """
 
-__all__ = ["comparison_answer", "history", "nights"]
+__all__ = ["better_or_worse", "history", "nights"]

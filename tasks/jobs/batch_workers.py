@@ -17,8 +17,8 @@ from ...schemas.runs.machine_waits import Scarce
 from ...schemas.runs.stops import StopReason
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
-from ..execution.claims import run_under_lease
 from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
+from ..execution.one_worker_per_job import run_under_lease
 from ..execution.retry_limit import fail_job
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Service

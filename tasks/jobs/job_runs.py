@@ -27,8 +27,8 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..execution.blocks.credential_blocks import read_credential_block
-from ..execution.claims import run_if_unclaimed, run_under_lease
 from ..execution.job_leases import Lease
+from ..execution.one_worker_per_job import run_if_unclaimed, run_under_lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
 from ..runtime.supervision.finished_outputs import remove_verdict

@@ -7,8 +7,8 @@ from ...schemas.documents.world_export_jobs import WorldExportProgress
 from ...schemas.documents.world_generation_jobs import WorldGenerationProgress
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import StateConflictError
-from ..execution.claims import run_if_unclaimed
 from ..execution.job_leases import Lease
+from ..execution.one_worker_per_job import run_if_unclaimed
 from ..service.service import Service
 
 WorldJobProgress = WorldGenerationProgress | WorldExportProgress

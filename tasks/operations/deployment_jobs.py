@@ -30,7 +30,7 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import run_under_lease
+from ..execution.one_worker_per_job import run_under_lease
 from ..fleet.control.decisions import pause_that_waits
 from ..fleet.control.dry_runs import DryRun, dry_run
 from ..fleet.control.requests import check_robots

@@ -13,7 +13,7 @@ from ...schemas.operations.simulation_job_batches import (
 )
 from ...schemas.runs.requested_requirements import rooms_asked
 from ..catalog import ClientToken, Resource
-from ..execution.claims import run_if_unclaimed, run_under_lease
+from ..execution.one_worker_per_job import run_if_unclaimed, run_under_lease
 from ..jobs.batch_runs import BatchRun, jobs_by_request
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import check_rooms

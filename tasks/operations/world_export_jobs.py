@@ -15,7 +15,7 @@ from ...schemas.wire.errors import (
     InvalidParameterException,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import run_under_lease
+from ..execution.one_worker_per_job import run_under_lease
 from ..jobs.export_runs import run_export
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service

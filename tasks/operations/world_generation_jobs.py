@@ -13,7 +13,7 @@ from ...schemas.operations.world_generation_jobs import (
     ListWorldGenerationJobsRequest,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.claims import run_under_lease
+from ..execution.one_worker_per_job import run_under_lease
 from ..jobs.generation_runs import NO_FAILURES, in_order, run_generation
 from ..jobs.world_jobs import cancel_world_job
 from ..service.service import Service

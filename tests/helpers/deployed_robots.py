@@ -11,7 +11,7 @@ from typing import Any
 
 from helpers.fleet_calls import Fleets
 from prefect_robomaker.schemas.rollouts.events import Canceled, Failed, Fetched, Progressed, Report, Succeeded
-from prefect_robomaker.tasks.execution.claims import run_under_lease
+from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
 from prefect_robomaker.tasks.fleet.stored_rollouts import report, served_rollouts
 from prefect_robomaker.tasks.jobs.deployment_runs import DeploymentRun
 from prefect_robomaker.tasks.operations.registry import call

@@ -1,4 +1,4 @@
-"""What robot applications and simulation applications have in common; their versions are in `application_versions`."""
+"""What robot applications and simulation applications have in common; their versions are in `versions`."""
 
 import uuid
 from collections.abc import Mapping

@@ -9,7 +9,7 @@ import pytest
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.execution.claims import run_under_lease
+from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
 from prefect_robomaker.tasks.jobs import batch_runs
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.operations.registry import call, registry

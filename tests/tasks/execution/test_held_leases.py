@@ -8,9 +8,9 @@ import pytest
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import StateConflictError
-from prefect_robomaker.tasks.execution.claims import run_under_lease
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases, WorkerStopping, owners_of
 from prefect_robomaker.tasks.execution.job_leases import Lease
+from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
 from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_jobs import store_job

@@ -43,7 +43,7 @@ def execute(arguments: argparse.Namespace) -> int:
     runs = Settings.from_environment(os.environ).home / "runs"
     files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
 
-    from .....tasks.comparison.comparison_answer import compare
+    from .....tasks.comparison.better_or_worse import compare
     from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import read_record
 

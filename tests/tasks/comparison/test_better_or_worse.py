@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.reports.comparison import ANSWER_EXIT_CODES, Comparison
 from prefect_robomaker.schemas.reports.run_record import JobRecord
-from prefect_robomaker.tasks.comparison.comparison_answer import compare
+from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.nights import NightRun
 
 
