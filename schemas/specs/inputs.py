@@ -45,7 +45,8 @@ TEMPLATE_BODY = "templateBody"
 
 # One of these fits every text that the requests ask for; both ends of the list are tried.
 _TEXTS = ("placeholder", "1", "arn:aws:iam::000000000000:role/placeholder", "placeholder.zip")
-_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*|"(?:[^"\\]|\\.)*"|\[\d+\]|\.)+): (.*)')
+# Quantifiers that give nothing back: a long word could else be split in more ways than can ever be tried.
+_PATH_AND_MESSAGE = re.compile(r'((?:[A-Za-z_]\w*+|"(?:[^"\\]|\\.)*+"|\[\d++\]|\.)++): (.*)')
 _PATH_STEP = re.compile(r'([A-Za-z_]\w*)|("(?:[^"\\]|\\.)*")|\[(\d+)\]')
 
 

@@ -343,3 +343,13 @@ def test_of_many_steps_a_message_names_some() -> None:
     (problem,) = problems(text)
     assert "there is no step 'quite_another'; there are s0, s1, " in problem
     assert problem.endswith("s49, …")
+
+
+def test_a_member_whose_name_is_endless_is_told_at_once() -> None:
+    """Its name is cut off in the message, in the middle of a quoted word; that once took longer than anybody waits."""
+    body = {"Version": "1", "Buildings": [{"Floors": [{"Floorplan": {"Rooms": [{"De" + "[" * 200: 1}]}}]}]}
+    step = {"operation": "CreateWorldTemplate", "input": {"name": "flat", "templateBody": body}}
+
+    problem, *_ = problems(json.dumps({"version": 1, "name": "n", "steps": {"template": step}}))
+
+    assert "unknown member" in problem
