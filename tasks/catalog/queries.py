@@ -143,7 +143,9 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
     taken = [resources.c.arn == resource.arn]
     if unique_name:
         taken.append(and_(resources.c.kind == resource.kind, resources.c.unique_name == resource.name))
-    existing = connection.scalar(select(resources.c.arn).where(or_(*taken)).limit(1))
-    if existing is not None:
-        what = "that ARN" if existing == resource.arn else f"the name {resource.name!r}"
-        raise ResourceAlreadyExistsException(f"{existing} already has {what}; choose another")
+    found = connection.execute(select(resources.c.arn, resources.c.unique_name).where(or_(*taken)).limit(1)).first()
+    if found is not None:
+        # Of two that were made in the same millisecond, the ARN is the same because the name is.
+        is_name = unique_name and found.unique_name == resource.name
+        what = f"the name {resource.name!r}" if is_name else "that ARN"
+        raise ResourceAlreadyExistsException(f"{found.arn} already has {what}; choose another")

@@ -86,8 +86,6 @@ def attack(hostile: Callable[..., dict[str, Any]], service: Service, simulate: S
         ("hostile.arena.piping_log", None, SIMULATION, ("now read my log",)),
         ("hostile.arena.linking_log", None, SIMULATION, ("now read my log",)),
         ("hostile.arena.CyclicResult", None, SIMULATION, ("run_result()", "JSON", "Circular")),
-        ("hostile.arena.deleting", None, OURS, ("writing the outputs", "No such file")),
-        ("hostile.arena.replacing", None, OURS, ("writing the outputs",)),
         (None, "hostile.arena.no_agent", ROBOT, ("agent is of type str", "function of a time step")),
         (None, "hostile.arena.agnt", ROBOT, ("no agnt", "did you mean agent")),
     ],
@@ -104,6 +102,19 @@ def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
     assert ended.manifest is None
     assert not list(ended.service.settings.home.glob("jobs/*/*/work"))
     ended.check_nothing_runs()
+
+
+@pytest.mark.parametrize(("environment", "why"), [("deleting", "No such file"), ("replacing", "")])
+def test_what_takes_the_output_folder_away_fails_the_job(
+    attack: Callable[..., Attack], environment: str, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOMAKER_SANDBOX", "off")  # in a box it cannot
+    ended = attack(f"hostile.arena.{environment}", "hostile.arena.agent")
+
+    assert (ended.job["status"], ended.job["failureCode"]) == ("Failed", OURS)
+    assert "writing the outputs" in ended.job["failureReason"]
+    assert why in ended.job["failureReason"]
+    assert ended.manifest is None
 
 
 @pytest.mark.parametrize(

@@ -1,9 +1,9 @@
 """What the processes of a run see of this machine's files."""
 
-import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from ....schemas.runs.plan import RunPlan
 from ..agents.agent_socket import agent_socket_path, make_private
 from ..sandbox.landlock import Rules
 from ..sandbox.views import Sight, paths_in, python_paths, readable_rules, system_sights
@@ -16,11 +16,11 @@ def sights_of_run(request: RunRequest) -> list[Sight]:
     Paths in variables count where the service or its user has set them; a job cannot name what it wants to see.
     """
     plan = request.plan
-    paths = [*python_paths(request.import_path), *paths_in({**os.environ, **plan.environment}), *request.box.shown]
+    paths = [*python_paths(request.import_path), *paths_in(plan.environment), *request.box.shown]
     sights = [Sight(str(path), "read") for path in paths]
     sights += [Sight(str(path), "hide") for path in request.box.hidden]
     sights += [Sight(str(path), "read") for path in _inputs(request)]
-    for folder in (plan.work_dir, plan.output_dir, plan.root_dir, plan.checkpoint_dir):
+    for folder in (plan.work_dir, plan.output_dir, plan.root_dir, _kept(plan)):
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)
             sights.append(Sight(str(folder), "write"))
@@ -34,6 +34,11 @@ def sights_of_run(request: RunRequest) -> list[Sight]:
     if plan.data_dir is not None:
         sights.append(Sight(str(plan.data_dir), "read"))
     return sights
+
+
+def _kept(plan: RunPlan) -> Path | None:
+    """Where checkpoints or the journal of trials are written, if they are."""
+    return plan.checkpoint_dir if plan.checkpoint_every_s is not None or plan.trials is not None else None
 
 
 def rules_of_run(request: RunRequest) -> Sequence[Rules]:

@@ -11,6 +11,7 @@ from ..agents.agent_client import SOCKET_VARIABLE
 from ..agents.agent_socket import agent_socket_path
 from ..process.run_request import RunRequest
 from ..rendering.backends import best_video_backend
+from ..sandbox.views import paths_in
 from ..video.recorded_camera_settings import camera_recording
 from ..video.video_settings import settings_of
 
@@ -58,6 +59,8 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
     if renders_now and backend in ("egl", "osmesa"):
         variables.setdefault("MUJOCO_GL", backend)
     box = box or BoxPlan()
+    # What this process finds by its variables now; processes that wait for runs may know earlier ones.
+    box = box.model_copy(update={"shown": [*box.shown, *paths_in(os.environ)]})
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
     if box.level == "box":
         home["TMPDIR"] = "/tmp"  # noqa: S108 - the box's own
