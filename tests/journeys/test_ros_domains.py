@@ -38,6 +38,7 @@ def launch(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     (tmp_path / "meet").mkdir()
     monkeypatch.setenv("PATH", f"{tmp_path}/bin:/usr/bin:/bin")
     monkeypatch.setenv("ROS_DOMAIN_ID", "77")  # of the job worker
+    monkeypatch.setenv("ROBOMAKER_SANDBOX", "off")  # programs of several jobs meet in a folder
     pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
     for bucket in ("applications", "results"):
         service.store.ensure_bucket(bucket)
