@@ -8,6 +8,7 @@ tries, which so see a server that answers, or an error that they do not try agai
 import threading
 from collections.abc import Awaitable, Callable, Generator
 from contextlib import contextmanager
+from datetime import UTC, datetime
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,6 +19,9 @@ from prefect.events.clients import PrefectEventsClient
 from .outage import Outage
 
 _LOGS = "/logs"
+_TOKEN = "/csrf-token"  # noqa: S105 - a path
+"""Asked for before the first change that a client orders, and again when it is out of date."""
+
 _SHOWN = ("/artifacts", _LOGS, "/concurrency_limits", "/v2/concurrency_limits")
 """What only informs, or is looked after again and again."""
 
@@ -96,8 +100,11 @@ class _Patience:
                 except httpx.TransportError:
                     if not await anyio.to_thread.run_sync(self._outage.look, began):
                         raise
-        if request.url.path.startswith(f"{self._server.path}{_LOGS}"):
+        path = request.url.path.removeprefix(self._server.path)
+        if path.startswith(_LOGS):
             return httpx.Response(201)  # dropped like events: Prefect would print each line that it cannot send
+        if path.startswith(_TOKEN):
+            return httpx.Response(200, json=_no_token())  # what asks for it fails in its turn, or is dropped
         raise PrefectServerAwayError("the Prefect server does not answer", request=request)
 
     async def emit(self, emit: Callable[..., Awaitable[None]], client: PrefectEventsClient, event: Any) -> None:
@@ -123,6 +130,11 @@ class _Patience:
 
     def _is_ours(self, request: httpx.Request) -> bool:
         return (request.url.host, request.url.port) == (self._server.hostname, self._server.port)
+
+
+def _no_token() -> dict[str, str]:
+    """A token that is out of date at once, so that the server is asked for one when it is back."""
+    return {"token": "", "client": "", "expiration": datetime.now(UTC).isoformat()}
 
 
 def _waits(request: httpx.Request, root: str) -> bool:

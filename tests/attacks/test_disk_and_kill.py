@@ -164,6 +164,7 @@ def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     status: str,
 ) -> None:
     variables = {**os.environ, "ROBOMAKER_HOME": str(service.settings.home), "PREFECT_API_URL": prefect_server}
+    variables["ROBOMAKER_SANDBOX"] = "off"  # its processes write to this test's folder who they are
     command = [*MAIN, "run", str(spec(hostile(f"hostile.arena.{environment}")))]
     with subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
         job = _wait_for(service, status, process)

@@ -1,5 +1,6 @@
 """An outage of the Prefect server: told at once, waited for once, by all requests together."""
 
+import asyncio
 import http.server
 import threading
 from collections.abc import Iterator
@@ -11,6 +12,8 @@ import pytest
 from helpers.processes import wait_for
 from hypothesis import given
 from hypothesis import strategies as st
+from prefect.client.base import PrefectHttpxAsyncClient
+from prefect.settings import PREFECT_CLIENT_MAX_RETRIES, temporary_settings
 
 from prefect_robomaker.deployments.prefect_server.outage import DEAD_PATIENCE_S, Outage
 from prefect_robomaker.deployments.prefect_server.patient_requests import PrefectServerAwayError, patient_requests
@@ -166,3 +169,23 @@ def test_requests_to_others_are_left_alone() -> None:
     with listening() as other, client_of(other) as (client, told), pytest.raises(httpx.ConnectError):
         client.get(f"http://127.0.0.1:{port}/")
     assert told == []
+
+
+def test_lines_of_logs_are_dropped_also_by_a_client_that_has_no_token_yet() -> None:
+    """It asks for one before its first change; Prefect prints whatever goes wrong on the way of a line."""
+    with listening() as port:
+        pass
+    url = f"http://127.0.0.1:{port}/api"
+    outage = Outage(url, lambda: Health.AWAY, lambda _: None, look_s=0.01)
+    outage.look(0.0)
+
+    async def send() -> None:
+        chosen = {"enable_csrf_support": True, "base_url": url, "raise_on_all_errors": False}
+        async with PrefectHttpxAsyncClient(**chosen) as client:  # what Prefect's client sends by
+            assert (await client.post("/logs/", json=[])).status_code == 201
+            with pytest.raises(PrefectServerAwayError):
+                await client.post("/flows/", json={})
+
+    with patient_requests(outage, url), temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}):
+        wait_for(lambda: not outage.is_waited_for, "the end of patience")
+        asyncio.run(send())
