@@ -65,8 +65,7 @@ def plan_box(
 def _hidden(settings: Settings, user_home: Path) -> list[Path]:
     """What of the service and of the user is hidden also where it lies in a folder that is shown."""
     hidden = [settings.home, *(user_home / name for name in _OF_USERS)]
-    if settings.access_keys_file is not None:
-        hidden.append(settings.access_keys_file)
+    hidden += [file for file in (settings.access_keys_file, settings.roles_file) if file is not None]
     if settings.object_store.startswith("/"):
         hidden.append(Path(settings.object_store))
     if settings.catalog_url.startswith(_SQLITE):

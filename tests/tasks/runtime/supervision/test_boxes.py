@@ -28,6 +28,11 @@ def test_auto_is_what_the_machine_has(level: BoxLevel, tmp_path: Path) -> None:
     )
 
 
+def test_files_of_keys_are_hidden_wherever_they_lie() -> None:
+    files = {"ROBOMAKER_ACCESS_KEYS_FILE": "/etc/keys", "ROBOMAKER_ROLES_FILE": "/etc/roles.toml"}
+    assert {Path("/etc/keys"), Path("/etc/roles.toml")} <= set(plan_box(settings(**files), Confinement("box")).hidden)
+
+
 def test_off_is_nothing() -> None:
     assert plan_box(settings(ROBOMAKER_SANDBOX="off"), Confinement("box")).level == "none"
 
