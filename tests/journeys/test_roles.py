@@ -29,6 +29,30 @@ keys = [name for name in os.environ if "SECRET" in name or "TOKEN" in name]
 assert not keys, keys
 """
 
+FACTORY = """
+import dm_env, numpy, pathlib
+
+class Still(dm_env.Environment):
+    def reset(self):
+        return dm_env.restart({})
+
+    def step(self, action):
+        return dm_env.termination(0.0, {})
+
+    def action_spec(self):
+        return dm_env.specs.BoundedArray((1,), float, -1.0, 1.0)
+
+    def observation_spec(self):
+        return {}
+
+def make_environment(context):
+    exec(pathlib.Path(__file__).with_name("main.py").read_text())
+    return Still()
+
+def make_agent(context, environment):
+    return lambda time_step: numpy.zeros(1)
+"""
+
 Run = Callable[..., dict[str, Any]]
 
 
@@ -45,6 +69,7 @@ def run(service: Service, folder: Path, bucket: str, program: str = "", **member
     code = folder / "code"
     (code / "uploads").mkdir(parents=True, exist_ok=True)
     (code / "uploads" / "main.py").write_text(program.replace("BUCKET", bucket))
+    (code / "uploads" / "arena.py").write_text(FACTORY)
     pack_tar_gz(code, folder / "code.tar.gz")
     service.store.ensure_bucket(bucket)
     service.store.put_file(bucket, "in/code.tar.gz", folder / "code.tar.gz")
@@ -97,6 +122,31 @@ def test_unchanged_s3_code_in_a_job_acts_as_its_role(
     for name in stored:
         content = service.store.get_bytes(place["bucket"], f"{place['prefix']}/{name}")
         assert keys[1].encode() not in content, f"{name} has the role's key"
+
+
+def test_unchanged_s3_code_in_a_factory_acts_as_its_role(
+    tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str
+) -> None:
+    keys = user(s3_server, reads=[f"{bucket}/in/*"], writes=[f"{bucket}/out/*"])
+    service = open_service(tmp_path / "home", s3_server.environ(), role_with_keys(f"{ARN}/nightly", keys))
+    source = {"sources": [{"s3Bucket": bucket, "s3Key": "in/code.tar.gz"}]}
+    agent = {"packageName": "uploads", "launchFile": "arena.make_agent"}
+    run(service, tmp_path, bucket, UPLOADS)  # its archive is there now
+    service.store.delete(bucket, "out/note")
+    call("CreateRobotApplication", {"name": "idle", **source, "robotSoftwareSuite": {"name": "General"}}, service)
+
+    job = run(
+        service,
+        tmp_path,
+        bucket,
+        UPLOADS,
+        launch={"launchFile": "arena.make_environment"},
+        robotApplications=[{"application": "idle", "launchConfig": agent}],
+    )
+
+    assert job["status"] == "Completed", job["failureReason"]
+    assert service.store.get_bytes(bucket, "out/note") == b"from inside"
+    assert "refused:" in log_of(service, job, "stdout.log")
 
 
 def test_what_a_role_may_not_do_ends_a_job_with_the_services_code(

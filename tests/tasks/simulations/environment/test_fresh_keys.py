@@ -1,0 +1,45 @@
+"""Credentials of an assumed role that run out while a job runs: had again from a real STS, and written anew."""
+
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from helpers.processes import wait_for
+from helpers.roles import roles_file
+from helpers.s3_server import S3Server
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.environment.fresh_keys import fresh_keys
+from prefect_robomaker.tasks.simulations.environment.role_access import store_variables, with_store_variables
+from prefect_robomaker.tasks.simulations.environment.run_environment import run_sandbox
+
+REQUEST = {"iamRole": "arn:aws:iam::000000000000:role/JobA"}
+UPLOAD = f"import boto3; boto3.client('s3').upload_file({__file__!r}, 'role-a', 'a/file')"
+
+
+def test_a_program_that_starts_late_has_credentials_that_are_good(tmp_path: Path, role_server: S3Server) -> None:
+    if "role-a" not in {each["Name"] for each in role_server.client("s3").list_buckets()["Buckets"]}:
+        role_server.client("s3").create_bucket(Bucket="role-a")
+    role = f'arn = "{REQUEST["iamRole"]}"\nassume_role = "itself"\n'
+    variables = {
+        **role_server.environ(),
+        "ROBOMAKER_HOME": str(tmp_path),
+        "ROBOMAKER_ROLES_FILE": str(roles_file(tmp_path, role)),
+    }
+    service = Service.open(Settings.from_environment(variables), variables)
+    sandbox = run_sandbox(tmp_path / "run").create()
+
+    with fresh_keys(REQUEST, service, tmp_path / "run", every_s=0.05):
+        folder = sandbox.place("/opt/robomaker/aws")
+        files = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+        assert service.roles is not None
+        credentials = service.roles.opened.sessions[REQUEST["iamRole"]].get_credentials()
+        # As the time does: they run out in a minute.
+        vars(credentials)["_expiry_time"] = datetime.now(UTC) + timedelta(minutes=1)
+        wait_for(lambda: any(path.read_bytes() != before for path, before in files.items()), "new credentials")
+
+        usual = {"PATH": "/usr/bin:/bin", "HOME": str(sandbox.root), "AWS_DEFAULT_REGION": "us-east-1"}
+        environment = with_store_variables(usual, store_variables(REQUEST, sandbox, service), has_keys=True)
+        subprocess.run([sys.executable, "-c", UPLOAD], env=environment, check=True)
