@@ -27,6 +27,21 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     assert not list((home / "objects" / "robomaker").rglob(".doctor*/*")), "the probe is gone"
 
 
+def test_a_wrong_roles_file_is_told_once_and_in_its_place(robomaker, monkeypatch, tmp_path: Path) -> None:
+    roles = tmp_path / "roles.toml"
+    roles.write_text('[[role]]\narn = "arn:aws:iam::000000000000:role/nightly"\nacces_key_id = "AK"\n')
+    roles.chmod(0o600)
+    monkeypatch.setenv("ROBOMAKER_ROLES_FILE", str(roles))
+
+    ended = robomaker("doctor", "-o", "json")
+
+    findings = json.loads(ended.out)["findings"]
+    (broken,) = [finding for finding in findings if finding["health"] == "broken"]
+    assert broken["subject"] == "roles"
+    assert "did you mean 'access_key_id'?" in broken["found"]
+    assert ended.code == 3
+
+
 def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch, tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("no folder")
