@@ -1,19 +1,22 @@
 """Old flow runs of the local Prefect server, removed through its API with their task runs, logs and artifacts.
 
 Only runs of this package's flows go, and only on the server that this package started: what else is run there, and any
-other server, belongs to somebody.
+other server, belongs to somebody. Its database then gives back to the system what nothing uses.
 """
 
 import os
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 from ..schemas.reports.retention import GcFlowRuns, RetentionPolicy
 from ..schemas.settings import Settings
 from ..tasks.operations.registry import flow_names
-from .prefect_server.local_server import client_variables, server_status
+from .prefect_database import WORTH_BYTES, database_file, measure_database, prepare_database, shrink_database
+from .prefect_server.local_server import ServerStatus, client_variables, server_status
 
 _NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
 _PAGE = 50
@@ -21,20 +24,33 @@ _PAGE = 50
 
 
 def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime, *, act: bool) -> GcFlowRuns:
-    """Counts the flow runs that ended before a policy's age, and removes them.
+    """Counts the flow runs that ended before a policy's age, removes them, and has the database shrink.
 
     Args:
         settings: whose local server.
-        policy: what is kept; without an age everything is.
+        policy: what is kept; without an age every flow run is.
         now: the time.
-        act: whether they are removed.
+        act: whether anything is changed.
 
     Returns:
-        How many, or why none were looked at.
+        How many flow runs, or why none were looked at; and how large the database is.
     """
+    status = server_status(settings, _NO_PROFILE)
+    told = _collect(settings, policy, now, status, act=act)
+    path = database_file(settings)
+    if not path.is_file():
+        return told
+    try:
+        return _shrink(path, told, is_open=status.running or status.busy, act=act)
+    except sqlite3.Error as error:
+        return told.model_copy(update={"problem": told.problem or f"{path}: {error}"})
+
+
+def _collect(
+    settings: Settings, policy: RetentionPolicy, now: datetime, status: ServerStatus, *, act: bool
+) -> GcFlowRuns:
     if policy.older_than is None:
         return GcFlowRuns(note="flow runs of Prefect go by age; --older-than was not given")
-    status = server_status(settings, _NO_PROFILE)
     if not status.running:
         return GcFlowRuns(note="the local Prefect server does not run, so its flow runs were not looked at")
     chosen = _filters(policy, now - policy.older_than)
@@ -46,8 +62,22 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
                 _remove(client, chosen)
     except Exception as error:  # whatever Prefect's client raises: what else was removed is told all the same
         return GcFlowRuns(count=count, problem=f"{type(error).__name__}: {error}")
-    note = "the space in Prefect's database is used again, its file does not shrink" if count else ""
-    return GcFlowRuns(count=count, note=note)
+    return GcFlowRuns(count=count)
+
+
+def _shrink(path: Path, told: GcFlowRuns, *, is_open: bool, act: bool) -> GcFlowRuns:
+    """Gives back what the database does not use, if that is worth it."""
+    before = measure_database(path)
+    if before.free_bytes < WORTH_BYTES:
+        return told.model_copy(update={"database_bytes": before.size_bytes})
+    if not act:
+        return told.model_copy(update={"database_bytes": before.size_bytes, "freed_bytes": before.free_bytes})
+    if not is_open:
+        prepare_database(path)
+    shrink_database(path)
+    after = measure_database(path)
+    freed = max(0, before.size_bytes - after.size_bytes)
+    return told.model_copy(update={"database_bytes": after.size_bytes, "freed_bytes": freed})
 
 
 def _filters(policy: RetentionPolicy, before: datetime) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from prefect.runtime import deployment, flow_run
 from ..schemas.reports.forecast import ForecastCheck
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
 from ..schemas.reports.report import RunState
-from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord
+from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import (
     BAD_ENDS,
     FlowResult,
@@ -33,43 +33,42 @@ from ..schemas.reports.run_states import (
     verdicts_of,
 )
 from ..schemas.settings import Settings
-from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of, with_client_token
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input
 from ..schemas.specs.world_counts import check_world_counts
-from ..schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError, ServiceError
+from ..schemas.wire.errors import (
+    ConfigurationError,
+    ResourceNotFoundException,
+    RobomakerError,
+    ServiceUnavailableException,
+)
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
+from ..tasks.execution.job_leases import CatalogWait, Result
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.execution.schedule_overlaps import skipped_night
 from ..tasks.inspection.commits import commit_of
+from ..tasks.inspection.pipeline_parts import (
+    Cut,
+    Permit,
+    RunInterrupted,
+    error_in_words,
+    permit_all,
+    read_spec_file,
+)
 from ..tasks.inspection.preflight import await_store, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
 from ..tasks.notifications.notices import notify_of
-from ..tasks.operations.registry import registry
+from ..tasks.operations.applications.records import existing_application
+from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.service import Progress, Service
 from .lookup import perform, without_heartbeat
 
 _logger = logging.getLogger(__name__)
 
 
-class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C or a signal ended a run; what it had begun has been cancelled, and the report says so.
-
-    Args:
-        record: the record of the run.
-        signal_number: the signal.
-    """
-
-    def __init__(self, record: RunRecord, signal_number: int = signal.SIGINT) -> None:
-        super().__init__()
-        self.record = record
-        self.signal_number = signal_number
-
-
 _NO_FILE = "specification"
-Cut = Callable[[str, dict[str, Any]], dict[str, Any]]
-"""Makes the request of an operation smaller."""
 
 
 def run_spec(
@@ -82,6 +81,8 @@ def run_spec(
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
     cut: Cut | None = None,
+    run_id: str | None = None,
+    permit: Permit | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a flow in this process.
 
@@ -94,6 +95,8 @@ def run_spec(
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
         cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        run_id: the run's id, from `new_run_id`; `None`: it gets one.
+        permit: decides on each request; `None`: all are carried out.
 
     Returns:
         The record of the run, whose `exit_code` says how it ended; the report is written.
@@ -103,7 +106,10 @@ def run_spec(
     """
     service = Service.open(settings)
     await_store(service, lambda text: listener(Note(text)))
-    run = PipelineRun(checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut)
+    run = PipelineRun(
+        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, run_id=run_id,
+        permit=permit,
+    )  # fmt: skip
     check_preconditions(checked, run.service)
     token = _current.set(run)
     try:
@@ -121,6 +127,7 @@ def run_spec(
         listener(Note(f"the Prefect server does not answer any more, and will not show how the run ended: {error}"))
     finally:
         _current.reset(token)
+        service.catalog.close()
     return run.record()
 
 
@@ -161,6 +168,8 @@ class PipelineRun:
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
         cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
+        run_id: the run's id, from `new_run_id`; `None`: it gets one.
+        permit: decides on each request; `None`: all are carried out.
     """
 
     def __init__(
@@ -174,15 +183,18 @@ class PipelineRun:
         reuse: bool = False,
         rerun_of: RerunOf | None = None,
         cut: Cut | None = None,
+        run_id: str | None = None,
+        permit: Permit | None = None,
     ) -> None:
         self._checked = checked
         self._cut = cut
+        self._permit = permit or permit_all
         self._rerun_of = rerun_of
         self._command = list(command) or ["robomaker", "run", spec_path]
         self._listener = listener
         self._spec_path = spec_path
         self._started_at = service.clock()
-        self.run_id = f"{checked.name}-{self._started_at:%Y%m%dT%H%M%S%f}"[:-3]
+        self.run_id = run_id or new_run_id(checked.name, self._started_at)
         self._service = service.ordered_by(self.run_id, reuse=reuse)
         self._folder = service.folder("runs", self.run_id)
         # When it begins: later the folder may have moved on to another commit.
@@ -201,7 +213,7 @@ class PipelineRun:
             SpecError: the specification has problems.
         """
         if spec is not None:
-            text, origin = _read(Path(spec)), spec
+            text, origin = read_spec_file(Path(spec)), spec
         if text is None:
             raise ConfigurationError("there is nothing to run: give `spec`, the path of a file, or `text`")
         checked = load_spec(text, origin)
@@ -210,13 +222,8 @@ class PipelineRun:
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
         if name := deployment.name:
-            command = [
-                "prefect",
-                "deployment",
-                "run",
-                f"RunPipeline/{name}",
-                *(["--param=reuse=true"] if reuse else []),
-            ]
+            command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]
+            command += ["--param=reuse=true"] if reuse else []
         return cls(checked, service, _log, origin, command, reuse=reuse)
 
     def run(self) -> RunRecord:
@@ -228,6 +235,9 @@ class PipelineRun:
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
+        except BaseException:
+            self._is_canceled = True  # so that nothing waits for the catalog any more
+            raise
         finally:
             self._record = self._finish()
         return self._record
@@ -286,7 +296,7 @@ class PipelineRun:
             request = resolve_input(step, self._outputs)
             parts = parts_of(step.operation, self._cut(step.operation, request) if self._cut else request)
         except Exception as error:
-            last = self._note_end(name, Part({}), began, "Failed", {}, _error_in_words(error))
+            last = self._note_end(name, Part({}), began, "Failed", {}, error_in_words(error))
         else:
             last = self._run_parts(name, parts)
         duration_s = (self._service.clock() - began).total_seconds()
@@ -324,7 +334,7 @@ class PipelineRun:
             output = self._call(name, part, watch)
         except Exception as error:  # the report and the later steps' records are written all the same
             left = self._outputs.get(name, {})
-            return self._note_end(name, part, started_at, "Failed", left, _error_in_words(error))
+            return self._note_end(name, part, started_at, "Failed", left, error_in_words(error))
         except BaseException:
             ended = self._note_end(name, part, started_at, "Canceled", self._cancelled(name), "interrupted")
             duration_s = (self._service.clock() - started_at).total_seconds()
@@ -354,15 +364,24 @@ class PipelineRun:
 
     def _cancelled(self, name: str) -> dict[str, Any]:
         """What is left of a step that was interrupted: how the job that it made stands."""
-        entry, output = registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
-        return entry.described(output["arn"], self._service) if entry.run_job and output else output
+        entry, output = step_registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
+        with suppress(ServiceUnavailableException):  # what made it is known all the same
+            return entry.described(output["arn"], self._service) if entry.run_job and output else output
+        return output
 
     def _call(self, name: str, part: Part, watch: Callable[[Progress], None]) -> dict[str, Any]:
         """Calls a step's operation for a part of its request; jobs are performed to their end."""
         step = self._checked.steps[name]
-        entry = registry()[step.operation]
+        entry = step_registry()[step.operation]
         service = self._service.ordered_by(self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1)
-        output = self._reused(step.operation, step.if_exists, part.request) or entry.answer(part.request, service)
+        request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
+        output = self._permit(
+            step,
+            part.request,
+            lambda: self._outlasting(
+                lambda: existing_application(step, request, service) or entry.answer(request, service)
+            ),
+        )
         if entry.run_job is None:
             return output
         self._outputs[name] = output
@@ -373,14 +392,11 @@ class PipelineRun:
             answer, _ = perform(step.operation, output["arn"])
             return answer
 
-    def _reused(self, operation: str, if_exists: str, request: dict[str, Any]) -> dict[str, Any] | None:
-        """The answer of an application that exists already, where the step allows that."""
-        from ..tasks.operations.applications.records import reuse_application, update_application
-
-        role = "robot" if operation == "CreateRobotApplication" else "simulation"
-        if if_exists == "update":
-            return update_application(role, request, self._service)
-        return reuse_application(role, request, self._service) if if_exists == "reuse" else None
+    def _outlasting(self, call: Callable[[], Result]) -> Result:
+        """Calls again until the catalog answers, or the run is to end."""
+        pause_s = self._service.timing.after_outage_s
+        wait = CatalogWait(self.run_id, self._service.catalog.count, lambda: self._is_canceled, pause_s)
+        return wait.outlasting(call)
 
     def _skipped(self, name: str) -> StepRecord:
         operation = self._checked.steps[name].operation
@@ -394,7 +410,7 @@ class PipelineRun:
         from ..tasks.inspection.run_records import write_record
 
         ended_at, versions = self._service.clock(), installed_versions()
-        forecast = self._forecast(ended_at)
+        forecast = self._outlasting(lambda: self._forecast(ended_at))
         jobs, report_path = self._report(ended_at, versions, forecast)
         state = self._state(jobs) if report_path else "broken"
         record = RunRecord(
@@ -417,7 +433,7 @@ class PipelineRun:
             run_dir=self._folder,
             source=self._source,
         )
-        (self._folder / "spec.yaml").write_text(self._checked.text)
+        (self._folder / "spec.yaml").write_text(self._checked.text_for_others)
         write_record(record)
         notify_of(record, self._service, self._listener)
         return record
@@ -437,20 +453,22 @@ class PipelineRun:
         from ..tasks.inspection.reports import publish_report
 
         try:
-            return publish_report(
-                self._service,
-                name=self._checked.name,
-                run_id=self.run_id,
-                command=self._command,
-                steps=self._steps,
-                started_at=self._started_at,
-                ended_at=ended_at,
-                versions=versions,
-                folder=self._folder,
-                state_of=self._state,
-                source=self._source,
-                rerun_of=self._rerun_of,
-                forecast=forecast,
+            return self._outlasting(
+                lambda: publish_report(
+                    self._service,
+                    name=self._checked.name,
+                    run_id=self.run_id,
+                    command=self._command,
+                    steps=self._steps,
+                    started_at=self._started_at,
+                    ended_at=ended_at,
+                    versions=versions,
+                    folder=self._folder,
+                    state_of=self._state,
+                    source=self._source,
+                    rerun_of=self._rerun_of,
+                    forecast=forecast,
+                )
             )
         except Exception as error:
             _logger.exception("the report could not be written")
@@ -468,26 +486,6 @@ class PipelineRun:
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigurationError(
-            f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}; a deployment that is made by "
-            "`robomaker deploy` keeps the specification itself"
-        ) from error
-
-
-def _error_in_words(error: Exception) -> str:
-    """What a step failed of; a defect is also logged."""
-    if isinstance(error, ServiceError):
-        return f"{error.code}: {error}"
-    if isinstance(error, RobomakerError):
-        return str(error)
-    _logger.error("a step broke", exc_info=error)
-    return f"{type(error).__name__}: {error}"
 
 
 def _log(event: ProgressEvent) -> None:

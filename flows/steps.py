@@ -21,6 +21,7 @@ from ..schemas.operations.registry import OPERATIONS
 from ..schemas.wire.base import Shape
 from ..tasks.execution.artifacts import shown_progress
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
+from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
 from ..tasks.operations.registry import registry
@@ -96,7 +97,8 @@ def carry_out(operation: str, arn: str) -> Any:
         watched.activated(),
     ):
         answer = registry()[operation].perform(arn, watched)
-    result = job_result(operation, answer, service)
+    wait = CatalogWait(arn, lambda: service.catalog.standing(arn), lambda: False, service.timing.after_outage_s)
+    result = wait.outlasting(lambda: job_result(operation, answer, service))
     return end_state(result, answer, verdict_fails_run=service.settings.verdict_fails_run)
 
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 from . import old_paths, operation_flows
 
 if TYPE_CHECKING:
-    from .flows.pipelines import RunInterrupted as RunInterrupted
     from .flows.pipelines import RunPipeline as RunPipeline
     from .flows.pipelines import run_spec as run_spec
     from .operation_flows import *  # noqa: F403 - the flows of all operations
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from .schemas.wire.errors import SpecError as SpecError
     from .schemas.wire.errors import StorageError as StorageError
     from .tasks.execution.mapping.runner import MapTaskRunner as MapTaskRunner
+    from .tasks.inspection.pipeline_parts import RunInterrupted as RunInterrupted
     from .tasks.operations.registry import call as call
     from .tasks.service.service import Service as Service
 
@@ -56,7 +56,7 @@ __all__ += operation_flows.__all__
 _ERRORS = "ConfigurationError InvalidParameterException ResourceNotFoundException RobomakerError ServiceError SpecError"
 _MODULES = {
     "MapTaskRunner": "tasks.execution.mapping.runner",
-    "RunInterrupted": "flows.pipelines",
+    "RunInterrupted": "tasks.inspection.pipeline_parts",
     "RunPipeline": "flows.pipelines",
     "Service": "tasks.service.service",
     "Settings": "schemas.settings",

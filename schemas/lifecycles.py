@@ -37,6 +37,9 @@ class Lifecycle(Generic[State]):
     transitions: Mapping[tuple[State, str], State]
     """The state after an event in a state; pairs that are absent are not allowed."""
 
+    not_when_canceled: frozenset[str] = frozenset()
+    """Events that cannot happen any more once a cancellation was requested."""
+
     @property
     def events(self) -> frozenset[str]:
         """Everything that can happen."""
@@ -87,6 +90,7 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
     states=choices(SimulationJobStatus),
     terminal=frozenset({"Completed", "Failed", "Terminated", "Canceled"}),
     transitions={**_table(_JOB_ROWS), **_PREPARE_ROWS},
+    not_when_canceled=frozenset({"complete"}),
 )
 """One simulation job.
 
@@ -101,7 +105,8 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
 
 `finish` is the end that a run comes to by itself; `terminate` stops a job, and is possible in every
 state on the way. Both open the phase of uploads; a job that will fail carries its failure code from
-then on. `restart` is requested by a client while the run goes on: one that ends at the same moment
+then on, and one that is cancelled meanwhile cannot `complete` any more, so no accepted cancellation is
+lost. `restart` is requested by a client while the run goes on: one that ends at the same moment
 cannot `finish` any more and is run again, so no accepted restart is lost. `crash` is for
 `failureBehavior: Continue`; with `Fail` the job terminates. `prepare` may happen again, for a restart
 or after its job worker died, when its outputs died with it even after its run; a job that has run before

@@ -14,7 +14,7 @@
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
-| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full` or `none` | `full` |
+| `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
 | `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
 | `ROBOMAKER_MAX_WORLDS_PER_JOB` | worlds that one generation job may make; one that asks for more fails | 50 |
 | `ROBOMAKER_STORE_PATIENCE_MIN` | how long a job waits for an object store that does not answer, in minutes | 30 |
@@ -22,6 +22,7 @@
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_TRUSTED_PROXIES` | addresses of proxies before `robomaker serve`, with commas between | none |
 | `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
 | `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
 | `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
@@ -36,12 +37,13 @@
 import os
 import re
 from collections.abc import Mapping
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Literal, get_args
 from urllib.parse import quote
 
 import platformdirs
-from pydantic import Field, ValidationError
+from pydantic import Field, IPvAnyNetwork, ValidationError
 
 from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
 from .wire.base import Model
@@ -119,7 +121,7 @@ class Settings(Model):
     )
     sandbox_network: BoxNetwork = Field(
         default="full",
-        description="What confined jobs reach: the network, or only their own processes.",
+        description="What confined jobs reach: the network, the service on this machine, or only their own processes.",
     )
     sandbox_show: tuple[Path, ...] = Field(
         default=(), description="Folders that confined jobs may read besides their own, absolute paths."
@@ -141,6 +143,10 @@ class Settings(Model):
     access_keys_file: Path | None = Field(
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
+    )
+    trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
+        default=(),
+        description="Proxies before the endpoint: what they say of who calls, and whether by HTTPS, is taken for true.",
     )
     roles_file: Path | None = Field(
         default=None,
@@ -202,6 +208,8 @@ class Settings(Model):
         }
         if channels := environ.get("ROBOMAKER_NOTIFY"):
             values["notify"] = tuple(channels.split())
+        if proxies := environ.get("ROBOMAKER_TRUSTED_PROXIES"):
+            values["trusted_proxies"] = _networks("ROBOMAKER_TRUSTED_PROXIES", proxies)
         if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
             values["notify_when"] = _notify_when(when)
         if shown := environ.get("ROBOMAKER_SANDBOX_SHOW"):
@@ -242,6 +250,18 @@ def _notify_when(given: str) -> frozenset[str]:
             f"ROBOMAKER_NOTIFY_WHEN is {given!r}; it has to be some of {known}, with commas between"
         )
     return chosen
+
+
+def _networks(name: str, given: str) -> tuple[str, ...]:
+    parts = tuple(part.strip() for part in given.split(","))
+    for part in parts:
+        try:
+            ip_network(part)
+        except ValueError as error:
+            raise ConfigurationError(
+                f"{name} has {part!r}; it has to be an address such as 10.0.0.7, or a network such as 10.0.0.0/24"
+            ) from error
+    return parts
 
 
 def _absolute_paths(name: str, given: str) -> tuple[Path, ...]:

@@ -11,6 +11,7 @@ from prefect_robomaker.schemas.settings import Settings
 pytest_plugins = [
     "helpers.endpoint_process",
     "helpers.job_worker_process",
+    "helpers.minio_server",
     "helpers.postgres_server",
     "helpers.prefect_server",
     "helpers.real_engine",

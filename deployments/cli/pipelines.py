@@ -48,7 +48,8 @@ def carry_out(
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
-        from ...flows.pipelines import RunInterrupted, run_spec
+        from ...flows.pipelines import run_spec
+        from ...tasks.inspection.pipeline_parts import RunInterrupted
         from ..dead_run_sweeper import close_dead_runs_once
 
         outage = wait_for_server_once(api_url, lambda text: listener(Note(text)))
@@ -64,7 +65,7 @@ def carry_out(
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         asked = None if outage.is_on else api_url
-        _tell(record, command, asked, as_json=arguments.output == "json")
+        _tell(record, command, asked, settings.home, as_json=arguments.output == "json")
     if interrupted:
         raise interrupted
     if record.report_path and wanted(arguments.open):
@@ -72,8 +73,9 @@ def carry_out(
     return record.exit_code
 
 
-def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, *, as_json: bool) -> None:
-    """Prints how the run ended; with a link to the server's pages, if it is to be asked for one."""
+def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: Path, *, as_json: bool) -> None:
+    """Prints how the run ended; with a link to the server's pages, if it is to be asked for one, and to the console."""
+    from ..console_note import console_of
     from .output.summary import print_summary
     from .prefect_server import pages
 
@@ -83,7 +85,9 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, *, as_
         # Elsewhere the pages' address is not to be told from the API's.
         is_local = (api_url or "").startswith("http://127.0.0.1:")
         server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if api_url and is_local else ""
-        print_summary(record, command, sys.stdout, server=server)
+        console = console_of(home)
+        page = f"{console}/runs/{record.run_id}" if console else ""
+        print_summary(record, command, sys.stdout, server=server, page=page)
     sys.stdout.flush()
 
 

@@ -9,6 +9,7 @@ from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
 from .output.durations import duration
 
 _WORLD = "a world"
+_VARIED = ("worlds", "variations")
 _COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
 
 
@@ -38,7 +39,7 @@ def planned(spec: CheckedSpec) -> list[PlannedStep]:
         step = _planned_step(spec.steps[name], outputs)
         # As if every world succeeded: enough to count what later steps make of them.
         worlds = [_WORLD] * (step.worlds or 0)
-        outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}} if worlds else {}
+        outputs[name] = {"finishedWorldsSummary": {"succeededWorlds": worlds}, "worlds": worlds} if worlds else {}
         steps.append(step)
     return steps
 
@@ -50,6 +51,13 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
         if plans and interiors:
             detail = f"{counted(plans * interiors, 'world')}: {counted(plans, 'floor plan')}, {interiors} × furnished"
             return PlannedStep(step.name, step.operation, needs, worlds=plans * interiors, detail=detail)
+    if step.operation == "VaryWorlds":
+        amounts = [_entries(node, outputs) for key in _VARIED if (node := child(step.input, key))]
+        if len(amounts) == len(_VARIED) and all(amounts):
+            worlds, variations = (len(each or ()) for each in amounts)
+            made = worlds * variations
+            detail = f"{counted(made, 'world')}: {counted(variations, 'variation')} of {counted(worlds, 'world')}"
+            return PlannedStep(step.name, step.operation, needs, worlds=made, detail=detail)
     if step.operation == "CreateSimulationJob":
         return PlannedStep(step.name, step.operation, needs, jobs=1, detail=f"1 simulation job{_limit(step.input)}")
     if step.operation == "StartSimulationJobBatch" and (requests := child(step.input, "createSimulationJobRequests")):

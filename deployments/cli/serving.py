@@ -20,6 +20,7 @@ from ..endpoint.tls import TlsFiles
 from ..log_lines import log_formatter
 from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
+from .output.browser import open_address
 from .prefect_server import pages, use_server
 
 
@@ -57,14 +58,14 @@ def _serve(
 ) -> None:
     if arguments.execute_jobs == "none":
         status = {"state": "elsewhere"}
-        _run_server(arguments, settings, access_keys, tls, about, lambda _: None, lambda: status)
+        _run_server(arguments, settings, access_keys, tls, about, lambda _: None, lambda: status, None)
         return
     prepare_home(settings)
     variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
     worker = WorkerProcess(settings, variables)
     worker.start()
     try:
-        _run_server(arguments, settings, access_keys, tls, about, worker.wake, worker.status)
+        _run_server(arguments, settings, access_keys, tls, about, worker.wake, worker.status, variables)
     except KeyboardInterrupt:
         worker.kill()
         raise
@@ -82,14 +83,19 @@ def _run_server(
     about: dict[str, Any],
     on_submitted: Callable[[str], None],
     worker_status: Callable[[], Mapping[str, object]],
+    variables: Mapping[str, str] | None,
 ) -> None:
     # Imported late, while the worker already starts.
     from ...tasks.service.service import Service
+    from ..console.console import Console
+    from ..console.rendering import HOME
+    from ..console_note import forget_console, note_console
     from ..endpoint.access_log import write_access_log
     from ..endpoint.application import make_application
     from ..endpoint.calling.audit_log import AuditLog
     from ..endpoint.server import run_server
     from ..robots.mounting import RobotsBeside
+    from ..spec_runs.spec_runs import SpecRuns
 
     if arguments.log_requests:
         write_access_log()
@@ -99,17 +105,42 @@ def _run_server(
         on_submitted(arn)
         application.wake()
 
-    audit_log = AuditLog(Path(arguments.audit_log), service.clock) if arguments.audit_log else None
+    log_path = Path(arguments.audit_log).absolute() if arguments.audit_log else None
+    audit_log = AuditLog(log_path, service.clock) if log_path else None
+    spec_runs = None if variables is None else SpecRuns(settings.home, variables, log_path)
     endpoint = make_application(
-        service, access_keys=access_keys, on_submitted=tell, worker_status=worker_status, audit_log=audit_log
+        service,
+        access_keys=access_keys,
+        on_submitted=tell,
+        worker_status=worker_status,
+        audit_log=audit_log,
+        console=HOME,
     )
-    application = RobotsBeside(endpoint, service)
+    console = Console(endpoint, service, access_keys=access_keys, worker_status=worker_status, spec_runs=spec_runs)
+    application = RobotsBeside(console, service)
 
     def announce(port: int) -> None:
-        facts = {"url": _url(arguments, port), "pid": os.getpid(), **about}
+        url = _url(arguments, port)
+        facts = {"url": url, "console_url": f"{url}{HOME}", "pid": os.getpid(), **about}
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
+        note_console(settings.home, url)
+        if spec_runs is not None and (taken_up := spec_runs.take_up_all()):
+            logging.getLogger("robomaker.endpoint").warning("runs that broke off go on: %s", ", ".join(taken_up))
+        if arguments.open:
+            open_address(facts["console_url"])
 
-    run_server(application, arguments.host, arguments.port, ready=announce, tls=tls)
+    try:
+        run_server(
+            application,
+            arguments.host,
+            arguments.port,
+            ready=announce,
+            stopping=console.end_streams,
+            tls=tls,
+            proxies=[str(each) for each in settings.trusted_proxies],
+        )
+    finally:
+        forget_console(settings.home)
 
 
 def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:
@@ -148,7 +179,8 @@ def _announce(facts: dict[str, Any], settings: Settings, *, signed: bool, form: 
 
 
 def _lines(facts: Mapping[str, Any], variables: Mapping[str, str], *, signed: bool) -> list[str]:
-    lines = [f"RoboMaker answers at {facts['url']} until you press Ctrl-C.", "", "In another terminal:", ""]
+    lines = [f"RoboMaker answers at {facts['url']} until you press Ctrl-C.", f"Its console: {facts['console_url']}"]
+    lines += ["", "In another terminal:", ""]
     lines += [f"  export {name}={value}" for name, value in variables.items()]
     lines += ['  eval "$(robomaker sdk-model)"    # for SDKs that do not know RoboMaker any more']
     if signed:

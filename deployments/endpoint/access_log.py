@@ -10,8 +10,6 @@ import os
 import time
 from pathlib import Path
 
-from starlette.responses import Response
-
 from ..log_lines import log_formatter
 from .messages import ServiceRequest
 
@@ -40,22 +38,29 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
     return handler
 
 
-def log_access(request: ServiceRequest, response: Response, duration_s: float) -> None:
-    """Logs one request, if the access log is on."""
+def log_access(request: ServiceRequest, status: int, error: str, duration_s: float) -> None:
+    """Logs one request, if the access log is on.
+
+    Args:
+        request: what was asked.
+        status: HTTP status of the answer.
+        error: name of the error that it tells of; `-`: of none.
+        duration_s: how long it took.
+    """
     if LOGGER.handlers:
         LOGGER.info(
             "%s %s %s %d %s %.1f ms %s",
             request.client.host if request.client else "-",
             ascii(request.method)[1:-1],
             ascii(request.raw_path)[1:-1][:500],
-            response.status_code,
-            response.headers.get("x-amzn-errortype", "-"),
+            status,
+            error,
             duration_s * 1000,
             request.id,
             # What lines of JSON have besides.
             extra={
                 "operation": request.operation,
-                "status": response.status_code,
+                "status": status,
                 "duration_ms": round(duration_s * 1000, 1),
                 "request_id": request.id,
             },

@@ -1,7 +1,6 @@
 """The endpoint as an ASGI application."""
 
 import asyncio
-import logging
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from opentelemetry.trace import Span
 from starlette.requests import ClientDisconnect
 from starlette.responses import Response
-from starlette.types import ASGIApp, Receive, Scope, Send
+from starlette.types import Receive, Scope, Send
 
 from ...schemas.wire.errors import ThrottlingException
 from ...schemas.wire.operation_shape import OperationShape
@@ -20,8 +19,9 @@ from .access_log import log_access
 from .calling.access_keys import AccessKey
 from .calling.audit_log import AuditLog, Call
 from .calling.authentication import Authenticator, Signer
+from .calling.calls import Calls
 from .calling.replays import is_repeatable
-from .calling.scopes import check_resources, check_scope, named_resources, only_visible
+from .calling.scopes import check_scope
 from .failures import Failures
 from .health import HealthPages
 from .limits import Arrivals, read_body
@@ -38,8 +38,6 @@ MAX_IN_PROGRESS = 128
 
 RETRY_AFTER_S = 1
 
-LOGGER = logging.getLogger("robomaker.endpoint")
-
 
 def ignore(arn: str) -> None:
     """Hears of a job and does nothing."""
@@ -52,7 +50,8 @@ def make_application(
     on_submitted: Callable[[str], None] = ignore,
     worker_status: Callable[[], Mapping[str, object]] = dict,
     audit_log: AuditLog | None = None,
-) -> ASGIApp:
+    console: str | None = None,
+) -> "Endpoint":
     """Makes the application that serves every operation over HTTP.
 
     Args:
@@ -62,8 +61,9 @@ def make_application(
             several threads, before the client has its answer.
         worker_status: what the health page shows of the job worker; plain JSON.
         audit_log: is told of every call of an operation, also of refused ones.
+        console: path of the console beside it, which the status page leads to; `None`: there is none.
     """
-    return Endpoint(service, access_keys, on_submitted, worker_status, audit_log)
+    return Endpoint(service, access_keys, on_submitted, worker_status, audit_log, console)
 
 
 class Endpoint:
@@ -76,6 +76,7 @@ class Endpoint:
         on_submitted: Callable[[str], None],
         worker_status: Callable[[], Mapping[str, object]],
         audit_log: AuditLog | None,
+        console: str | None,
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None
@@ -87,9 +88,10 @@ class Endpoint:
         self._authenticator = (
             None if access_keys is None else Authenticator(access_keys, settings.region, service.clock)
         )
-        self._audit_log = audit_log
-        self._on_submitted = on_submitted
-        self._health = HealthPages(service, worker_status, is_open=access_keys is None)
+        self.calls = Calls(service, on_submitted, audit_log)
+        """How operations are called; the console calls them so, too."""
+
+        self._health = HealthPages(service, worker_status, is_open=access_keys is None, console=console)
         self._metrics = Metrics(service, access_keys, worker_status)
         self._failures = Failures(settings)
         self._workers = ThreadPoolExecutor(WORKERS, thread_name_prefix="endpoint")
@@ -119,9 +121,20 @@ class Endpoint:
         if request.method == "HEAD":
             response.body = b""
         await response(request.scope, request.receive, send)
-        duration_s = time.perf_counter() - began
-        self._metrics.count(request.operation, response.status_code, duration_s)
-        log_access(request, response, duration_s)
+        error = response.headers.get("x-amzn-errortype", "-")
+        self.note(request, response.status_code, time.perf_counter() - began, error)
+
+    def note(self, request: ServiceRequest, status: int, duration_s: float, error: str = "-") -> None:
+        """Counts and logs a request that was answered; the console notes those of its pages, too.
+
+        Args:
+            request: what was asked.
+            status: HTTP status of the answer.
+            duration_s: how long it took.
+            error: name of the error that the answer tells of; `-`: of none.
+        """
+        self._metrics.count(request.operation, status, duration_s)
+        log_access(request, status, error, duration_s)
 
     async def _answer(self, request: ServiceRequest) -> Response:
         # Without either header there is no body.
@@ -175,33 +188,15 @@ class Endpoint:
         except Exception as error:
             answer = self._failures.answer(error, operation, request.id)
             call.outcome = answer.headers["x-amzn-errortype"]
-        if self._audit_log is not None:
-            self._audit_log.write(call)
+        self.calls.write(call)
         return answer
 
     def _called(self, route: Route, request: ServiceRequest, signer: Signer | None, call: Call) -> Response:
-        shape, catalog, key = route.operation, self._service.catalog, signer and signer.key
+        shape = route.operation
         operation = self._operations[shape.name]
-        if key is not None:
-            check_scope(key, shape.name)
+        if call.key is not None:
+            check_scope(call.key, shape.name)
         members = request_members(route, request)
         if signer is not None and self._authenticator is not None:
             self._authenticator.use(signer, repeatable=is_repeatable(shape.name, members))
-        checked = operation.checked(members, self._service)
-        if key is not None or self._audit_log is not None:
-            wire = checked.to_wire()
-            call.resources = list(named_resources(wire))
-            if key is not None:
-                check_resources(key, shape, wire, catalog)
-        answer = operation.handle(checked, self._service)
-        call.resources = [*filter(None, [answer.get("arn")]), *call.resources]
-        if shape.is_job:
-            self._tell(answer["arn"], request.id)
-        return WireResponse(answer if key is None else only_visible(key, shape, answer, catalog))
-
-    def _tell(self, arn: str, request_id: str) -> None:
-        try:
-            self._on_submitted(arn)
-        except Exception:
-            # The job is stored, and a job worker finds it in the catalog later.
-            LOGGER.exception("no job worker could be told of %s (request %s)", arn, request_id)
+        return WireResponse(self.calls.answer(operation, operation.checked(members, self._service), call))

@@ -43,13 +43,17 @@ class Failures:
         is_protocol = isinstance(error, ProtocolError)
         if not is_protocol and (not isinstance(error, ServiceError) or error.status >= 500):
             return _broken(error, operation, request_id)
-        message = str(error)
-        for place, name in self._hidden:
-            message = place.sub(name, message)
-        response = error_response(error.code, error.status, message)
+        response = error_response(error.code, error.status, self.told(error))
         if is_protocol:
             response.raw_headers += error.headers
         return response
+
+    def told(self, error: Exception) -> str:
+        """What an error says, without places on this machine."""
+        message = str(error)
+        for place, name in self._hidden:
+            message = place.sub(name, message)
+        return message
 
 
 def _hidden(settings: Settings) -> Iterator[tuple[re.Pattern[str], str]]:

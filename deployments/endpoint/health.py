@@ -25,12 +25,21 @@ class HealthPages:
         service: what is looked at.
         worker_status: returns the job worker's status; plain JSON.
         is_open: whether every client may see what the service holds; otherwise only that it works.
+        console: path of the console; `None`: there is none.
     """
 
-    def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]], *, is_open: bool) -> None:
+    def __init__(
+        self,
+        service: Service,
+        worker_status: Callable[[], Mapping[str, object]],
+        *,
+        is_open: bool,
+        console: str | None = None,
+    ) -> None:
         self._service = service
         self._worker_status = worker_status
         self._is_open = is_open
+        self._console = console
 
     def answer(self, request: ServiceRequest) -> Response | None:
         """The page at a path; `None` if there is none.
@@ -54,15 +63,15 @@ class HealthPages:
             body = json.dumps(facts, default=str)
             return Response(body, headers={"cache-control": "no-store"}, media_type="application/json")
         host = request.headers.get("host") or "localhost"
-        return HTMLResponse(_page(facts, f"http://{host}"), headers=_HEADERS)
+        return HTMLResponse(_page(facts, f"http://{host}", self._console), headers=_HEADERS)
 
 
-def _page(facts: Mapping[str, Any], url: str) -> str:
+def _page(facts: Mapping[str, Any], url: str, console: str | None) -> str:
     rows = [
         (kind, sum(counts.values()), ", ".join(f"{count} {status}" for status, count in counts.items() if status))
         for kind, counts in sorted(facts.get("resources", {}).items())
     ]
-    return _template().render(facts=facts, rows=rows, url=url)
+    return _template().render(facts=facts, rows=rows, url=url, console=console)
 
 
 @cache

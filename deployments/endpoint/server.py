@@ -5,13 +5,14 @@ import logging
 import signal
 import socket
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from types import FrameType
 
 import uvicorn
 from starlette.types import ASGIApp
 
 from ...schemas.wire.errors import ConfigurationError
+from .connections import ConnectionLimits, limited_protocol
 from .origins import is_address, is_loopback
 from .tls import TlsFiles
 
@@ -27,7 +28,15 @@ _BACKLOG = 512
 
 
 def run_server(
-    application: ASGIApp, host: str, port: int, *, ready: Callable[[int], None], tls: TlsFiles | None = None
+    application: ASGIApp,
+    host: str,
+    port: int,
+    *,
+    ready: Callable[[int], None],
+    stopping: Callable[[], None] = lambda: None,
+    tls: TlsFiles | None = None,
+    limits: ConnectionLimits | None = None,
+    proxies: Sequence[str] = (),
 ) -> None:
     """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
 
@@ -36,7 +45,10 @@ def run_server(
         host: name or address to listen at.
         port: where; 0: any that is free.
         ready: told the port once requests are answered.
+        stopping: told, before requests in progress are waited for, that they should end.
         tls: what HTTPS needs; `None`: HTTP.
+        limits: how many connections, and how slow; `None`: the usual.
+        proxies: addresses and networks of proxies whose `X-Forwarded-For` and `X-Forwarded-Proto` are true.
 
     Raises:
         ConfigurationError: nothing can listen there.
@@ -51,19 +63,21 @@ def run_server(
             )
         config = uvicorn.Config(
             application,
-            http="h11",  # the same parser, and so the same answers to odd requests, wherever it is installed
+            # Always the same parser, and so the same answers to odd requests, whatever else is installed.
+            http=limited_protocol(limits or ConnectionLimits()),
             ws="none",
             log_config=None,
             log_level=logging.WARNING,
             access_log=False,
             server_header=False,
-            proxy_headers=False,
+            proxy_headers=bool(proxies),
+            forwarded_allow_ips=list(proxies),
             timeout_keep_alive=KEEP_ALIVE_S,
             timeout_graceful_shutdown=GRACE_S,
             ssl_certfile=tls and tls.certificate,
             ssl_keyfile=tls and tls.key,
         )
-        server = _Server(config, listener, ready)
+        server = _Server(config, listener, ready, stopping)
         server.run(sockets=[listener])
     if server.force_exit:
         raise KeyboardInterrupt
@@ -92,15 +106,27 @@ def listening(host: str, port: int) -> Iterator[socket.socket]:
 class _Server(uvicorn.Server):
     """uvicorn's server, which says when it is ready, and returns when it is stopped."""
 
-    def __init__(self, config: uvicorn.Config, listener: socket.socket, ready: Callable[[int], None]) -> None:
+    def __init__(
+        self,
+        config: uvicorn.Config,
+        listener: socket.socket,
+        ready: Callable[[int], None],
+        stopping: Callable[[], None],
+    ) -> None:
         super().__init__(config)
         self._listener = listener
         self._ready = ready
+        self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Starts to answer."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Ends answers that would have no end by themselves, then waits for the others."""
+        self._stopping()
+        await super().shutdown(sockets)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:

@@ -10,6 +10,7 @@ import os
 import socket
 
 from ...schemas.settings import Settings
+from ..prefect_database import prepare_servers_database
 from .secret import auth_string, server_folder
 
 
@@ -23,6 +24,7 @@ def main() -> None:
     listener.set_inheritable(False)
     settings = Settings.from_environment(os.environ)
     secret = auth_string(settings)
+    prepare_servers_database(settings, os.environ)
     from .server_environment import server_variables
 
     # Prefect reads its settings when it is imported.

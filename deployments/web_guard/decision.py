@@ -12,7 +12,7 @@ Three headers give such pages away. A page can neither take them off nor change 
 Programs that are no browsers have neither `Origin` nor `Sec-Fetch-Site`.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -37,7 +37,11 @@ class Refusal:
 
 
 def refusal(
-    kind: Literal["http", "websocket"], method: str, headers: RawHeaders, is_own_host: Callable[[str], bool]
+    kind: Literal["http", "websocket"],
+    method: str,
+    headers: RawHeaders,
+    is_own_host: Callable[[str], bool],
+    schemes: Collection[str] = ("http",),
 ) -> Refusal | None:
     """Says why a request is refused; `None`: it is not.
 
@@ -46,6 +50,7 @@ def refusal(
         method: the method, in capitals; of a WebSocket any.
         headers: the request's headers.
         is_own_host: whether a `Host` names this server and no web site can have that name.
+        schemes: those that the server's own pages may have; with `https` a proxy before it may end TLS.
     """
     found = _found(headers)
     hosts, origins = found[b"host"], found[b"origin"]
@@ -53,7 +58,7 @@ def refusal(
         return Refusal(400, f"Host is {_shown(hosts)}, which is no name of this server")
     # Only a page at the very same address is our own: at another port, or at the address of version 6 that `localhost`
     # also is, another user's server may listen.
-    if origins and origins != [f"http://{hosts[0]}"]:
+    if origins and origins not in [[f"{scheme}://{hosts[0]}"] for scheme in schemes]:
         return Refusal(403, f"the request comes from a web page of {_shown(origins)}; pages of others may not send any")
     if site := _foreign_site(kind, method, found):
         return Refusal(403, f"the request comes from a web page of another site ({site})")

@@ -1,6 +1,7 @@
 """What all documents share: how they are read from the catalog's JSON, how they are written, and their versions."""
 
 from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, model_serializer
@@ -77,9 +78,21 @@ class Changes(BaseModel):
         return cls.model_validate(resource.document)
 
     @classmethod
+    @cache  # lists ask for each of thousands
     def members(cls) -> tuple[str, ...]:
         """The names under which its members are stored."""
         return tuple(field.serialization_alias or name for name, field in cls.model_fields.items())
+
+
+class Brief(Changes):
+    """A few members of a document, for lists that would read much more than they show."""
+
+    @classmethod
+    def of(cls, resource: StoredResource) -> Self:
+        """Reads a resource; its document may have other members, too."""
+        return cls.model_validate(
+            {name: resource.document[name] for name in cls.members() if name in resource.document}
+        )
 
 
 class FailureChanges(Changes):

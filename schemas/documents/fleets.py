@@ -94,6 +94,9 @@ class RobotsRolledBack(Part):
 
     job: str = Field(description="ARN of the deployment job that failed.")
     robots: list[str] = Field(description="ARNs of the robots.")
+    earlier: str | None = Field(
+        default=None, description="ARN of the deployment job that had brought that version; absent in older ones."
+    )
 
 
 class DeploymentJobDocument(FailureChanges, Document):

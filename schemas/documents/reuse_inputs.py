@@ -7,6 +7,7 @@ from typing import Any
 
 from pydantic import Field
 
+from ..runs.variables import hide_secrets
 from ..wire.base import Model
 from ..wire.json_values import is_list, is_mapping
 from .simulation_jobs import MadeOf, SimulationJobDocument
@@ -20,8 +21,9 @@ Path = tuple[str | int, ...]
 _MOST_CHANGES = 3
 _MOST_CHARACTERS = 40
 _ABSENT = "absent"
-# Who ordered a job, and how it is called. Seed, video, requirements and data are inputs of their own, as resolved.
-_NOT_INPUTS = ("clientRequestToken", "tags", "iamRole", "seed", "video", "requirements", "dataSources")
+# How a job is called. Its role is an input: code in the job reads what the role may read.
+# Seed, video, requirements and data are inputs of their own, as resolved.
+_NOT_INPUTS = ("clientRequestToken", "tags", "seed", "video", "requirements", "dataSources")
 # Instead of these names, what they stand for is compared.
 _NAMES = ("application", "applicationVersion", "worldConfigs")
 _ROLES = ("robotApplications", "simulationApplications")
@@ -69,10 +71,12 @@ class ReuseInputs(Model):
         return hashlib.sha256(canonical.encode()).hexdigest()
 
     def changes_since(self, earlier: "ReuseInputs") -> list[str]:
-        """What differs from an earlier job's inputs, in words; empty for the same key."""
-        before, now = (dict(_leaves(inputs.model_dump(mode="json"), ())) for inputs in (earlier, self))
+        """What differs from an earlier job's inputs, in words without secrets; empty for the same key."""
+        dumped = [inputs.model_dump(mode="json") for inputs in (earlier, self)]
+        before, now = (dict(_leaves(inputs, ())) for inputs in dumped)
         paths = [path for path in dict.fromkeys([*before, *now]) if _text(before, path) != _text(now, path)]
-        return [_change(path, before, now) for path in paths]
+        shown = [dict(_leaves(inputs, ())) for inputs in hide_secrets(dumped)]
+        return [_change(path, *shown) for path in paths]
 
 
 def in_short(changes: list[str]) -> str:
@@ -110,7 +114,10 @@ def _change(path: Path, before: Mapping[Path, Any], now: Mapping[Path, Any]) -> 
         return f"{_CONTENTS[str(path[0])]} has changed"
     within = path[1:] if path[0] == "request" else path
     name = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in within).removeprefix(".")
-    return f"{name}: {_cut(_text(before, path))} is now {_cut(_text(now, path))}"
+    told = [_text(leaves, path) for leaves in (before, now)]
+    if told[0] == told[1]:
+        return f"{name}: the secret has changed"
+    return f"{name}: {_cut(told[0])} is now {_cut(told[1])}"
 
 
 def _cut(text: str) -> str:

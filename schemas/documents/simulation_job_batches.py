@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from .base import Changes, Document, FailureChanges, Json, Part
+from .base import Brief, Changes, Document, FailureChanges, Json, Part
 
 
 class StoredBatchPolicy(Part):
@@ -51,6 +51,18 @@ class BatchProgress(FailureChanges):
     verdicts: dict[str, int] | None = Field(
         default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
     )
+
+
+class BatchInBrief(FailureChanges, Brief):
+    """What the console reads of batches."""
+
+    request_count: int | None = Field(default=None, description="How many requests it has; absent: not counted.")
+    failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
+    batch_policy: StoredBatchPolicy = Field(description="How it is run.")
+    verdicts: dict[str, int] | None = Field(
+        default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
+    )
+    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
 
 
 class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):

@@ -7,7 +7,7 @@ from pydantic import ConfigDict, Field
 
 from ..runs.machine_waits import Scarce
 from ..runs.plan import Verdict
-from .base import Changes, Document, FailureChanges, Json, Part
+from .base import Brief, Changes, Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
 
 OutcomeStatus = Literal["Completed", "Failed", "Canceled"]
@@ -27,8 +27,8 @@ class Outcome(Part):
 
     def changes(self) -> "SimulationJobProgress":
         """What of it are members of the job's document; its status is the job's own."""
-        # One that lost its outputs after its run was judged has lost the verdict with them.
-        lost = {"verdict": None, "verdict_reason": None} if self.status == "Failed" else {}
+        # One that lost its outputs after its run was judged has lost the verdict with them; a cancelled one has none.
+        lost = {} if self.status == "Completed" else {"verdict": None, "verdict_reason": None}
         return SimulationJobProgress(**lost, **self._members())
 
     def about_run(self) -> dict[str, Any]:
@@ -177,6 +177,19 @@ class JobTrials(Changes):
 
     request_index: int | None = Field(default=None, description="Place of its request in its batch.")
     trials_finished: int | None = Field(default=None, description="How many trials had finished when it was asked.")
+
+
+class JobInBrief(FailureChanges, Brief):
+    """What the console's live pages read of each job instead of the whole document."""
+
+    request_index: int | None = Field(default=None, description="Place of its request in its batch.")
+    last_started_at: str | None = Field(default=None, description="When its last run began.")
+    simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
+    verdict: Verdict | None = Field(default=None, description="What its last run was judged to be.")
+    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
+    video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
+    outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    run_id: str | None = Field(default=None, description="Id of its last run.")
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):

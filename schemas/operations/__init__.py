@@ -1,6 +1,6 @@
 """The requests and responses of the 57 operations, one module per resource, and the table of all operations.
 
-May import: `schemas.runs`, `schemas.wire`.
+May import: `schemas.runs`, `schemas.wire`, `schemas.worlds`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

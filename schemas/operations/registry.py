@@ -16,6 +16,7 @@ from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
 from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
+from ..worlds.step_operations import STEP_OPERATIONS
 from .deployment_jobs import CreateDeploymentJobRequest
 from .resources import OPERATION_GROUPS
 from .simulation_job_batches import MOST_PRIORITY, StartSimulationJobBatchRequest
@@ -24,6 +25,7 @@ from .world_generation_jobs import CreateWorldGenerationJobRequest
 
 __all__ = [
     "OPERATIONS",
+    "STEPS",
     "ErrorClass",
     "OperationShape",
     "check_request",
@@ -47,6 +49,9 @@ OPERATIONS: Mapping[str, OperationShape] = {
 }
 """Every operation by name."""
 
+STEPS: Mapping[str, OperationShape] = dict(sorted({**OPERATIONS, **STEP_OPERATIONS}.items()))
+"""What steps of specifications may have: every operation, and those that only steps have."""
+
 
 def operation_shape(name: str) -> OperationShape:
     """Looks an operation up.
@@ -66,7 +71,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
     Raises:
         InvalidParameterException: there is no operation of that name.
     """
-    model = operation_shape(operation_name).request
+    model = (STEPS.get(operation_name) or operation_shape(operation_name)).request
     try:
         model.model_validate(dict(data))
     except ValidationError as error:
@@ -85,7 +90,7 @@ def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
         InvalidParameterException: one line per problem, each with the member's path, its value and
             what would be right; or there is no operation of that name.
     """
-    model = operation_shape(operation_name).request
+    model = (STEPS.get(operation_name) or operation_shape(operation_name)).request
     try:
         request = model.model_validate(dict(data))
     except ValidationError as error:

@@ -2,14 +2,14 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
 from ..runs.requested_requirements import check_requirements
 from ..runs.requested_trials import check_trials
 from ..runs.requirements import JobRequirements
 from ..runs.trials import Trials
-from ..wire.base import Shape, ShapeName
+from ..wire.base import STORED, Shape, ShapeName
 from ..wire.common import (
     AnsweredArns,
     Arn,
@@ -130,7 +130,9 @@ class SimulationJobRequestMembers(Shape):
     )
 
     @model_validator(mode="after")
-    def _members_agree(self) -> Self:
+    def _members_agree(self, info: ValidationInfo) -> Self:
+        if info.context is STORED:
+            return self
         applications = [*(self.robotApplications or []), *(self.simulationApplications or [])]
         if not applications:
             raise ValueError("at least one of robotApplications and simulationApplications has to be given")

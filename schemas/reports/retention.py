@@ -9,7 +9,7 @@ from ..wire.base import Model
 from ..wire.errors import ConfigurationError
 
 GcAction = Literal["remove", "thin", "keep"]
-GcKind = Literal["run", "jobs", "world", "robot-files"]
+GcKind = Literal["run", "jobs", "world", "robot-files", "copies"]
 
 
 class RetentionPolicy(Model):
@@ -46,7 +46,9 @@ class RetentionPolicy(Model):
 class GcItem(Model):
     """A run, the jobs of one order, or a world, and what happens to it."""
 
-    kind: GcKind = Field(description="`run` of a specification, `jobs` that an SDK ordered, `world` or `robot-files`.")
+    kind: GcKind = Field(
+        description="`run` of a specification, `jobs` that an SDK ordered, `world`, `robot-files` or cached `copies`."
+    )
     id: str = Field(description="Id of the run; ARN of jobs and worlds.")
     name: str = Field(default="", description="Name of the specification.")
     ended_at: datetime | None = Field(default=None, description="When it ended, or was made; UTC.")
@@ -63,6 +65,8 @@ class GcFlowRuns(Model):
 
     count: int = Field(default=0, description="How many go, with their task runs, logs and artifacts.")
     note: str = Field(default="", description="Why none are looked at, or what is to be known.")
+    database_bytes: int | None = Field(default=None, description="Size of the server's database file; absent: none.")
+    freed_bytes: int = Field(default=0, description="How much of it is given back, with the rows that go or without.")
     problem: str | None = Field(default=None, description="Why they could not be removed.")
 
 

@@ -123,3 +123,8 @@ class RunRecord(Model):
     probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")
+
+
+def new_run_id(name: str, at: datetime) -> str:
+    """The id of a run of a specification that begins at a moment."""
+    return f"{name}-{at:%Y%m%dT%H%M%S%f}"[:-3]

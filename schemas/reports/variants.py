@@ -1,14 +1,17 @@
 """What sets the jobs of one run apart: the settings in which their requests differ, short enough for a table."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, cast
+from typing import Any, TypeAlias, cast
 
+from ..runs.variables import hide_secrets
 from ..wire.arns import ResourceArn
 from ..wire.errors import InvalidParameterException
 
+_Path: TypeAlias = tuple[str, ...]
 MAX_SHOWN = 3
-"""Settings named for a job; a request that differs in more is looked up by its number."""
+"""Settings named for a job; of more, those whose values the fewest jobs have."""
 
 _MAX_CHARACTERS = 24
 # Worlds have a column of their own; tokens and dates differ always and say nothing.
@@ -17,7 +20,7 @@ _APPLICATIONS = {"robotApplications": "robot", "simulationApplications": "simula
 
 
 def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Says of each request what it has that not all of them have: `SPEED=2, seed=7`.
+    """Says of each request what it has that not all of them have: `SPEED=2, seed=7`; values of secrets are not told.
 
     Args:
         requests: Requests of simulation jobs, as JSON.
@@ -25,16 +28,22 @@ def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
     Returns:
         One text for each request; empty where it has nothing of its own.
     """
-    all_settings = [dict(_settings(request)) for request in requests]
+    all_settings = [dict(_settings(hide_secrets(request))) for request in requests]
     names = dict.fromkeys(name for settings in all_settings for name in settings)
     differing = [name for name in names if len({settings.get(name) for settings in all_settings}) > 1]
+    counts = Counter((name, settings[name]) for settings in all_settings for name in differing if name in settings)
     return [
-        ", ".join([f"{_label(name)}={settings[name]}" for name in differing if name in settings][:MAX_SHOWN])
-        for settings in all_settings
+        _named({name: settings[name] for name in differing if name in settings}, counts) for settings in all_settings
     ]
 
 
-def _settings(value: object, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+def _named(settings: Mapping[_Path, str], counts: Mapping[tuple[_Path, str], int]) -> str:
+    """The settings of one request that set it apart most, in the request's order."""
+    rarest = sorted(settings, key=lambda name: counts[name, settings[name]])[:MAX_SHOWN]
+    return ", ".join(f"{_label(name)}={value}" for name, value in settings.items() if name in rarest)
+
+
+def _settings(value: object, path: _Path = ()) -> Iterator[tuple[_Path, str]]:
     """The scalars of a request with their paths; an application's place in its list is named by its kind."""
     if isinstance(value, Mapping):
         for key, item in cast("Mapping[str, object]", value).items():
@@ -49,7 +58,7 @@ def _settings(value: object, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple
         yield named, _short(str(value))
 
 
-def _label(path: tuple[str, ...]) -> str:
+def _label(path: _Path) -> str:
     """The last part of a path that is a name and no place in a list."""
     return next((part for part in reversed(path) if not part.isdigit()), path[-1])
 

@@ -14,7 +14,9 @@ FailureBehavior = Literal["Fail", "Continue"]
 SandboxMode = Literal["auto", "require", "off"]
 BoxLevel = Literal["box", "landlock", "none"]
 """`box`: namespaces of its own; `landlock`: rules of the kernel for files; `none`: nothing."""
-BoxNetwork = Literal["full", "none"]
+BoxNetwork = Literal["full", "local", "none"]
+"""`full`: the machine's; `none`: one of its own, in which only processes of the run are; `local`: the same, with the
+service's own servers on this machine."""
 DISK_BYTES = 128 * 10**9
 """The disk that a job of the service had."""
 
@@ -82,7 +84,10 @@ class BoxPlan(Model):
     level: BoxLevel = Field(default="none", description="How its processes are confined.")
     network: BoxNetwork = Field(
         default="full",
-        description="What they reach: the machine's network, or only each other.",
+        description="What they reach: the machine's network, each other and the service, or only each other.",
+    )
+    services: list[int] = Field(
+        default=[], description="With `local`: ports of 127.0.0.1 at which the machine's servers are reached."
     )
     shown: list[Path] = Field(default=[], description="Files and folders that they may read besides their own.")
     hidden: list[Path] = Field(default=[], description="What they must not see, wherever it lies.")

@@ -12,9 +12,8 @@ from ..wire.job_configs import LaunchConfig, RobotApplicationConfig, SimulationA
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import problems_of
 from ..wire.strict_json import load_strict
-from .trials import Trials
+from .trials import TRIALS_VARIABLE, Trials
 
-TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
 """Launch variable that holds the trials as JSON, for SDKs that do not know the member."""
 
 _MAX_CHARACTERS = 1024

@@ -16,13 +16,15 @@ from ..wire.base import Shape, ShapeName
 from ..wire.common import MAX_SEED
 from ..wire.job_configs import EnvironmentVariableKey, EnvironmentVariableValue
 
+TRIALS_VARIABLE = "ROBOMAKER_TRIALS"
+"""The launch variable."""
 MAX_TRIALS = 1_000_000
 """How many trials a job may have."""
 MAX_PARAMETERS = 20
 MAX_RECORDED = 1000
 """How many trials of a job may be recorded, each in a folder of its own."""
 _OF_THE_JOB = (
-    *("ROBOMAKER_REQUIREMENTS", "ROBOMAKER_TRIALS", "ROBOMAKER_CHECKPOINT_EVERY_S", "ROBOMAKER_SEED"),
+    *("ROBOMAKER_REQUIREMENTS", TRIALS_VARIABLE, "ROBOMAKER_CHECKPOINT_EVERY_S", "ROBOMAKER_SEED"),
     *("ROBOMAKER_OUTPUT_DIR", "ROBOMAKER_DATA_DIR", "ROBOMAKER_WORLD_DIR", "ROBOMAKER_JOB_ROOT"),
 )
 """Variables that say something about the whole job."""

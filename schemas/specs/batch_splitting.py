@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
+from ..operations.registry import STEPS
 from ..runs.requested_trials import planned_trials
 from ..runs.trials import TrialCounts
 from ..wire.json_values import is_list, is_object
@@ -48,6 +49,19 @@ class Part(NamedTuple):
         if len(inside) > 1 and inside[0] == _REQUESTS and isinstance(place := inside[1], int):
             return (_REQUESTS, place + (self.number - 1) * MOST_REQUESTS, *inside[2:])
         return inside
+
+
+def with_client_token(operation: str, request: Mapping[str, Any], place: str) -> dict[str, Any]:
+    """A part's request, which can be repeated: it has a client token, where its operation knows one.
+
+    Args:
+        operation: the step's operation.
+        request: the part's request; a token that it has stays.
+        place: what no other part has, of this run or another.
+    """
+    if _CLIENT_TOKEN not in STEPS[operation].request.model_fields:
+        return dict(request)
+    return {_CLIENT_TOKEN: hashlib.sha256(place.encode()).hexdigest(), **request}
 
 
 def step_of(part: str) -> str:

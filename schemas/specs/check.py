@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 from pydantic import ValidationError
 
-from ..operations.registry import OPERATIONS, operation_shape
+from ..operations.registry import STEPS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import nearest, problems_of, some
@@ -150,7 +150,7 @@ class _Check:
 
     def _output_kind(self, step: MappingNode) -> Kind:
         operation = _operation(step)
-        return Structure(output_model(operation)) if operation and operation in OPERATIONS else ANYTHING
+        return Structure(output_model(operation)) if operation and operation in STEPS else ANYTHING
 
     def _check_step(self, name: str, node: MappingNode, scope: Mapping[str, Kind]) -> CheckedStep | None:
         location: Location = ("steps", name)
@@ -158,18 +158,18 @@ class _Check:
         if operation is None:
             return None
         needs = self._check_needs(name, node, scope)
-        if operation not in OPERATIONS:
-            hint = nearest(operation, OPERATIONS) or f"; there are {', '.join(sorted(OPERATIONS))}"
+        if operation not in STEPS:
+            hint = nearest(operation, STEPS) or f"; there are {', '.join(sorted(STEPS))}"
             self._report((*location, "operation"), f"there is no operation {operation!r}{hint}")
         if_exists = _if_exists(node)
-        if if_exists != "fail" and operation in OPERATIONS and operation not in REUSABLE:
+        if if_exists != "fail" and operation in STEPS and operation not in REUSABLE:
             message = f"{if_exists!r} is for {' and '.join(sorted(REUSABLE))}; remove it"
             self._report((*location, "ifExists"), message)
         place = key_place(self._root, (*location, "input" if "input" in node.entries else "operation"))
         request = node.entries.get("input", MappingNode(place, {}, {}))
         if not isinstance(request, MappingNode):
             return None
-        if operation in OPERATIONS:
+        if operation in STEPS:
             shown = self._shown((*location, "input"))
             check = InputCheck(operation, request, scope, shown, place).run()
             self._problems.extend(check.problems)

@@ -12,7 +12,7 @@ from typing import Any, Literal, TypeAlias, get_args, get_origin
 
 from pydantic import BaseModel, TypeAdapter, ValidationError
 
-from ..operations.registry import OPERATIONS, check_request
+from ..operations.registry import STEPS, check_request
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
@@ -78,7 +78,7 @@ class InputCheck:
 
     def run(self) -> "InputCheck":
         """Finds the problems and the steps it refers to."""
-        model = OPERATIONS[self.operation].request
+        model = STEPS[self.operation].request
         request = self._walk(self.node, (), model, self.scope)
         self.problems.extend(self._request_problems(request))
         if (body := child(self.node, TEMPLATE_BODY)) and TEMPLATE_BODY in model.model_fields:

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic.json_schema import models_json_schema
 
-from ..operations.registry import OPERATIONS
+from ..operations.registry import STEPS
 from ..templates.body import WorldTemplateBody
 from ..wire.json_values import is_object
 from .model import FOR_EACH, REUSABLE, Spec, Step
@@ -30,7 +30,7 @@ _DEFINITIONS: dict[str, Any] = {
 
 def spec_schema() -> dict[str, Any]:
     """Makes the schema from the models."""
-    models = [Spec, WorldTemplateBody, *(operation.request for operation in OPERATIONS.values())]
+    models = [Spec, WorldTemplateBody, *(operation.request for operation in STEPS.values())]
     _, document = models_json_schema([(model, "validation") for model in models], ref_template=_REF)
     # Step and Spec stay as they are; everything else may be written with references.
     own = (Spec.__name__, Step.__name__)
@@ -54,13 +54,13 @@ def spec_schema() -> dict[str, Any]:
 
 def _step(schema: dict[str, Any]) -> dict[str, Any]:
     """A step whose `input` is its operation's request."""
-    schema["properties"]["operation"]["enum"] = sorted(OPERATIONS)
+    schema["properties"]["operation"]["enum"] = sorted(STEPS)
     rules: list[dict[str, Any]] = [
         {
             "if": {"properties": {"operation": {"const": name}}, "required": ["operation"]},
             "then": {"properties": {"input": {"$ref": f"#/$defs/{operation.request.__name__}"}}},
         }
-        for name, operation in sorted(OPERATIONS.items())
+        for name, operation in sorted(STEPS.items())
     ]
     rules.append(
         {
@@ -76,7 +76,7 @@ def _single() -> dict[str, Any]:
     return {
         "type": "object",
         "required": ["operation"],
-        "properties": {"operation": {"enum": sorted(OPERATIONS), "description": "The operation to call."}},
+        "properties": {"operation": {"enum": sorted(STEPS), "description": "The operation to call."}},
     }
 
 
@@ -130,7 +130,7 @@ def _for_each(item: dict[str, Any]) -> dict[str, Any]:
 
 def _allow_body(definitions: dict[str, Any]) -> None:
     """Lets a template body be written out, and says what it holds."""
-    for operation in OPERATIONS.values():
+    for operation in STEPS.values():
         properties = definitions[operation.request.__name__].get("properties", {})
         if "templateBody" in properties:
             alternatives = [each for each in properties["templateBody"]["anyOf"] if each.get("type") != "object"]

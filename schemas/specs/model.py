@@ -15,6 +15,7 @@ makes one from text. What a step gives to later ones is its operation's response
 `Describe…` response.
 """
 
+import json
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -22,12 +23,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..operations.registry import OPERATIONS
+from ..operations.registry import STEPS
+from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
 from ..wire.errors import Place
 from ..wire.request_problems import RequestProblem
-from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
+from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]
@@ -121,10 +123,18 @@ class CheckedSpec:
     order: tuple[str, ...]
     """Names of the steps; each comes after those it needs."""
 
+    @property
+    def text_for_others(self) -> str:
+        """The file's content without secrets; where launch variables are some, it is JSON, which is YAML, too."""
+        inputs = [plain(step.input) for step in self.steps.values()]
+        if hide_secrets(inputs) is inputs:
+            return self.text
+        return json.dumps(hide_secrets(plain(parse(self.text, self.filename))), indent=2, ensure_ascii=False) + "\n"
+
 
 def output_model(operation: str) -> type[Shape]:
     """The shape of what a step of this operation gives to later steps."""
-    return OPERATIONS[_FINAL_ANSWERS.get(operation, operation)].response
+    return STEPS[_FINAL_ANSWERS.get(operation, operation)].response
 
 
 def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
@@ -171,7 +181,7 @@ def with_seed(spec: CheckedSpec, seed: int) -> CheckedSpec:
 
 def _seeded(step: CheckedStep, seed: int) -> Node:
     value = ScalarNode(step.place, seed, str(seed))
-    if "seed" in OPERATIONS[step.operation].request.model_fields:
+    if "seed" in STEPS[step.operation].request.model_fields:
         return _with_entry(step.input, "seed", value)
     requests = child(step.input, "createSimulationJobRequests")
     if construct := requests and for_each_of(requests):

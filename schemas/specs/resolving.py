@@ -7,7 +7,7 @@ from typing import Any, NoReturn
 
 from pydantic import ValidationError
 
-from ..operations.registry import OPERATIONS
+from ..operations.registry import STEPS
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
 from ..wire.request_problems import problems_of
@@ -39,7 +39,7 @@ def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -
 
 
 def _check(part: Part, step: CheckedStep) -> None:
-    model = OPERATIONS[step.operation].request
+    model = STEPS[step.operation].request
     try:
         model.model_validate(part.request)
     except ValidationError as error:

@@ -4,4 +4,4 @@ May import: `schemas.wire`, `schemas.worlds`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["body", "doorways", "parsing", "targets"]
+__all__ = ["body", "doorways", "drawing_notes", "parsing", "targets"]

@@ -171,6 +171,13 @@ class FurnitureArrangement(Model):
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
     SampleSet: FurnitureSampleSet | None = Field(default=None, description="Kinds; absent: by room type.")
     DesiredSpatialDensity: SpatialDensity = Field(default="Moderate", description="How full the rooms should be.")
+    LooseObjects: int | None = Field(
+        default=None,
+        ge=0,
+        le=40,
+        description="Small things in each room that a robot can grasp or push, as many as fit; absent: a few. An "
+        "extension of the service's format.",
+    )
 
 
 class TemplateFlooring(Model):

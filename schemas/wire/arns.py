@@ -5,7 +5,7 @@
 | `robot-application`, `simulation-application`, `robot`, `deployment-fleet` | `<name>/<created, ms since 1970>` |
 | `simulation-job`, `simulation-job-batch`, `deployment-job` | `sim-…`, `batch-…`, … |
 | `world-template`, `world-generation-job`, `world-export-job` | `template-…`, `generation-…`, `export-…` |
-| `world` | `<id of the generation job>/world-<n>` |
+| `world` | `<id of the generation job>/world-<n>`; `import-…`, `variation-…` for those that no job made |
 """
 
 import re

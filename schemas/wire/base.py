@@ -1,9 +1,14 @@
 """The base classes of every model: strict, closed, immutable."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict
+
+STORED: Mapping[str, bool] = {"stored": True}
+"""The context that stored requests, and answers that have them, are validated in: an older release has taken them, so
+rules of how members go together, which may be newer, refuse nothing."""
 
 
 class Model(BaseModel):

@@ -4,7 +4,7 @@ import random
 import string
 from typing import Literal
 
-IdPrefix = Literal["sim", "batch", "template", "generation", "export", "deployment"]
+IdPrefix = Literal["sim", "batch", "template", "generation", "export", "deployment", "import", "variation"]
 
 _ALPHABET = string.digits + string.ascii_lowercase
 _LENGTH = 12

@@ -1,7 +1,7 @@
-"""Worlds as data: `world.json`, what was proven of a world, its description, and polygons on the ground.
+"""Worlds as data: `world.json`, how worlds are lit, what was proven of them, their description, polygons.
 
 May import: `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["checks", "description", "polygons", "world"]
+__all__ = ["appearance", "checks", "description", "polygons", "step_operations", "world"]

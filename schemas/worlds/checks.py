@@ -28,8 +28,8 @@ class RoomMeasures(Model):
     """How near one room came to its preferences, and how much of it a robot can use."""
 
     name: str = Field(description="The room's name.")
-    area_error: float = Field(description="(area - desired area) / desired area; 0.05 is 5 % too large.")
-    aspect_ratio: float = Field(description="Length over width, at least 1.")
+    area_error: float = Field(description="(floor area - desired area) / desired area; 0.05 is 5 % too large.")
+    aspect_ratio: float = Field(description="Length over width of the floor, at least 1.")
     aspect_error: float = Field(description="(aspect ratio - desired one) / desired one; 0.05 is 5 % too long.")
     fitting_cells: int = Field(description="Cells of 5 cm where the robot's middle touches nothing.")
     reachable_share: float = Field(description="Share of those that the robot reaches from the origin, 0 to 1.")
@@ -43,6 +43,19 @@ class PreferenceCount(Model):
     contradictory: int = Field(description="Not granted, because another wish or the building itself forbids it.")
 
 
+class StabilityChecks(Model):
+    """What loose objects did after small pushes."""
+
+    pushes: int = Field(description="How many times all of them were pushed, each time differently.")
+    pushed_s: float = Field(description="Simulated seconds for which physics ran after each push.")
+    push_mps: float = Field(description="Standard deviation of a push along an axis, metres a second.")
+    max_moved_m: float = Field(
+        description="Furthest that one of them, balls aside, then was from its place, in metres."
+    )
+    max_sunk_m: float = Field(description="Furthest that one of them was below its place afterwards, in metres.")
+    furthest: str | None = Field(description="Id of the one that moved or sank furthest; absent if nothing is loose.")
+
+
 class WorldChecks(Model):
     """Measurements that a world has to pass before it counts as succeeded."""
 
@@ -52,9 +65,16 @@ class WorldChecks(Model):
     )
     reachable_cells: dict[str, int] = Field(description="Cells of 5 cm the disc reaches, by room.")
     origin_clear: bool = Field(description="Whether the cylinder of 1 m diameter at the origin is free.")
-    max_penetration_m: float = Field(description="Deepest contact at time 0, in metres.")
-    penetrations: int = Field(default=0, description="Contacts deeper than 5 mm at time 0.")
-    geoms: int = Field(description="Geoms in the compiled model.")
+    max_penetration_m: float = Field(description="Deepest overlap of two solid parts at time 0, in metres.")
+    penetrations: int = Field(
+        default=0, description="Pairs of solid parts, also of such that never move, that overlap by more than 5 mm."
+    )
+    penetrating: list[tuple[str, str]] | None = Field(
+        default=None,
+        description="Names of the geoms of those pairs, the deepest first, at most ten; absent in worlds of generators "
+        "before 3.0.0, which looked only at parts that can move.",
+    )
+    geoms: int = Field(description="Geoms in the model that was measured. `world.xml` has more, which decorate it.")
     closed_off_rooms: list[str] = Field(
         default=[], description="Rooms the disc reaches only when it pushes a door further open than it is at first."
     )
@@ -79,4 +99,7 @@ class WorldChecks(Model):
     )
     max_drift_m: float | None = Field(
         default=None, description="Furthest that a free body moved in the settle, in metres; absent if not run."
+    )
+    stability: StabilityChecks | None = Field(
+        default=None, description="What loose objects did after small pushes; absent unless it was asked for."
     )

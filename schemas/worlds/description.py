@@ -11,7 +11,7 @@ from pydantic import Field
 
 from ..wire.base import Model
 from .checks import WorldChecks
-from .world import PassageKind, Point, Preference, RoomType
+from .world import DrawnSource, PassageKind, Point, Preference, RoomType, Variation
 
 DESCRIPTION_FILE = "world_description.json"
 """Its name in a world bundle and in an export."""
@@ -138,4 +138,8 @@ class WorldDescription(Model):
     passages: list[DescribedPassage] = Field(description="The ways between rooms.")
     doors: list[DescribedDoor] = Field(description="The doors.")
     furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
+    source: DrawnSource | None = Field(default=None, description="What it was imported from; absent: it was generated.")
+    variation: Variation | None = Field(
+        default=None, description="What tells it from the world it was made of; absent in worlds made by themselves."
+    )
     proofs: Proofs | None = Field(default=None, description="What was measured; absent if nothing was.")

@@ -7,8 +7,9 @@ A world bundle is a folder:
 | `world.json` | this module's `World` |
 | `world.xml` | MJCF |
 | `textures/*.png` | the floors' and walls' pictures, which the MJCF names |
+| `meshes/*.obj` | shapes with places on these pictures, which it names; not in worlds that need none |
 | `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
-| `world_description.json` | what the world holds, for other programs; only of templates of version 2 |
+| `world_description.json` | what the world holds, for other programs |
 | `floorplan.svg` | labelled plan |
 | `preview.png` | the furnished world from above |
 
@@ -52,17 +53,28 @@ class Room(Model):
     polygon: list[Point] = Field(
         description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
     )
-    area_m2: float = Field(description="Area inside the centre lines of the walls.")
-    aspect_ratio: float | None = Field(
-        default=None, description="Length over width, at least 1; absent in worlds of older generators."
+    area_m2: float = Field(description="Area inside the centre lines of the walls, which the corners lie on.")
+    floor_area_m2: float | None = Field(
+        default=None,
+        description="Area of the floor, inside the faces of the walls; absent in worlds of older generators.",
     )
-    desired_area_m2: float = Field(description="Area the template wished for.")
-    desired_aspect_ratio: float = Field(description="Length over width the template wished for.")
+    aspect_ratio: float | None = Field(
+        default=None,
+        description="Length over width of the floor, at least 1; older generators took the centre lines of the walls, "
+        "the oldest say nothing.",
+    )
+    desired_area_m2: float = Field(description="Area of the floor that the template wished for.")
+    desired_aspect_ratio: float = Field(description="Length over width of the floor that the template wished for.")
     goal: Point = Field(description="A free spot a robot can reach, near the room's middle.")
     floor_material: str = Field(default="Floorboards", description="Material of the floor.")
     wall_material: str = Field(default="WallPaint", description="Material of the walls' inner faces.")
     floor_finish: str = Field(default="", description="Which of the floor material's looks; empty: the first.")
     wall_finish: str = Field(default="", description="Which of the wall material's looks; empty: the first.")
+
+    @property
+    def floor_m2(self) -> float:
+        """Area of the floor; in worlds of older generators, which did not say it, that inside the centre lines."""
+        return self.area_m2 if self.floor_area_m2 is None else self.floor_area_m2
 
 
 class Wall(Model):
@@ -167,6 +179,44 @@ class Floorplan(Model):
     wishes: list[Preference] = Field(description="Outcome of the preferences about the plan.")
 
 
+Light = Literal["day", "evening", "night"]
+"""How a world's model is lit."""
+DrawingForm = Literal["svg", "dxf", "nav2-map"]
+
+
+class DrawnSource(Model):
+    """The drawing or map that a world was imported from."""
+
+    file: str = Field(description="Name of the file.")
+    sha256: str = Field(description="SHA-256 of its bytes, hexadecimal; of a map, with its picture's.")
+    form: DrawingForm = Field(description="How it was read.")
+    metres_per_unit: float = Field(description="Metres of the world for one unit of the drawing; of a map, for a cell.")
+    outlines: Literal["faces", "centres"] = Field(
+        description="What the outlines of rooms were taken for: the inner faces of their walls, or the walls' middles."
+    )
+    notes_sha256: str | None = Field(
+        default=None, description="SHA-256 of the YAML file with what the drawing does not say; absent without one."
+    )
+    left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
+
+
+class Change(Model):
+    """One difference between a variation and the world it was made of."""
+
+    what: Literal["door", "moved", "removed", "light"] = Field(description="What kind of difference.")
+    thing: str = Field(description="Id of the door or the piece of furniture; `world` for its light.")
+    before: str = Field(description="How it was, in words.")
+    after: str = Field(description="How it is, in words.")
+
+
+class Variation(Model):
+    """What tells a world from the one it was made of."""
+
+    of_content: str = Field(description="SHA-256 of the bundle of the other world, hexadecimal.")
+    of_world: str | None = Field(default=None, description="ARN of the other world; absent if only a folder was given.")
+    changes: list[Change] = Field(description="All differences.")
+
+
 class World(Model):
     """A whole world."""
 
@@ -184,3 +234,14 @@ class World(Model):
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
     wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
     checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")
+    source: DrawnSource | None = Field(default=None, description="What it was imported from; absent: it was generated.")
+    variation: Variation | None = Field(
+        default=None, description="What tells it from the world it was made of; absent in worlds made by themselves."
+    )
+    appearance: Light = Field(default="day", description="How `world.xml` is lit; nothing but looks depends on it.")
+
+    def to_text(self) -> str:
+        """The content of `world.json`; what most worlds do not have is only in those that have it."""
+        absent = {name for name in ("source", "variation") if getattr(self, name) is None}
+        absent |= {"appearance"} if self.appearance == "day" else set()
+        return self.model_dump_json(indent=1, exclude=absent) + "\n"

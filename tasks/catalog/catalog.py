@@ -28,6 +28,7 @@ from .queries import (
 from .records import NewResource, Resource
 from .rollouts import CatalogRollouts
 from .tables import resources
+from .tags import insert_tags, replace_tags
 
 _MAX_ATTEMPTS = 100
 _CHUNK = 500  # of ARNs in one query
@@ -125,7 +126,9 @@ class Catalog(CatalogLeases, CatalogRollouts):
             "document": dict(resource.document),
         }
         unique = {"unique_name": resource.name if unique_name else None}
-        insert_labels(connection, connection.execute(_ADDED, {**row, **unique}).scalar_one(), resource.labels)
+        sequence = connection.execute(_ADDED, {**row, **unique}).scalar_one()
+        insert_labels(connection, sequence, resource.labels)
+        insert_tags(connection, resource.kind, sequence, resource.tags)
         return Resource(**row)
 
     def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
@@ -296,15 +299,18 @@ class Catalog(CatalogLeases, CatalogRollouts):
 
         Raises:
             ResourceNotFoundException: there is no such resource.
-            StateConflictError: the event cannot happen in its state, its kind has no lifecycle, or
-                `owner` does not hold the lease.
+            StateConflictError: the event cannot happen in its state, or as it is to be cancelled; its kind has no
+                lifecycle, or `owner` does not hold the lease.
         """
 
         def compute(row: RowMapping) -> dict[str, Any]:
             if row["kind"] not in LIFECYCLES:
                 raise StateConflictError(f"{arn} is a {row['kind']}, which has no lifecycle; {event!r} cannot happen")
+            machine = LIFECYCLES[row["kind"]]
+            if row["cancel_requested"] and event in machine.not_when_canceled:
+                raise StateConflictError(f"{arn} is to be cancelled; {event!r} cannot happen any more")
             try:
-                status = next_state(LIFECYCLES[row["kind"]], row["status"], event)
+                status = next_state(machine, row["status"], event)
             except StateConflictError as error:
                 raise StateConflictError(f"{arn}: {error}") from error
             changes = document_changes.to_json() if isinstance(document_changes, Changes) else document_changes or {}
@@ -333,6 +339,8 @@ class Catalog(CatalogLeases, CatalogRollouts):
                 if changed_one(connection.execute(changing, {**still, **values})):
                     if "labels" in values:
                         replace_labels(connection, arn, values["labels"])
+                    if "tags" in values:
+                        replace_tags(connection, arn, values["tags"])
                     return resource_of(row, **values)
         raise _changed_by_others(arn)
 
@@ -347,7 +355,9 @@ class Catalog(CatalogLeases, CatalogRollouts):
         with self._transaction(self._writer) as connection:
             row = one_row(connection, arn)
             if not is_terminal(row["kind"], row["status"]):
-                connection.execute(update(resources).where(resources.c.arn == arn).values(cancel_requested=True))
+                # The new revision makes who changes it at the same time look again.
+                noted = {"cancel_requested": True, "revision": resources.c.revision + 1}
+                connection.execute(update(resources).where(resources.c.arn == arn).values(**noted))
             return resource_of(row)
 
     def cancel_requested(self, arn: str) -> bool:

@@ -15,6 +15,7 @@ from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from ...schemas.wire.errors import ConfigurationError
 from .tables import metadata, schema_version
+from .tags import fill_tags
 from .world_labels import label_worlds
 
 _BUSY_TIMEOUT_S = 30.0
@@ -38,6 +39,7 @@ MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     _add_lost_workers,
     label_worlds,
     metadata.create_all,  # tables of rollouts
+    fill_tags,
 )
 """Each brings the tables one version further; later ones are added at the end and never change.
 

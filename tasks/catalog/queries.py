@@ -3,11 +3,26 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
-from sqlalchemy import Connection, CursorResult, RowMapping, Select, and_, bindparam, delete, insert, null, or_, select
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    CursorResult,
+    FromClause,
+    RowMapping,
+    Select,
+    and_,
+    bindparam,
+    delete,
+    func,
+    insert,
+    or_,
+    select,
+)
 
 from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException
+from .members import of_picked, picked
 from .records import NewResource, Resource
-from .tables import resource_labels, resources
+from .tables import resource_labels, resource_tags, resources
 
 COLUMNS = (
     resources.c.arn,
@@ -26,10 +41,15 @@ COLUMNS = (
 """What a `Resource` is made of."""
 
 # Made once: making it takes as long as executing it, and it is the query of most calls.
-_ONE_ROW = select(*COLUMNS, resources.c.lease_owner).where(resources.c.arn == bindparam("arn"))
+_ONE_ROW = select(*COLUMNS, resources.c.lease_owner, resources.c.cancel_requested).where(
+    resources.c.arn == bindparam("arn")
+)
 
 _SEQUENCE = select(resources.c.sequence).where(resources.c.arn == bindparam("of"))
 _OLD_LABELS = delete(resource_labels).where(resource_labels.c.sequence == bindparam("of"))
+
+TAG = "tag"
+"""The filter of lists by a tag."""
 
 _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": resources.c.status}
 
@@ -72,7 +92,8 @@ def list_query(
 
     Args:
         kinds: what is listed.
-        filters: for each name the values one of which is wanted; a name that is no column is a label.
+        filters: for each name the values one of which is wanted; a name that is no column is a label, `tag` is a
+            tag, written `key=value`.
         before: the place in the order of creation that the page lies before; `None`: the first page.
         limit: how many rows at most.
     """
@@ -82,8 +103,18 @@ def list_query(
     for name, values in filters.items():
         if (column := _FILTERS.get(name)) is not None:
             query = query.where(column.in_(values))
+        elif name == TAG and len(values) == len(kinds) == 1:
+            # A join walks along the tag's index in the wanted order and stops when the page is full.
+            tagged = resource_tags.alias()
+            query = query.join(tagged, tagged.c.sequence == resources.c.sequence)
+            query = query.where(tagged.c.kind == kinds[0], _has_tag(tagged, values[0]))
+            order = tagged.c.sequence
+        elif name == TAG:
+            tags = resource_tags.c
+            has_one = or_(*(_has_tag(resource_tags, value) for value in values))
+            query = query.where(resources.c.sequence.in_(select(tags.sequence).where(tags.kind.in_(kinds), has_one)))
         elif len(values) == 1:
-            # A join walks along the label's index in the wanted order and stops when the page is full.
+            # As for a tag.
             label = resource_labels.alias()
             query = query.join(label, label.c.sequence == resources.c.sequence)
             query = query.where(label.c.key == name, label.c.value == values[0])
@@ -98,21 +129,37 @@ def list_query(
     return query.order_by(order.desc()).limit(limit)
 
 
+def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int) -> Select[Any]:
+    """The query for the newest resources of each kind that stand in some statuses.
+
+    Args:
+        wanted: the statuses, by kind.
+        not_below: those that came from a parent of this kind are left out.
+        limit: how many of each kind at most.
+    """
+    is_below = func.coalesce(resources.c.parent, "").contains(f":{not_below}/", autoescape=True)
+    standing = or_(*(and_(resources.c.kind == kind, resources.c.status.in_(each)) for kind, each in wanted.items()))
+    place = func.row_number().over(partition_by=resources.c.kind, order_by=resources.c.sequence.desc())
+    ranked = select(resources.c.sequence, place.label("place")).where(standing, ~is_below).subquery()
+    newest = select(ranked.c.sequence).where(ranked.c.place <= limit)
+    query: Select[Any] = select(resources.c.sequence, *COLUMNS)
+    return query.where(resources.c.sequence.in_(newest)).order_by(resources.c.sequence.desc())
+
+
+def _has_tag(tags: FromClause, written: str) -> ColumnElement[bool]:
+    key, _, value = written.partition("=")
+    return and_(tags.c.key == key, tags.c.value == value)
+
+
 def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:
     """The same query, for which the database takes a few members out of each document."""
     columns = (column for column in COLUMNS if column is not resources.c.document)
-    document = (resources.c.document[member].label(_member(member)) for member in members)
-    return query.with_only_columns(resources.c.sequence, *columns, null().label("document"), *document)
+    return query.with_only_columns(resources.c.sequence, *columns, picked(members))
 
 
 def resource_with(row: RowMapping, members: Sequence[str]) -> Resource:
     """Makes a resource of a row of such a query; members that its document does not have are absent."""
-    found = {member: row[_member(member)] for member in members}
-    return resource_of(row, document={member: value for member, value in found.items() if value is not None})
-
-
-def _member(name: str) -> str:
-    return f"document_{name}"
+    return resource_of(row, document=of_picked(row["document"], members))
 
 
 def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:

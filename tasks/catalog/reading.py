@@ -4,14 +4,23 @@ from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 
-from sqlalchemy import Connection, Engine, bindparam, func, select
+from sqlalchemy import Connection, Engine, bindparam, func, literal_column, select
 from sqlalchemy.exc import DBAPIError, IntegrityError
 
 from ...schemas.wire.errors import ServiceUnavailableException
 from .client_tokens import ClientToken, find_resource
 from .engine import open_engine, reading_once, writing
 from .page_tokens import decode_page_token, encode_page_token
-from .queries import COLUMNS, list_query, not_found, one_row, only_members, resource_of, resource_with
+from .queries import (
+    COLUMNS,
+    list_query,
+    newest_query,
+    not_found,
+    one_row,
+    only_members,
+    resource_of,
+    resource_with,
+)
 from .records import Page, Resource
 from .tables import resources
 
@@ -23,10 +32,17 @@ _NEWEST = (
     .order_by(resources.c.sequence.desc())
     .limit(1)
 )
+# Grouped by no column, or SQLite walks the index by status, through all resources of the kind, to have them in groups.
+_STATUS = resources.c.status.concat(literal_column("''"))
 _STATUSES = (
-    select(resources.c.status, func.count())
+    select(_STATUS, func.count())
     .where(resources.c.parent == bindparam("of"), resources.c.kind == bindparam("each"))
-    .group_by(resources.c.status)
+    .group_by(_STATUS)
+)
+_REVISIONS = (
+    select(resources.c.arn, resources.c.revision)
+    .where(resources.c.parent == bindparam("of"), resources.c.kind == bindparam("each"))
+    .order_by(resources.c.sequence)
 )
 
 
@@ -55,15 +71,22 @@ class CatalogReader:
         with self._transaction(self._once) as connection:
             return resource_of(one_row(connection, arn, kind))
 
-    def get_many(self, arns: Iterable[str]) -> dict[str, Resource]:
-        """Reads several resources; those that do not exist are absent from the answer."""
+    def get_many(self, arns: Iterable[str], members: Sequence[str] | None = None) -> dict[str, Resource]:
+        """Reads several resources; those that do not exist are absent from the answer.
+
+        Args:
+            arns: their ARNs.
+            members: which members of the documents are read; `None`: all.
+        """
         wanted = list(arns)
         found: dict[str, Resource] = {}
         with self._transaction(self._engine) as connection:
             for start in range(0, len(wanted), 500):  # databases limit the number of values in a statement
                 chunk = wanted[start : start + 500]
-                for row in connection.execute(select(*COLUMNS).where(resources.c.arn.in_(chunk))).mappings():
-                    found[row["arn"]] = resource_of(row)
+                query = select(resources.c.sequence, *COLUMNS).where(resources.c.arn.in_(chunk))
+                query = query if members is None else only_members(query, members)
+                for row in connection.execute(query).mappings():
+                    found[row["arn"]] = resource_of(row) if members is None else resource_with(row, members)
         return found
 
     def find_by_client_token(self, token: ClientToken | None, account: str) -> Resource | None:
@@ -96,6 +119,11 @@ class CatalogReader:
             return tuple(
                 resource_of(row) for row in connection.execute(query.order_by(resources.c.sequence)).mappings()
             )
+
+    def child_revisions(self, parent: str, kind: str) -> dict[str, int]:
+        """The revisions of the resources of a kind that came from a parent, by ARN, the oldest first."""
+        with self._transaction(self._once) as connection:
+            return {row[0]: row[1] for row in connection.execute(_REVISIONS, {"of": parent, "each": kind})}
 
     def standing(self, arn: str) -> tuple[str, bool]:
         """The status of a resource, and whether it is to be cancelled; quick enough to be asked all the time.
@@ -136,8 +164,8 @@ class CatalogReader:
 
         Args:
             kinds: what is listed.
-            filters: for `name`, `parent`, `status` or a label the values that are wanted, one of which
-                has to be equal.
+            filters: for `name`, `parent`, `status`, `tag` (written `key=value`) or a label the values that are
+                wanted, one of which has to be equal.
             limit: how many at most.
             after: the page before's `next_token`; `None`: the first page.
             scope: for whom the list is made; page tokens of other scopes are refused.
@@ -158,6 +186,21 @@ class CatalogReader:
         token = encode_page_token(listed, wanted, rows[limit - 1]["sequence"]) if more else None
         found = (resource_of(row) if members is None else resource_with(row, members) for row in rows[:limit])
         return Page(tuple(found), token)
+
+    def newest(
+        self, wanted: Mapping[str, Sequence[str]], *, not_below: str, limit: int, members: Sequence[str]
+    ) -> tuple[Resource, ...]:
+        """The newest resources of each kind that stand in some statuses, newest first.
+
+        Args:
+            wanted: the statuses, by kind.
+            not_below: those that came from a parent of this kind are left out.
+            limit: how many of each kind at most.
+            members: which members of the documents are read.
+        """
+        query = only_members(newest_query(wanted, not_below, limit), members)
+        with self._transaction(self._once) as connection:
+            return tuple(resource_with(row, members) for row in connection.execute(query).mappings())
 
     def count(self) -> dict[str, dict[str, int]]:
         """How many resources there are, by kind and status."""

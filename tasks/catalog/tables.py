@@ -84,6 +84,17 @@ resource_labels = Table(
     Column[int]("sequence", ForeignKey("resources.sequence", ondelete="CASCADE"), primary_key=True, index=True),
 )
 
+resource_tags = Table(
+    "resource_tags",
+    metadata,
+    # In this order one look-up finds the resources of a kind with a tag, in the order of their creation.
+    Column("kind", String(64), primary_key=True),
+    Column("key", String, primary_key=True),
+    Column("value", String, primary_key=True),
+    Column[int]("sequence", ForeignKey("resources.sequence", ondelete="CASCADE"), primary_key=True, index=True),
+    sqlite_with_rowid=False,  # the key is the table
+)
+
 client_tokens = Table(
     "client_tokens",
     metadata,

@@ -32,7 +32,7 @@ _JOBS = "simulation-jobs/"
 
 _AGAIN = {
     "simulation-job": "restore the bucket from a backup, or run the job again",
-    "world": "restore the bucket from a backup, or generate the world again: its template and seed make the same one",
+    "world": "restore the bucket from a backup, or make the world again from its template and seed, or its drawing",
     "world-export-job": "restore the bucket from a backup, or export the worlds again",
 }
 

@@ -83,10 +83,13 @@ class HeldLeases:
                 return False
             owner = self._owners[arn] = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
             self._reserved.add(arn)
-        if catalog.claim(arn, owner, lease_s):
-            return True
-        self._forget(arn)
-        return False
+        is_claimed = False
+        try:
+            is_claimed = catalog.claim(arn, owner, lease_s)
+        finally:
+            if not is_claimed:
+                self._forget(arn)
+        return is_claimed
 
     def reserve_any(self, take: Callable[[str], str | None], catalog: Catalog) -> str | None:
         """Claims a job that is chosen meanwhile, as `reserve` does; `cancel_reservation` has to follow.

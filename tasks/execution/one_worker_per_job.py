@@ -9,10 +9,11 @@ import time
 from collections.abc import Callable
 
 from ...schemas.lifecycles import is_terminal
+from ...schemas.wire.errors import ServiceUnavailableException
 from ..service.service import Service
 from ..service.spans import span
 from .held_leases import HELD, HeldLeases
-from .job_leases import Lease
+from .job_leases import CatalogWait, Lease
 from .retry_limit import fail_job, why_not_retried
 
 _WAIT_S = 0.5
@@ -70,6 +71,28 @@ def run_if_unclaimed(
                 fail_job(lease, reason, service)
             else:
                 with span(f"run {kind}", arn=arn) as current:
-                    work(lease)
+                    _outlast(work, lease, service)
                     current.set_attribute("robomaker.status", lease.job.status)
     return True
+
+
+def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) -> None:
+    """Carries a job to its end, and goes on from where it stands after each outage of the catalog on the way.
+
+    Args:
+        work: carries the job on from wherever it stands to a terminal state.
+        lease: the right to change the job.
+        service: where it is stored.
+
+    Raises:
+        ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
+            takes no change.
+    """
+    wait = CatalogWait.of(lease, service)
+    while not is_terminal(lease.job.kind, lease.job.status):
+        try:
+            work(lease)
+        except ServiceUnavailableException as error:
+            wait.outlast(error)
+        else:
+            return

@@ -7,13 +7,19 @@ they have ended.
 
 import concurrent.futures
 import contextvars
+import logging
+import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from ...schemas.wire.errors import ServiceUnavailableException
 from ..service.service import Service
 
 if TYPE_CHECKING:
     from .mapping.runner import MapTaskRunner
+
+_logger = logging.getLogger(__name__)
 
 _LOOK_S = 0.25
 
@@ -67,8 +73,9 @@ def run_tasks(
         except Exception:
             raise
         except BaseException:  # Ctrl-C, or a worker's termination signal
-            service.catalog.request_cancel(job_arn)
-            look()
+            _request_cancel(job_arn, service)
+            with suppress(ServiceUnavailableException):  # what is to be seen now is seen when it is run again
+                look()
             raise
     for future in futures:
         if not future.wrapped_future.cancelled():
@@ -97,6 +104,18 @@ def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> No
         try:
             concurrent.futures.wait([future])
         except BaseException:  # Ctrl-C, or a worker's termination signal
-            service.catalog.request_cancel(job_arn)
+            _request_cancel(job_arn, service)
             raise
     future.result()
+
+
+def _request_cancel(job_arn: str, service: Service) -> None:
+    """Requests a job's cancellation, again until the catalog answers; another interruption ends that."""
+    while True:
+        try:
+            service.catalog.request_cancel(job_arn)
+        except ServiceUnavailableException as error:
+            _logger.warning("%s is cancelled as soon as the catalog answers: %s", job_arn, error)
+            time.sleep(service.timing.after_outage_s)
+        else:
+            return

@@ -18,12 +18,17 @@ from .stored_rollouts import OpenRollout
 LOGGER = logging.getLogger("robomaker.robots")
 
 BUSY_S = 0.25
-"""Between two looks while a rollout is open; the place of a robot that has ended stays free for so long."""
+"""Between two looks while a rollout is open or about to be; the place of a robot that has ended is free for so long."""
 
 IDLE_S = 2.0
 """The same otherwise."""
 
-_SHARE = 10  # a look that takes long, in a large fleet, is followed by a pause ten times as long
+AWAKE_S = 60.0
+"""For so long after a job was asked for here, looks follow each other as if a rollout were open: it may be one soon."""
+
+# A look that costs much, in a large fleet, is followed by a pause ten times as long. Time in which it only waits, for a
+# processor or a lock, does not count: a busy machine would make each robot's turn come seconds later.
+_SHARE = 10
 _ROBOTS_SHARE = 30  # robots are enrolled rarely, and reading ten thousand takes a quarter of a second
 
 
@@ -60,6 +65,7 @@ class OrderWatch:
         self._tend = tend
         self._known: dict[str, OpenRollout] = {}
         self._woken = threading.Event()
+        self._awake_until_s = 0.0
         self._is_stopped = False
         self._problem = ""
         self._robots_due_s = 0.0
@@ -70,7 +76,8 @@ class OrderWatch:
         self._thread.start()
 
     def wake(self) -> None:
-        """Looks at once: something has changed."""
+        """Looks at once, and often for a while: a job was asked for."""
+        self._awake_until_s = time.monotonic() + AWAKE_S
         self._woken.set()
 
     def wake_for_robots(self) -> None:
@@ -99,18 +106,18 @@ class OrderWatch:
         return bool(rollouts)
 
     def _refresh_robots(self) -> None:
-        began_s = time.monotonic()
-        if began_s >= self._robots_due_s:
+        if time.monotonic() >= self._robots_due_s:
+            began_s = time.thread_time()
             self._robots.refresh(self._service)
-            now_s = time.monotonic()
-            self._robots_due_s = now_s + max(IDLE_S, _ROBOTS_SHARE * (now_s - began_s))
+            cost_s = time.thread_time() - began_s
+            self._robots_due_s = time.monotonic() + max(IDLE_S, _ROBOTS_SHARE * cost_s)
 
     def _watch(self) -> None:
         while not self._is_stopped:
-            began = time.monotonic()
-            is_busy = self._tried()
-            took_s = time.monotonic() - began
-            self._woken.wait(max(BUSY_S if is_busy else IDLE_S, _SHARE * took_s))
+            began_s = time.thread_time()
+            is_busy = self._tried() or time.monotonic() < self._awake_until_s
+            cost_s = time.thread_time() - began_s
+            self._woken.wait(max(BUSY_S if is_busy else IDLE_S, _SHARE * cost_s))
             self._woken.clear()
 
     def _tried(self) -> bool:

@@ -11,6 +11,7 @@ __all__ = [
     "commits",
     "forecasting",
     "kept_forecasts",
+    "pipeline_parts",
     "preflight",
     "probes",
     "replays",

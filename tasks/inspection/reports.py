@@ -18,6 +18,7 @@ from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
@@ -37,6 +38,7 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..storage import read_manifest, removed_before
+from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
 from .run_records import since_last, write_record
 
@@ -133,6 +135,56 @@ def report_of(record: RunRecord, service: Service) -> Report:
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),
+    )
+
+
+def report_of_job(arn: str, service: Service) -> Report:
+    """One simulation job as a report: its result and outputs as far as they are stored, and the world it drove in.
+
+    Args:
+        arn: the job, which may still run.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+    """
+    resource = service.catalog.get(arn, kind="simulation-job")
+    job = _reported_job(resource, service)
+    return Report(
+        name=job.label,
+        run_id=SimulationJobDocument.of(resource).spec_run or "",
+        state=run_state([job.status], []),
+        started_at=resource.created_at,
+        ended_at=resource.updated_at,
+        steps=[],
+        worlds=_worlds([], [job], service),
+        jobs=[job],
+        command=f"robomaker repro {job.label}",
+    )
+
+
+def report_of_world(arn: str, service: Service) -> Report:
+    """One world as a report.
+
+    Args:
+        arn: the world.
+        service: where it is stored.
+
+    Raises:
+        ResourceNotFoundException: there is no such world.
+        StorageError: its bundle cannot be fetched.
+    """
+    resource = service.catalog.get(arn, kind="world")
+    return Report(
+        name=short_name(arn),
+        run_id="",
+        state="succeeded",
+        started_at=resource.created_at,
+        ended_at=resource.updated_at,
+        steps=[],
+        worlds=[_reported_world(resource, service)],
+        jobs=[],
+        command=f"robomaker world view {arn}",
     )
 
 
@@ -361,13 +413,12 @@ def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: S
 
 def _reported_world(world: Resource, service: Service) -> ReportedWorld:
     folder = world_bundle(world, service)
-    preview = folder / "preview.png"
     return ReportedWorld(
         arn=world.arn,
         label=short_name(world.arn),
         world_json=folder / "world.json",
         floorplan_svg=(folder / "floorplan.svg").read_text(),
-        preview_png=preview.read_bytes() if preview.exists() else b"",
+        preview_png=preview_of(world, service),
     )
 
 

@@ -103,6 +103,24 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
     )
 
 
+def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
+    """The request of a batch that runs again those jobs of a batch that have no good result.
+
+    Args:
+        arn: the batch, which has ended.
+        service: where it is stored.
+
+    Returns:
+        The request; `None`: none of its jobs failed.
+
+    Raises:
+        ResourceNotFoundException: there is no such batch.
+    """
+    step = StepRecord(name="batch", operation=_BATCH, status="Completed", arn=arn)
+    failed = [order for order in _orders(step, service) if outcome_of(order.job) in _FAILED]
+    return _batch_request(step, failed, service) if failed else None
+
+
 def _orders(step: StepRecord, service: Service) -> list[_Order]:
     """The jobs of a step with their requests, in the order of these; nothing of steps that make no jobs."""
     if step.arn is None or step.operation not in (_BATCH, "CreateSimulationJob"):
@@ -144,7 +162,7 @@ def _again(document: SimulationJobDocument) -> dict[str, Any]:
 
 def _plain_request(request: Mapping[str, Any]) -> dict[str, Any]:
     """A request that is a new one: the token of the earlier one would give the earlier job."""
-    return {name: _escaped(value) for name, value in request.items() if name != "clientRequestToken"}
+    return {name: value for name, value in request.items() if name != "clientRequestToken"}
 
 
 def _escaped(value: Any) -> Any:
@@ -157,11 +175,13 @@ def _escaped(value: Any) -> Any:
 
 
 def _step(step: StepRecord, orders: Sequence[_Order], service: Service) -> dict[str, Any]:
-    if step.operation != _BATCH:
-        return {"operation": step.operation, "input": dict(orders[0].request)}
+    request = orders[0].request if step.operation != _BATCH else _batch_request(step, orders, service)
+    return {"operation": step.operation, "input": _escaped(request)}
+
+
+def _batch_request(step: StepRecord, orders: Sequence[_Order], service: Service) -> dict[str, Any]:
     kept = {name: value for name, value in _batch(step, service).request.items() if name in ("batchPolicy", "tags")}
-    requests = [dict(order.request) for order in orders]
-    return {"operation": _BATCH, "input": {**_escaped(kept), "createSimulationJobRequests": requests}}
+    return {**kept, "createSimulationJobRequests": [dict(order.request) for order in orders]}
 
 
 def _told(job: ReportedJob) -> str:

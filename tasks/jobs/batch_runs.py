@@ -1,12 +1,13 @@
 """Performing one simulation job batch: its requests become jobs, the jobs run, the batch ends."""
 
+import logging
 import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from ...schemas.documents.simulation_job_batches import BatchProgress, FailedRequest, SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
@@ -15,12 +16,13 @@ from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.reports.run_states import case_outcome, outcomes_in_words
 from ...schemas.runs.machine_waits import Wait
 from ...schemas.runs.stops import StopReason
+from ...schemas.wire.base import STORED
 from ...schemas.wire.common import shorten
-from ...schemas.wire.errors import ServiceError, StorageError, StorageUnavailableError
+from ...schemas.wire.errors import ServiceError, ServiceUnavailableException, StorageError, StorageUnavailableError
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
 from ..execution.blocks.credential_blocks import read_credential_block
-from ..execution.job_leases import Lease
+from ..execution.job_leases import CatalogWait, Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
@@ -34,7 +36,13 @@ from .job_runs import perform_job, stop_idle_job
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
 
+Result = TypeVar("Result")
+
+_logger = logging.getLogger(__name__)
+
 _WAIT_S = 0.5
+_IS_STORED = "Terminating"
+"""The status of a job whose run is over, and whose outputs are uploaded: the end of a batch takes it nothing."""
 _ASK_S = 0.2
 """How often the catalog is asked whether the batch is to be cancelled."""
 _INTERNAL = "InternalServiceError"
@@ -77,6 +85,7 @@ class BatchRun:
         self._trials = BatchTrials(self._arn, self._requests, service.catalog)
         self._in_campaign = document.in_campaign
         self._ask_again_at, self._cancelled = 0.0, False
+        self._misses_catalog = False  # since the last look, which did not see all
         self._patient = self._service.patient(batch.id, lambda: self._why_stop() is not None)
         self._failed = dict(document.failed)
         self._saved = len(self._failed)
@@ -148,10 +157,11 @@ class BatchRun:
         """
         reason = self._why_stop() or StopReason.BATCH_CANCELED
         performed = [
-            job.arn for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
+            job for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
-        for arn in performed:
-            self._service.catalog.request_cancel(arn)
+        for job in performed:
+            if job.status != _IS_STORED:
+                self._service.catalog.request_cancel(job.arn)
         return not performed
 
     def _active(self) -> dict[int, Resource]:
@@ -177,7 +187,12 @@ class BatchRun:
         with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
                 if self._service.backend is None:
-                    self._run_tasks(indices, lambda index: self._simulate(index, slots), most, self._look)
+                    self._run_tasks(
+                        indices,
+                        lambda index: self._simulate(index, slots),
+                        most,
+                        lambda: self._look_or_miss(self._look),
+                    )
                 else:
                     self._run_elsewhere(indices, slots, most, self._service.backend)
             finally:
@@ -215,18 +230,21 @@ class BatchRun:
         wait = WorkerWait()
 
         def simulate(index: int) -> None:
-            if (job := self.create_job(index)) is not None:
+            if (job := self._outlasting(lambda: self.create_job(index))) is not None:
                 self._is_news = True
                 awaited.wait(job.arn, lambda: self._stop is not None or broken.is_set())
             self._is_news = True
 
+        def look_at_workers() -> bool:
+            self._allow(slots.count)
+            awaited.look()
+            self._note_workers(workers.look())
+            self._look_for_worker(wait, slots.count)
+            return self._look()
+
         def look() -> bool:
             try:
-                self._allow(slots.count)
-                awaited.look()
-                self._note_workers(workers.look())
-                self._look_for_worker(wait, slots.count)
-                return self._look()
+                return self._look_or_miss(look_at_workers)
             except BaseException:
                 broken.set()  # no thread looks any more, so none may wait for what it would see
                 raise
@@ -264,9 +282,10 @@ class BatchRun:
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
         with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as turn:
-            if may_run and turn is not None and (job := self.create_job(index)) is not None:
+            job = self._outlasting(lambda: self.create_job(index)) if may_run and turn is not None else None
+            if job is not None and turn is not None:
                 self._is_news = True
-                perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s)
+                self._outlasting(lambda: perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s))
         self._is_news = True
 
     def _note_wait(self, wait: Wait | None) -> None:
@@ -290,7 +309,8 @@ class BatchRun:
         """Whether the batch is to be cancelled; all its jobs ask that all the time, and the catalog is asked once."""
         if (now := time.monotonic()) >= self._ask_again_at:
             self._ask_again_at = now + _ASK_S
-            self._cancelled = self._service.catalog.cancel_requested(self._arn)
+            with suppress(ServiceUnavailableException):  # the last answer stands until there is another
+                self._cancelled = self._service.catalog.cancel_requested(self._arn)
         return self._cancelled
 
     def create_job(self, index: int) -> Resource | None:
@@ -306,16 +326,42 @@ class BatchRun:
             if not self._why_stop():
                 self._fail_request(index, "InternalServiceError", str(error))
             return None
+        except ServiceUnavailableException:
+            raise  # the catalog is away, not the request wrong
         except ServiceError as error:
             self._fail_request(index, _FAILURE_CODES.get(error.code, "InternalServiceError"), str(error))
             return None
         self._made.add(index)
         return job
 
+    def _outlasting(self, call: Callable[[], Result]) -> Result:
+        """Calls again until the catalog answers; once the batch has to stop, the next to run it sees to the rest."""
+        catalog = self._service.catalog
+        wait = CatalogWait(
+            self._arn,
+            lambda: catalog.standing(self._arn),
+            lambda: self._stop is not None or self._lease.lost,
+            self._service.timing.after_outage_s,
+        )
+        return wait.outlasting(call)
+
+    def _look_or_miss(self, look: Callable[[], bool]) -> bool:
+        """Looks; while the catalog does not answer, what runs goes on unseen."""
+        try:
+            if self._misses_catalog:
+                self._lease.refreshed()  # the answer to a change may have been lost
+                self._misses_catalog = False
+            return look()
+        except ServiceUnavailableException as error:
+            if not self._misses_catalog:
+                _logger.warning("%s waits for the catalog: %s", self._arn, error)
+            self._misses_catalog = self._is_news = True
+            return self._stop is not None
+
     def _request(self, index: int) -> tuple[SimulationJobRequest, ClientToken]:
         """A request, and the token by which it becomes a job once."""
         token = ClientToken.of_batch_job(self._batch.id, index)
-        return SimulationJobRequest.model_validate(self._requests[index]), token
+        return SimulationJobRequest.model_validate(self._requests[index], context=STORED), token
 
     def _reuse_results(self) -> None:
         """Makes jobs of the requests whose results are there already; the others are left to be run."""

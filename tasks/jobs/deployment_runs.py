@@ -38,8 +38,8 @@ from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application
 from .deployment_artifacts import report_end, show_wave
 
-POLL_S = 0.5
-"""How often the run looks for what robots reported."""
+POLL_S = 0.25
+"""How often the run looks for what robots reported; the place of one that has ended stays free for so long."""
 
 LOOK_AT_BATCH_S = 5.0
 """How often the run looks whether the batch that it requires has passed."""

@@ -90,12 +90,21 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
     Raises:
         ServiceUnavailableException: the catalog does not answer.
     """
-    for run in sorted((service.settings.home / "jobs").glob("*/*")):
+    for run in _runs(service.settings.home / "jobs"):
         if has_containers(run):
             arn = service.arn(KIND, run.parent.name)
             job = service.catalog.get_many([arn]).get(arn)
             if job is not None and _is_abandoned(job, service):
                 yield run, job
+
+
+def _runs(jobs: Path) -> list[Path]:
+    """The folders of all runs, job by job: jobs that end meanwhile take theirs away, which breaks a single glob."""
+    found: list[Path] = []
+    for job in jobs.glob("*"):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            found += job.iterdir()
+    return sorted(found)
 
 
 def _is_abandoned(job: Resource, service: Service) -> bool:

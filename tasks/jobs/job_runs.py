@@ -27,7 +27,7 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..execution.blocks.credential_blocks import read_credential_block
-from ..execution.job_leases import Lease
+from ..execution.job_leases import CatalogWait, Lease
 from ..execution.one_worker_per_job import run_if_unclaimed, run_under_lease
 from ..execution.retry_limit import MAX_LOST_WORKERS
 from ..execution.task_runs import RunStep, directly
@@ -45,7 +45,7 @@ from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from ..simulations.ros.job_services import answering
 from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
-from .simulation_outcomes import END_EVENTS, failed, outcome_of, stopped, without_outputs
+from .simulation_outcomes import END_EVENTS, failed, is_overtaken, outcome_of, overtaken, stopped, without_outputs
 
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""
@@ -213,7 +213,8 @@ class JobRun:
             outcome = stopped(reason, _BEFORE_IT_RAN) if reason else failed(error.failure_code, str(error))
             self._terminate(outcome, of_run=run_id)
         except ServiceUnavailableException as error:
-            next_run = self._after_outage(error)
+            CatalogWait.of(self._lease, self._service).outlast(error)
+            next_run = _Next.GO_ON
         except Exception as error:  # the job has to end whatever breaks
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
@@ -221,19 +222,6 @@ class JobRun:
             if next_run is not _Next.GO_ON:
                 self._clean_up(run_id)
         return next_run
-
-    def _after_outage(self, error: ServiceUnavailableException) -> "_Next":
-        """Waits for a catalog that was away as the job was to be moved on; it goes on from where it stands there."""
-        _logger.warning("%s waits for the catalog: %s", self._lease.job.arn, error)
-        while not self._lease.lost:
-            time.sleep(self._service.timing.after_kill_s)
-            try:
-                self._lease.refreshed()
-            except ServiceUnavailableException as still:
-                _logger.debug("the catalog is still away: %s", still)
-            else:
-                return _Next.GO_ON
-        raise error
 
     def _note_attempt(self, run_id: str) -> None:
         """Notes that a run goes on; where it has come further than the last time, dead job workers count anew."""
@@ -305,7 +293,7 @@ class JobRun:
         why_stop = self._why_stop()
         outcome = outcome_of(ended, why_stop)
         if outcome.status == "Canceled" and ended.status == "Completed":
-            remove_verdict(plan)
+            remove_verdict(plan.output_dir)
         if self._kills >= MAX_LOST_WORKERS and outcome.failure_reason:
             tried = f"each of {self._kills} attempts was killed"
             outcome = outcome.model_copy(update={"failure_reason": shorten(f"{tried}. {outcome.failure_reason}")})
@@ -389,7 +377,13 @@ class JobRun:
         self._settle(self._published(of_run, outcome) if of_run and has_left else outcome)
 
     def _settle(self, outcome: Outcome) -> None:
-        self._lease.transition(END_EVENTS[outcome.status], outcome.changes())
+        try:
+            self._lease.transition(END_EVENTS[outcome.status], outcome.changes())
+        except StateConflictError:
+            if self._lease.lost or not self._is_overtaken(outcome):
+                raise
+            # Cancelled after its manifest was written: the run's outputs are whole, and stay as they are.
+            self._lease.transition("cancel", overtaken(outcome).changes())
 
     # Outputs
 
@@ -411,10 +405,29 @@ class JobRun:
         settle_containers(self._folder(run_id), outputs.output_dir)
         try:
             finished = bool(self._document.finished)
-            place = outputs.store(outcome.about_run(), finished=finished, stopped=self._is_stopped, resumes=resumes)
+            place = outputs.store(
+                outcome.about_run(),
+                finished=finished,
+                stopped=self._is_stopped,
+                resumes=resumes,
+                outdated=lambda: self._is_overtaken(outcome),
+            )
         except (StorageError, OSError) as error:
+            if self._is_overtaken(outcome):
+                return self._published(run_id, self._overtaken(outcome, outputs), resumes=True)
             return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
         return outcome.model_copy(update={"outputs": place})
+
+    def _is_overtaken(self, outcome: Outcome) -> bool:
+        """Whether the job was cancelled while the outputs of its completed run were stored."""
+        return is_overtaken(outcome.status, self._why_stop())
+
+    def _overtaken(self, outcome: Outcome, outputs: RunOutputs) -> Outcome:
+        """The outcome of a job that was cancelled while they were stored; the run's result has no verdict any more."""
+        outcome = overtaken(outcome)
+        self._lease.update(SimulationJobProgress(outcome=outcome, verdict=None, verdict_reason=None))
+        remove_verdict(outputs.output_dir)
+        return outcome
 
     def _published_after_all(self) -> Outcome:
         """The outcome of a job whose job worker died in the midst of publishing; its outputs may be here or stored."""

@@ -18,8 +18,7 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
         run: how the run ended.
         stopped_because: why the job had to stop; `None` if it did not have to.
     """
-    if run.status == "Completed" and stopped_because is StopReason.CANCELED:
-        # Who cancels a job in the moment in which it ends is answered, and so finds it cancelled.
+    if is_overtaken(run.status, stopped_because):
         run = run.model_copy(update={"status": "Canceled"})
     outcome = Outcome(status=run.status)
     if run.status == "Completed" and run.verdict is not None:
@@ -34,11 +33,24 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     return outcome.model_copy(update=took)
 
 
+def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None) -> bool:
+    """Whether a run's good end gives way to a cancellation that was answered before the job had ended.
+
+    One that failed stays failed, and the end of a batch takes nothing from a job whose run was over.
+    """
+    return status == "Completed" and stopped_because is StopReason.CANCELED
+
+
 def stopped(reason: StopReason, words: str) -> Outcome:
     """The outcome of a job that had to stop; one that was cancelled itself has no failure code."""
     if reason is StopReason.CANCELED:
         return Outcome(status="Canceled")
     return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
+
+
+def overtaken(outcome: Outcome) -> Outcome:
+    """The outcome of a job whose run had completed when it was cancelled."""
+    return outcome.model_copy(update={"status": "Canceled", "verdict": None, "verdict_reason": None})
 
 
 def failed(code: str, reason: str) -> Outcome:

@@ -5,13 +5,14 @@ import re
 from collections.abc import Sequence
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
-from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.wire.errors import RobomakerError
 from ..inspection.run_records import run_before
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
+from ..worlds.previews import preview_of
 from .messages import WORST, failed_jobs, is_due, message_of
 from .sending import send
 
@@ -58,7 +59,10 @@ def _picture(job: SimulationJobDocument, service: Service) -> bytes:
         return poster
     arn = world_arn(job.request)
     world = service.catalog.get_many([arn]).get(arn) if arn else None
-    return _fetched(WorldDocument.of(world).bundle, "preview.png", service) if world else b""
+    try:
+        return preview_of(world, service) if world else b""
+    except RobomakerError:
+        return b""
 
 
 def _fetched(place: StoredPlace | None, name: str, service: Service) -> bytes:

@@ -22,9 +22,10 @@ from typing import Any
 
 from ...schemas.operations.registry import OPERATIONS, OperationShape, parse_request
 from ...schemas.operations.resources import RESOURCES
-from ...schemas.wire.base import Shape
+from ...schemas.wire.base import STORED, Shape
 from ...schemas.wire.deprecations import deprecated_uses
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
+from ..execution.job_leases import CatalogWait
 from ..service.service import Service
 
 Answer = Shape | Mapping[str, Any]
@@ -92,7 +93,9 @@ class Operation:
         """
         with self._own_errors():
             answer = self.handler(request, service)
-            return (answer if isinstance(answer, Shape) else self.shape.response.model_validate(answer)).to_wire()
+            if not isinstance(answer, Shape):
+                answer = self.shape.response.model_validate(answer, context=STORED)
+            return answer.to_wire()
 
     @contextmanager
     def _own_errors(self) -> Iterator[None]:
@@ -120,7 +123,8 @@ class Operation:
             service.catalog.request_cancel(arn)
             self.run_job(arn, service)
             raise
-        return self.described(arn, service)
+        wait = CatalogWait(arn, lambda: service.catalog.standing(arn), lambda: False, service.timing.after_outage_s)
+        return wait.outlasting(lambda: self.described(arn, service))
 
     def described(self, arn: str, service: Service) -> dict[str, Any]:
         """How a job of this operation stands.
@@ -188,7 +192,7 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
     operations = registry()
     if name not in operations:
         parse_request(name, data)  # raises, naming the nearest operations
-        raise InvalidParameterException(f"operation {name!r} is not served yet")
+        raise InvalidParameterException(f"{name} is for steps of specifications; it cannot be called")
     return operations[name].answer(data, service)
 
 

@@ -3,31 +3,51 @@
 May import: `schemas`, `tasks.reporting.drawings`, `tasks.reporting.nights`, `tasks.reporting.rollouts`.
 """
 
+from .drawings.plan import draw_open_plan
+from .drawings.trajectory import draw_drive
 from .junit import junit_xml
+from .nights.view import HistoryPage, view_history
 from .outcomes import Outcome, classify
 from .render import (
+    page_environment,
+    page_styles,
     render_deployment,
     render_history,
     render_report,
+    report_script,
     write_deployment,
     write_history,
     write_report,
 )
+from .rollouts.view import view_rollout
 from .shares import of_outcomes
 from .statistics import wilson_interval
 from .summaries import case_names, summarize
+from .view import view_report
+from .worlds import WorldView, view_worlds
 
 __all__ = [
+    "HistoryPage",
     "Outcome",
+    "WorldView",
     "case_names",
     "classify",
+    "draw_drive",
+    "draw_open_plan",
     "junit_xml",
     "of_outcomes",
     "outcomes",
+    "page_environment",
+    "page_styles",
     "render_deployment",
     "render_history",
     "render_report",
+    "report_script",
     "summarize",
+    "view_history",
+    "view_report",
+    "view_rollout",
+    "view_worlds",
     "wilson_interval",
     "wording",
     "write_deployment",

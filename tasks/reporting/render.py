@@ -127,10 +127,29 @@ def _digest(text: str) -> str:
     return f"sha256-{base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()}"
 
 
+def page_styles() -> str:
+    """The style sheets of reports, histories and deployments, for other pages that look like them."""
+    return "".join(map(_asset, ("report.css", "history.css", "rollout.css")))
+
+
+def report_script() -> str:
+    """The script of reports: sorts tables, copies commands, tells the reader's own time."""
+    return _asset("report.js")
+
+
 @cache
 def _environment() -> jinja2.Environment:
+    return page_environment()
+
+
+def page_environment(*folders: Path) -> jinja2.Environment:
+    """Makes an environment that escapes everything, with the templates and filters of reports.
+
+    Args:
+        folders: further templates, which go before those of reports.
+    """
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(_FOLDER),
+        loader=jinja2.FileSystemLoader([*folders, _FOLDER]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,

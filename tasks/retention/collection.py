@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from pydantic import ValidationError
 
+from ...schemas.documents.worlds import WorldDocument
 from ...schemas.reports.retention import GcAction, GcItem, GcReport, RetentionPolicy
 from ...schemas.runs.plan import RunResult
 from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUnavailableException, StorageError
@@ -14,6 +15,7 @@ from ..catalog import Resource
 from ..runtime.episode.results import RESULT_FILE
 from ..service.service import Service
 from ..storage.naming import join_key
+from .cached_copies import collect_copies
 from .inventory import (
     Unit,
     find_orders,
@@ -78,6 +80,9 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
     counted: set[str] = set()
     items = [_item(unit, policy, chosen, service, counted, act=act) for unit in units]
     items += [_world_item(world, service, act=act) for world in chosen.worlds]
+    if policy.older_than is not None:
+        with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
+        items += collect_copies(policy.older_than, with_worlds, service, act=act)
     notes = list(chosen.notes)
     if policy.keep_deployments is not None:
         files, told = collect_robot_files(policy.keep_deployments, service, act=act)

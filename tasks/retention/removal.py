@@ -69,7 +69,7 @@ def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: boo
     for job in unit.jobs.values():
         if job.arn not in spared:
             total += _measured(job, service, results_stay=results_stay)
-    return total if results_stay or unit.folder is None else total + _on_disk(unit.folder)
+    return total if results_stay or unit.folder is None else total + on_disk(unit.folder)
 
 
 def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
@@ -132,7 +132,7 @@ def remove_world(world: Resource, service: Service) -> None:
 def measure_world(world: Resource, service: Service) -> Amount:
     """How much a world has stored, here and in the store; worlds of one content share it."""
     bundle = WorldDocument.of(world).bundle
-    return Amount() if bundle is None else _stored(bundle, service) + _on_disk(_copy(bundle, service))
+    return Amount() if bundle is None else _stored(bundle, service) + on_disk(_copy(bundle, service))
 
 
 def _remove_job(job: Resource, service: Service) -> None:
@@ -209,7 +209,7 @@ def _measured(job: Resource, service: Service, *, results_stay: bool) -> Amount:
         with suppress(ObjectNotFoundError, BucketNotFoundError):
             total += Amount(1, service.store.head(*archive_place(job)).size_bytes)
     folder = service.settings.home / "jobs" / job.id
-    return total if results_stay or job.kind != JOB else total + _on_disk(folder)
+    return total if results_stay or job.kind != JOB else total + on_disk(folder)
 
 
 def _stored(place: StoredPlace, service: Service, *, results_stay: bool = False) -> Amount:
@@ -233,7 +233,7 @@ def _copy(bundle: StoredPlace, service: Service) -> Path:
     return service.settings.home / "cache" / "worlds" / bundle.last_part
 
 
-def _on_disk(folder: Path) -> Amount:
+def on_disk(folder: Path) -> Amount:
     """Files below a folder; those that vanish or may not be read do not count."""
     total = Amount()
     for path in folder.rglob("*"):

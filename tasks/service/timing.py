@@ -33,5 +33,8 @@ class Timing:
     after_kill_s: float = 1.0
     """How long after a run was killed from outside it is tried again: memory may be short just now."""
 
+    after_outage_s: float = 1.0
+    """How long after the catalog did not answer it is asked again."""
+
     longest_retry_pause_s: float = 60.0
     """The longest pause before a job is tried again whose flow run raised."""

@@ -1,6 +1,7 @@
 """Finding an earlier job with the same inputs, whose results a job can take over instead of running.
 
-Only what would come out the same again is taken over: a job that ended by itself, with a verdict that its seed repeats.
+Only what would come out the same again is taken over: a job that ended by itself, with a verdict that its seed repeats,
+and whose outputs the job's role may read now.
 """
 
 from dataclasses import dataclass
@@ -40,11 +41,15 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
     """
     if made_of.once_only:
         return FoundResults(None, made_of.once_only)
+    try:
+        acting = service.acting_as(document.request.get("iamRole"))
+    except StorageError as error:
+        return FoundResults(None, f"iamRole: {error}")
     key = ReuseInputs.of(document, made_of).key
     jobs = service.catalog.list(_KIND, filters={REUSE_LABEL: [key]}, limit=_LOOKED_AT).resources
     reasons = []
     for job in jobs:
-        why_not = _why_not(job, key, service)
+        why_not = _why_not(job, key, acting)
         if why_not is None:
             return FoundResults(job)
         reasons.append(f"{job.id} {why_not}")

@@ -1,16 +1,27 @@
-"""CRC32 as S3 writes it, of what is sent and of what has arrived."""
+"""Checksums: CRC32 as S3 writes it, of what is sent and of what has arrived; ETags of files: their MD5, as S3 has it.
+
+The MD5 is kept with the file, so that large files are read only once: in an extended attribute, together with the size,
+modification time and inode it belongs to. Where any of them has changed, or where the file system keeps no such
+attributes, it is computed again (and remembered in this process). Descriptors are what is asked: the answer belongs to
+the very file that was opened, also when another one takes its name.
+"""
 
 import base64
 import hashlib
 import os
 import zlib
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...schemas.wire.errors import ChecksumMismatchError
 
 _CHUNK_BYTES = 1 << 20
+_ATTRIBUTE = "user.robomaker.etag"
+_REMEMBERED = 16_384
+
+_computed: dict[tuple[int, str], str] = {}
 
 
 def crc32_of(data: bytes) -> str:
@@ -69,3 +80,49 @@ def has_content(answer: Mapping[str, Any], path: Path) -> bool:
 
 def _written(crc: int) -> str:
     return base64.b64encode(crc.to_bytes(4, "big")).decode()
+
+
+def store_etag(descriptor: int, etag: str) -> None:
+    """Keeps a file's ETag with the file, where the file system can.
+
+    Args:
+        descriptor: the file, open, after its last write.
+        etag: hexadecimal MD5 of its content.
+    """
+    # Not every file system and platform has user attributes; then it is computed when asked for.
+    with suppress(OSError, AttributeError):
+        os.setxattr(descriptor, _ATTRIBUTE, f"{_version(descriptor)} {etag}".encode())
+
+
+def etag_of(descriptor: int) -> str:
+    """The ETag of an open file; its read position stays where it is.
+
+    Raises:
+        OSError: it cannot be read.
+    """
+    version = _version(descriptor)
+    with suppress(OSError, AttributeError):
+        kept_version, _, etag = os.getxattr(descriptor, _ATTRIBUTE).decode(errors="replace").rpartition(" ")
+        if kept_version == version:
+            return etag
+    key = (os.fstat(descriptor).st_dev, version)
+    if key not in _computed:
+        if len(_computed) >= _REMEMBERED:
+            _computed.clear()
+        _computed[key] = _md5(descriptor)
+        store_etag(descriptor, _computed[key])
+    return _computed[key]
+
+
+def _md5(descriptor: int) -> str:
+    digest = hashlib.md5(usedforsecurity=False)
+    offset = 0
+    while chunk := os.pread(descriptor, _CHUNK_BYTES, offset):
+        digest.update(chunk)
+        offset += len(chunk)
+    return digest.hexdigest()
+
+
+def _version(descriptor: int) -> str:
+    found = os.fstat(descriptor)
+    return f"{found.st_size} {found.st_mtime_ns} {found.st_ino}"

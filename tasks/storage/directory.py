@@ -26,7 +26,7 @@ from ...schemas.wire.errors import (
     TransferStoppedError,
 )
 from .base import ObjectInfo, Stopped, UnfinishedUpload, never
-from .etags import etag_of, store_etag
+from .checksums import etag_of, store_etag
 from .failures import os_failures
 from .folders import open_regular
 from .naming import check_bucket, check_key, check_prefix

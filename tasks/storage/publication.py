@@ -22,8 +22,9 @@ from ...schemas.wire.errors import (
     ObjectNotFoundError,
     StorageAccessDeniedError,
     StorageError,
+    TransferStoppedError,
 )
-from .base import ObjectInfo, ObjectStore
+from .base import ObjectInfo, ObjectStore, Stopped, never
 from .failures import os_failures
 from .folders import FolderFile, open_regular, version_of
 from .naming import check_key, join_key
@@ -42,6 +43,7 @@ def publish(
     created_at: datetime,
     stored: Sequence[ManifestFile] = (),
     resumes: bool = False,
+    stopped: Stopped = never,
 ) -> Manifest:
     """Stores files, and last the manifest that makes them count.
 
@@ -58,8 +60,10 @@ def publish(
         stored: what is under the prefix already, and belongs to it.
         resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
             stored again.
+        stopped: asked before the manifest is written, whether these files are not to count after all.
 
     Raises:
+        TransferStoppedError: `stopped` said so.
         ObjectExistsError: something else is published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
         StorageError: a file cannot be read or stored.
@@ -79,6 +83,8 @@ def publish(
     for file, version in zip(files, versions, strict=True):
         if version_of(file.path) != version:
             raise ChecksumMismatchError(f"{file.path} changed while it was being published")
+    if stopped():
+        raise TransferStoppedError(f"{bucket}/{prefix} is not wanted any more")
     return _conclude(store, bucket, prefix, manifest)
 
 

@@ -12,7 +12,7 @@ them: `robomaker fsck --mend` aborts such uploads, and so does a lifecycle rule 
 import threading
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, closing, suppress
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
@@ -37,7 +37,8 @@ from ...schemas.wire.errors import (
 from .base import ObjectInfo, Stopped, UnfinishedUpload, never
 from .checksums import compare, crc32_of, has_content, measure
 from .naming import check_bucket, check_key, check_prefix
-from .parallel import WORKERS, run_all
+from .parallel import WORKERS, WORKERS_FOR_SMALL, run_all
+from .quick_puts import QuickPuts
 from .s3_failures import s3_failures
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     )
 
 _PART_BYTES = 16 << 20
+_SMALL_BYTES = 1 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
 _LOOK_S = 0.05
@@ -101,17 +103,20 @@ class S3Store:
             retries={"mode": "standard", "total_max_attempts": attempts},
             connect_timeout=5,
             read_timeout=60,
-            max_pool_connections=4 * WORKERS,
+            max_pool_connections=WORKERS_FOR_SMALL,
             tcp_keepalive=True,
             # Only AWS has a host name for every bucket.
             s3={"addressing_style": "path"} if endpoint_url else {},
         )
-        connect = cast("_Session", session or boto3.Session()).client
+        session = session or boto3.Session()
+        connect = cast("_Session", session).client
         self._client = connect("s3", region_name=region, endpoint_url=endpoint_url, config=config)
+        self._quick = QuickPuts(self._client, endpoint_url, region, session) if endpoint_url else None
         once = config.merge(Config(retries={"total_max_attempts": 1}, connect_timeout=_PROBE_S, read_timeout=_PROBE_S))
         self._connect_prober = lambda: connect("s3", region_name=region, endpoint_url=endpoint_url, config=once)
         self._probing: S3Client | None = None
         self._lock = threading.Lock()
+        self._turns = threading.BoundedSemaphore(WORKERS)  # of files that fill memory
         self._region = region
         self._endpoint = endpoint_url or f"AWS S3 ({region})"
         transfers = TransferConfig(
@@ -180,11 +185,13 @@ class S3Store:
         """
         _check(bucket, key)
         with self._failures(f"store {path} as {bucket}/{key}"):
-            if stopped():
-                raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
-            if path.stat().st_size < _PART_BYTES:
-                return self._put(bucket, key, path.read_bytes(), create_only=False)
-            return self._put_large(bucket, key, path, stopped)
+            size = path.stat().st_size
+            with nullcontext() if size < _SMALL_BYTES else self._turns:
+                if stopped():
+                    raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
+                if size < _PART_BYTES:
+                    return self._put(bucket, key, path.read_bytes(), create_only=False)
+                return self._put_large(bucket, key, path, stopped)
 
     def probe(self, bucket: str) -> None:
         """Asks once, and for a few seconds at most, whether the server answers; what it answers does not matter."""
@@ -213,7 +220,7 @@ class S3Store:
 
     def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
-        return run_all(lambda item: self.put_file(bucket, *item), files.items())
+        return run_all(lambda item: self.put_file(bucket, *item), files.items(), WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """Stores bytes.
@@ -326,6 +333,8 @@ class S3Store:
         return True
 
     def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
+        if self._quick and not create_only and (etag := self._quick.put(bucket, key, data)):
+            return ObjectInfo(bucket, key, len(data), etag)
         request: PutObjectRequestTypeDef = {"Bucket": bucket, "Key": key, "Body": data, "ChecksumCRC32": crc32_of(data)}
         if create_only:
             request["IfNoneMatch"] = "*"

@@ -60,6 +60,7 @@ _BY_CODE: dict[str, type[StorageError]] = {
     # These come with statuses that say otherwise: 400, or that of a throttled call.
     "RequestTimeout": StorageUnavailableError,
     "RequestTimeoutException": StorageUnavailableError,
+    "RequestTimeTooSkewed": StorageUnavailableError,  # a clock that is wrong, which is soon put right, and no right
     "SlowDown": StorageUnavailableError,
     "Throttling": StorageUnavailableError,
     "ThrottlingException": StorageUnavailableError,

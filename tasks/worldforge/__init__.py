@@ -3,4 +3,4 @@
 May import: `schemas`, `.doors`, `.floorplans`, `.geometry`, `.interiors`, `.model`, `.proofs`.
 """
 
-__all__ = ["generator", "seeds"]
+__all__ = ["generator", "seeds", "variations"]

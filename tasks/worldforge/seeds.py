@@ -2,8 +2,8 @@
 
 import numpy as np
 
-GENERATOR_VERSION = "2.1.0"
-"""Changes whenever the same seeds give other worlds."""
+GENERATOR_VERSION = "3.1.0"
+"""Changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way."""
 
 
 def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple[int, int]:

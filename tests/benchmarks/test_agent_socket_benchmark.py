@@ -204,7 +204,7 @@ def test_the_conversation_alone(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_scout_in_a_flat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "world"
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0))
-    write_bundle(world, folder, preview=False)
+    write_bundle(world, folder)
     within, apart, one = [], [], None
     for _ in range(ROUNDS):
         one, laps = scout_within(make_context(tmp_path, folder))

@@ -1,9 +1,15 @@
-"""What a rollout to a hundred agents on this machine costs beyond the transfer and the launch, and where time goes."""
+"""What a rollout to a hundred agents on this machine costs beyond the transfer and the launch, and where time goes.
 
+Transfer is what the same files take, as many at a time, from a server that does nothing else to the same disk.
+"""
+
+import http.client
 import os
+import re
 import secrets
+import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from statistics import median
@@ -12,7 +18,7 @@ import pytest
 from helpers.endpoint_process import Serve, Served
 from helpers.fleet_calls import Fleets
 from helpers.local_agents import LocalAgents, agent_as_on_robots, local_agents
-from helpers.processes import descendants, wait_for
+from helpers.processes import descendants, started, wait_for
 from helpers.tuf_repository import bundle
 
 from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
@@ -29,6 +35,7 @@ HEALTH_S = 0.5
 SHARE = 20
 """Per cent of the fleet that have orders at the same time."""
 
+_CHUNK_BYTES = 1 << 18
 OPTIONS = ("--health-s", str(HEALTH_S), "--stop-s", "2", "--longest-wait-s", "1", "--sandbox", "none")
 DRIVES = "#!/bin/sh\nexec sleep 1000\n"
 
@@ -42,46 +49,80 @@ def _cpu_s(pids: Sequence[int]) -> float:
     return ticks / os.sysconf("SC_CLK_TCK")
 
 
-def _copying_s(folder: Path) -> float:
-    """How long it takes to write as many bundles to the disk, as many at a time, without a server in between."""
-    content = secrets.token_bytes(BUNDLE_BYTES)
+def _written_s(folder: Path, chunks: Callable[[], Iterable[bytes]]) -> float:
+    """How long it takes to write as many bundles to the disk, as many at a time, from wherever they come."""
 
-    def copy(number: int) -> None:
+    def write(number: int) -> None:
         with (folder / f"copy-{number}").open("wb") as target:
-            target.write(content)
+            target.writelines(chunks())
+            target.flush()
             os.fsync(target.fileno())
 
     began_s = time.monotonic()
     with ThreadPoolExecutor(max(1, ROBOTS * SHARE // 100)) as pool:
-        list(pool.map(copy, range(ROBOTS)))
+        list(pool.map(write, range(ROBOTS)))
     return time.monotonic() - began_s
 
 
-def _deployed_s(served: Served, fleets: Fleets, fleet: str, application: str) -> tuple[float, str]:
-    """Deploys, and waits for the end; returns seconds, and the job's ARN."""
+def _copying_s(folder: Path) -> float:
+    """How long it takes without a server in between."""
+    content = secrets.token_bytes(BUNDLE_BYTES)
+    return _written_s(folder, lambda: [content])
+
+
+def _transfer_s(folder: Path) -> float:
+    """How long it takes from a server that does nothing but send a file: Python's own."""
+    (folder / "bundle").write_bytes(secrets.token_bytes(BUNDLE_BYTES))
+    log = folder / "server.log"
+    command = [sys.executable, "-u", "-m", "http.server", "0", "--bind", "127.0.0.1", "--directory", str(folder)]
+    with log.open("w") as output, started(command, {}, stdout=output, stderr=output):
+        found = wait_for(lambda: re.findall(r"port (\d+)", log.read_text()), "the bare server")
+
+        def fetch() -> Iterator[bytes]:
+            link = http.client.HTTPConnection("127.0.0.1", int(found[0]))
+            link.request("GET", "/bundle")
+            answer = link.getresponse()
+            yield from iter(lambda: answer.read(_CHUNK_BYTES), b"")
+            link.close()
+
+        return _written_s(folder, fetch)
+
+
+def _deployed(served: Served, fleets: Fleets, fleet: str, application: str) -> tuple[float, float, str]:
+    """Deploys, and waits for the end; returns when it began, seconds, and the job's ARN."""
     launch = {"packageName": "courier", "launchFile": "drive"}
     config = {"concurrentDeploymentPercentage": SHARE}
     request = fleets.order(fleet, application, config={"launchConfig": launch}, deploymentConfig=config)
-    began_s = time.monotonic()
+    began_at_s, began_s = time.time(), time.monotonic()
     job = served.call("CreateDeploymentJob", request)["arn"]
     while (status := fleets.service.catalog.get(job).status) not in ("Succeeded", "Failed"):
         time.sleep(0.2)
     assert status == "Succeeded", fleets.described(job)
-    return time.monotonic() - began_s, job
+    return began_at_s, time.monotonic() - began_s, job
 
 
-def _parts(rollout: Rollout) -> dict[str, float]:
-    """How long a robot was in each part of its order, the median, in seconds."""
+def _parts(rollout: Rollout, began_s: float, took_s: float) -> dict[str, float]:
+    """How long the job was in each part, and the median robot in each of its order, in seconds."""
     states = list(rollout.robots.values())
     step = lambda state, name: state.step_times.get(name, state.finished_s)  # noqa: E731
     parts = {
         "offered until fetched": lambda state: state.started_s - state.offered_s,
         "validated": lambda state: step(state, "DownloadingExtracting") - state.started_s,
-        "downloaded": lambda state: step(state, "ExecutingPreLaunch") - step(state, "DownloadingExtracting"),
-        "launched": lambda state: state.finished_s - step(state, "ExecutingPreLaunch"),
+        "downloaded": lambda state: step(state, "Launching") - step(state, "DownloadingExtracting"),
+        "launched": lambda state: state.finished_s - step(state, "Launching"),
     }
     found = {name: median(part(state) for state in states) for name, part in parts.items()}
-    return {**found, "its place was free": median(_idle(states))}
+    moments = [(state.offered_s, state.started_s, state.finished_s) for state in states]
+    offered_s, started_s, finished_s = ([moment or 0.0 for moment in each] for each in zip(*moments, strict=True))
+    first_s, last_s = min(offered_s), max(finished_s)
+    return {
+        "until the first order": first_s - began_s,
+        "until it was fetched": min(started_s) - first_s,
+        "from the first order to the last end": last_s - first_s,
+        "until the job had ended": began_s + took_s - last_s,
+        **found,
+        "its place was free": median(_idle(states)),
+    }
 
 
 def _idle(states: Sequence[RobotDeploymentState]) -> list[float]:
@@ -118,20 +159,21 @@ def test_a_rollout_to_a_hundred_agents(
         _enrol(agents, fleets, fleet, served.url)
         robots, ours = [agent.process.pid for agent in agents.agents.values()], [served.process.pid]
         before = [_cpu_s(robots), _cpu_s(ours)]
-        took_s, job = _deployed_s(served, fleets, fleet, application)
+        began_s, took_s, job = _deployed(served, fleets, fleet, application)
         used = [_cpu_s(robots) - before[0], _cpu_s(ours) - before[1]]
-        copying_s = _copying_s(tmp_path)
+        copying_s, transfer_s = _copying_s(tmp_path), _transfer_s(tmp_path)
     stored = service.catalog.rollout(job)
     assert stored is not None
     launching_s = HEALTH_S * -(-100 // SHARE)
     cores = len(os.sched_getaffinity(0))
-    rest_s = took_s - copying_s - launching_s
+    rest_s = took_s - transfer_s - launching_s
     with capsys.disabled():
         print(
             f"\n{ROBOTS} agents, {BUNDLE_BYTES / 1e6:g} MB, {SHARE} % at a time: {took_s:.1f} s; of that "
-            f"{copying_s:.1f} s to copy the files, {launching_s:.1f} s to watch launches; the rest is "
+            f"{transfer_s:.1f} s to fetch the files from a bare server ({copying_s:.1f} s to copy them without one), "
+            f"{launching_s:.1f} s to watch launches; the rest is "
             f"{rest_s:.1f} s. CPU: agents {used[0]:.1f} s, server and worker {used[1]:.1f} s, on {cores} cores; "
             f"without that of the agents {rest_s - used[0] / cores:.1f} s"
         )
-        for name, part_s in _parts(Rollout.of_json(dict(stored.rollout))).items():
+        for name, part_s in _parts(Rollout.of_json(dict(stored.rollout)), began_s, took_s).items():
             print(f"  {name}: {part_s:.2f} s")

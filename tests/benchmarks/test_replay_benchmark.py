@@ -45,7 +45,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     specification = YAML(typ="safe").load(QUICKSTART.read_text())
     template = WorldTemplateBody.model_validate(specification["steps"]["template"]["input"]["templateBody"])
     folder = tmp_path_factory.mktemp("worlds") / "flat"
-    write_bundle(generate_world(template, *seeds_for(7, 0, 0)), folder, preview=False)
+    write_bundle(generate_world(template, *seeds_for(7, 0, 0)), folder)
     return folder
 
 

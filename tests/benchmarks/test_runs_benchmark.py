@@ -138,7 +138,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "bundle").mkdir()
     (folder / "bundle" / "arena.py").write_text(ARENA)
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0))
-    write_bundle(world, folder / "world", preview=False)
+    write_bundle(world, folder / "world")
     return folder
 
 

@@ -206,7 +206,7 @@ def test_job_against_physics_alone(
     kind: str, robot: Robot, scans_hz: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "world"
-    write_bundle(generate_world(template(kind), *seeds_for(7, 0, 0)), folder, preview=False)
+    write_bundle(generate_world(template(kind), *seeds_for(7, 0, 0)), folder)
     assert robot.lidar is not None
     robot = replace(robot, lidar=replace(robot.lidar, rate_hz=scans_hz))
     witness = Witness()

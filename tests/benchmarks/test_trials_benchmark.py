@@ -57,7 +57,7 @@ def scout(folder: Path, seconds: str, **members: Any) -> RunPlan:
     if not world.exists():
         specification = YAML(typ="safe").load(QUICKSTART.read_text())
         body = WorldTemplateBody.model_validate(specification["steps"]["template"]["input"]["templateBody"])
-        write_bundle(generate_world(body, *seeds_for(7, 0, 0)), world, preview=False)
+        write_bundle(generate_world(body, *seeds_for(7, 0, 0)), world)
     return RunPlan(
         job_id="sim-1", job_arn="arn", run_id="run-1", seed=1, max_duration_s=3600.0, record=False, world_dir=world,
         work_dir=folder / "work", output_dir=folder / "out", **members,

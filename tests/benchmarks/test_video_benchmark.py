@@ -59,7 +59,7 @@ def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
         for number, (kind, area) in enumerate(ROOMS)
     ]
     body = WorldTemplateBody.model_validate({"Buildings": [{"Floors": [{"Floorplan": {"Rooms": rooms}}]}]})
-    write_bundle(generate_world(body, *seeds_for(7, 0, 0)), folder, preview=False)
+    write_bundle(generate_world(body, *seeds_for(7, 0, 0)), folder)
     return folder
 
 

@@ -18,6 +18,7 @@ from prefect.states import Completed, Failed, Running
 from prefect.types import DateTime
 
 from prefect_robomaker.deployments.flow_run_history import collect_flow_runs
+from prefect_robomaker.deployments.prefect_database import database_file, measure_database
 from prefect_robomaker.schemas.reports.retention import RetentionPolicy
 from prefect_robomaker.schemas.settings import Settings
 
@@ -113,6 +114,24 @@ def test_a_run_that_goes_on_stays(client: SyncPrefectClient, flow_run: MakeRun) 
 
     assert collect_flow_runs(server_settings(), YEARS, NOW, act=True).count == 0
     assert exists(client, run.id)
+
+
+def test_the_database_shrinks_while_its_server_goes_on(client: SyncPrefectClient, flow_run: MakeRun) -> None:
+    path = database_file(server_settings())
+    with closing(sqlite3.connect(path, timeout=60)) as database, database:
+        database.execute("CREATE TABLE ballast (text)")
+        database.executemany("INSERT INTO ballast VALUES (?)", [("x" * 4000,) for _ in range(1000)])
+    with closing(sqlite3.connect(path, timeout=60)) as database, database:
+        database.execute("DROP TABLE ballast")
+
+    looked = collect_flow_runs(server_settings(), YEARS, NOW, act=False)
+    told = collect_flow_runs(server_settings(), YEARS, NOW, act=True)
+
+    assert looked.freed_bytes > 3_000_000
+    assert told.problem is None
+    assert told.freed_bytes > 3_000_000
+    assert told.database_bytes == measure_database(path).size_bytes
+    assert exists(client, flow_run().id)
 
 
 def test_without_an_age_or_a_server_nothing_is_looked_at(settings: Settings) -> None:

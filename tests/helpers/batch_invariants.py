@@ -39,10 +39,11 @@ def check_invariants(url: str, batch: str, jobs: int, s3: Any, bucket: str, most
     """
     # A job worker that is killed between the end of its job and giving back the lease leaves one that runs out.
     wait_for(lambda: not rows(url, _HELD, batch, batch), "leases to be given back or to run out", 60.0)
-    assert rows(url, "SELECT status FROM resources WHERE arn = %s", batch) == [("Completed",)]
+    [[status, document]] = rows(url, "SELECT status, document FROM resources WHERE arn = %s", batch)
+    assert status == "Completed", {name: document.get(name) for name in ("failureCode", "failureReason", "failed")}
     query = "SELECT id, status, document FROM resources WHERE parent = %s AND kind = 'simulation-job'"
     made = rows(url, query, batch)
-    assert sorted(document["requestIndex"] for _, _, document in made) == list(range(jobs)), "each request, once"
+    assert sorted(job["requestIndex"] for _, _, job in made) == list(range(jobs)), "each request, once"
     failed = [document["failureReason"] for _, status, document in made if status == "Failed"]
     assert all(re.match(_KILLED, reason) for reason in failed), failed
     assert len(failed) <= most_failed, "each of these was killed three times"

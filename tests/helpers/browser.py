@@ -134,12 +134,16 @@ class Browser:
         self._url = f"127.0.0.1:{port}"
 
     @contextmanager
-    def page(self, url: str = "about:blank") -> Iterator[Page]:
-        """A new tab."""
-        request = urllib.request.Request(f"http://{self._url}/json/new?about:blank", method="PUT")
-        with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
-            target = json.load(answer)
-        socket = connect(target["webSocketDebuggerUrl"], max_size=None, open_timeout=_PATIENCE_S)
+    def page(self, url: str = "about:blank", *, beside: Page | None = None) -> Iterator[Page]:
+        """A new tab; or a window of its own, which is seen beside that of another page."""
+        if beside is not None:
+            made = beside.send("Target.createTarget", url="about:blank", newWindow=True)
+            address = f"ws://{self._url}/devtools/page/{made['targetId']}"
+        else:
+            request = urllib.request.Request(f"http://{self._url}/json/new?about:blank", method="PUT")
+            with urllib.request.urlopen(request, timeout=_PATIENCE_S) as answer:
+                address = json.load(answer)["webSocketDebuggerUrl"]
+        socket = connect(address, max_size=None, open_timeout=_PATIENCE_S)
         with closing(socket):
             page = Page(socket)
             page.go(url)

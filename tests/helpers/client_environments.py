@@ -20,13 +20,37 @@ OLD_PYTHON_CLIENTS = ("boto3==1.40.60", "botocore==1.40.60", "awscli==1.42.60")
 
 def python_environment(config: pytest.Config) -> Path:
     """Folder of programs of an environment with boto3 and the AWS CLI as they last had the service."""
+    return _python_with(config, "python", OLD_PYTHON_CLIENTS)
 
+
+def mujoco_environment(config: pytest.Config, version: str) -> Path:
+    """Folder of programs of an environment with a release of MuJoCo; skips the test where it cannot be had."""
+    return _python_with(config, f"mujoco-{version}", (f"mujoco=={version}",))
+
+
+def mujoco_warp_environment(config: pytest.Config) -> Path:
+    """Folder of programs of an environment with mujoco-warp; skips the test where it cannot be had."""
+    return _python_with(config, "mujoco-warp", ("mujoco==3.17.0", "mujoco-warp==3.17.0"))
+
+
+def kept_folder(config: pytest.Config, name: str) -> Path:
+    """A folder that later runs of the tests find again, such as for what a client compiles."""
+    assert config.cache is not None
+    return config.cache.mkdir(f"robomaker-{name}")
+
+
+def usd_environment(config: pytest.Config) -> Path:
+    """Folder of programs of an environment with USD's own library; skips the test where it cannot be had."""
+    return _python_with(config, "usd", ("usd-core==26.11",))
+
+
+def _python_with(config: pytest.Config, name: str, requirements: tuple[str, ...]) -> Path:
     def make(folder: Path) -> None:
         venv.create(folder, symlinks=True, with_pip=False)
-        install_packages(*OLD_PYTHON_CLIENTS, python=folder / "bin" / "python")
+        install_packages(*requirements, python=folder / "bin" / "python")
 
     version = ".".join(map(str, sys.version_info[:3]))
-    return _kept(config, "python", [version, *OLD_PYTHON_CLIENTS], make) / "bin"
+    return _kept(config, name, [version, *requirements], make) / "bin"
 
 
 def node_modules(config: pytest.Config, project: Path) -> Path:
@@ -64,7 +88,9 @@ def _kept(config: pytest.Config, name: str, contents: list[str], make: Callable[
     return folder
 
 
-def run_client(command: list[str], environ: dict[str, str], given: str = "", folder: Path | None = None) -> str:
+def run_client(
+    command: list[str], environ: dict[str, str], given: str = "", folder: Path | None = None, timeout_s: float = 240
+) -> str:
     """Runs somebody's program with an environment of its own, and returns what it printed."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
     done = subprocess.run(
@@ -74,7 +100,7 @@ def run_client(command: list[str], environ: dict[str, str], given: str = "", fol
         text=True,
         env={**kept, **environ},
         cwd=folder,
-        timeout=240,
+        timeout=timeout_s,
         check=False,
     )
     assert done.returncode == 0, f"{command} ended with {done.returncode}\n{done.stdout[-2000:]}\n{done.stderr[-6000:]}"

@@ -114,7 +114,7 @@ class LocalAgents:
             command = apart(command, home, home, size_mb=disk_mb)
         with log.open("w") as output:
             process = self.stack.enter_context(
-                started(command, _clock_environ(clock) if has_clock else {}, stdout=output, stderr=output)
+                started(command, clock_environ(clock) if has_clock else {}, stdout=output, stderr=output)
             )
         self.agents[name] = LocalAgent(name, home, log, process, clock if has_clock else None)
         return self.agents[name]
@@ -158,8 +158,9 @@ def agent_as_on_robots(folder: Path) -> tuple[str, str]:
     return str(python), "robomaker_agent"
 
 
-def _clock_environ(clock: Path) -> Mapping[str, str]:
+def clock_environ(clock: Path, shift_s: int = 0) -> Mapping[str, str]:
+    """Variables of a process whose clock is off by what the file says, some seconds at first."""
     library = clock.with_suffix(".so")
     subprocess.run(["cc", "-shared", "-fPIC", "-o", library, _CLOCK, "-ldl"], check=True)
-    clock.write_text("0")
+    clock.write_text(str(shift_s))
     return {"LD_PRELOAD": str(library), "SHIFTED_CLOCK": str(clock)}

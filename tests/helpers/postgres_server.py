@@ -179,7 +179,7 @@ def postgres_server() -> Iterator[PostgresServer]:
         missing("postgresql", _NOT_INSTALLED)
     # Not below pytest's folders: those are root's, and PostgreSQL refuses to run as root.
     folder = Path(tempfile.mkdtemp(prefix="robomaker-postgresql-"))
-    user = _somebody() if os.geteuid() == 0 else None
+    user = somebody() if os.geteuid() == 0 else None
     if user is not None:
         shutil.chown(folder, user)
     server = PostgresServer(folder, PROGRAMS, user)
@@ -199,7 +199,7 @@ def postgres_database(postgres_server: PostgresServer) -> Iterator[str]:
         yield url
 
 
-def _somebody() -> str:
+def somebody() -> str:
     """A user that is not root: Debian's package brings `postgres`, every system has `nobody`."""
     there = {entry.pw_name for entry in pwd.getpwall()}
     return "postgres" if "postgres" in there else "nobody"

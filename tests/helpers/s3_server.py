@@ -34,6 +34,7 @@ _MORE = (
     "master.telemetry=false",
 )
 _ROLES = "iam.json"
+_BALLAST = "ballast"
 _READY_WITHIN_S = 60.0
 _STARTS = 3
 
@@ -141,11 +142,26 @@ class MortalS3Server:
         """Ends the hanging."""
         os.killpg(self._process.pid, signal.SIGCONT)
 
+    def fill_disk(self) -> None:
+        """Takes all the space that its disk, which has to be a small one, has left."""
+        with suppress(OSError), (self._folder / _BALLAST).open("wb", buffering=0) as ballast:
+            while True:
+                ballast.write(bytes(1 << 16))
+
+    def make_space(self) -> None:
+        """Gives the space back."""
+        (self._folder / _BALLAST).unlink()
+
 
 @pytest.fixture
-def mortal_s3() -> Iterator[MortalS3Server]:
-    """A server that a test may kill."""
+def mortal_s3(request: pytest.FixtureRequest) -> Iterator[MortalS3Server]:
+    """A server that a test may kill; `indirect` parameters give it a disk of its own of such a size, as `96m`."""
     with _own_folder() as (data, running):
+        if size := getattr(request, "param", None):
+            mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", data]
+            if (mounted := subprocess.run(mount, capture_output=True, check=False)).returncode:
+                pytest.skip(f"mounting a file system needs root: {mounted.stderr.decode().strip()}")
+            running.callback(subprocess.run, ["umount", "--lazy", data], check=True)
         yield MortalS3Server(data, running)
 
 

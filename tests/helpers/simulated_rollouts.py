@@ -114,7 +114,7 @@ def report_of(rollout: Rollout, fleet: str = "yard", now_s: float = 0.0) -> Depl
         packageName="courier",
         launchFile="drive.launch",
         postLaunchFile="health.sh",
-        environmentVariables={"GREETING": "Grüß Gott <b>"},
+        environmentVariables={"GREETING": "Grüß Gott <b>", "X_TOKEN": "hunter2"},
     )
     file = Artifact(
         bucket="apps", key="k", file_name="application.swu", size_bytes=10_240_000,

@@ -36,11 +36,12 @@ def etag(service: Service, key: str = "any") -> str:
 
 @dataclass
 class Batches:
-    """Stores batches that tested an archive of the application `courier`."""
+    """Stores batches that tested an archive of an application."""
 
     service: Service
     etag: str
     requirement: str = "arrives"
+    application: str = "courier"
     stored: list[str] = field(default_factory=list)
 
     def batch(self, *jobs: dict[str, Any], status: str = "Completed", **members: Any) -> str:
@@ -78,7 +79,7 @@ class Batches:
 
     def _request(self) -> dict[str, Any]:
         return {
-            "robotApplications": [{"application": "courier", "launchConfig": {}}],
+            "robotApplications": [{"application": self.application, "launchConfig": {}}],
             "simulationApplications": [
                 {"application": "arena", "launchConfig": {}, "worldConfigs": [{"world": WORLD}]}
             ],

@@ -52,6 +52,9 @@ class TufRepository:
     deployments: int = 0
     """How many were added; each has a larger number than the one before."""
 
+    attested: Mapping[str, Any] | None = None
+    """What roots say of attestations from the next one on; absent: nothing."""
+
     def __post_init__(self) -> None:
         self.signers = {
             role: CryptoSigner.generate_ed25519() for role in ("root", "targets", "snapshot", "timestamp", ROLE)
@@ -70,6 +73,8 @@ class TufRepository:
         root = Root(version=self._next("root"), expires=self.expiry(), consistent_snapshot=True)
         for role in ("root", "targets", "snapshot", "timestamp"):
             root.add_key(self.signers[role].public_key, role)
+        if self.attested is not None:
+            root.unrecognized_fields["robomaker-attested"] = self.attested
         self._write(root, "root", f"{root.version}.root.json")
 
     def add(self, path: str, content: bytes) -> str:

@@ -10,15 +10,17 @@ import pytest
 from helpers.paths import BUNDLES
 from helpers.small_flat import BODY, ROLE
 
-from prefect_robomaker.flows.pipelines import PipelineRun, RunInterrupted, run_spec
+from prefect_robomaker.flows.pipelines import PipelineRun, run_spec
 from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, WorldGenerationError
 from prefect_robomaker.tasks.inspection import reports
+from prefect_robomaker.tasks.inspection.pipeline_parts import RunInterrupted
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
-from prefect_robomaker.tasks.operations import registry as operation
+from prefect_robomaker.tasks.operations.registry import Operation
+from prefect_robomaker.tasks.operations.step_operations import step_registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders
@@ -46,7 +48,14 @@ def job(robot: dict[str, Any], simulation: dict[str, Any]) -> dict[str, Any]:
 
 
 SLEEP = job(
-    {"application": "${{ watcher.arn }}", "launchConfig": {"packageName": "sleeper", "launchFile": "make_agent"}},
+    {
+        "application": "${{ watcher.arn }}",
+        "launchConfig": {
+            "packageName": "sleeper",
+            "launchFile": "make_agent",
+            "environmentVariables": {"X_TOKEN": "hunter2"},
+        },
+    },
     {"application": "${{ sleeper.arn }}", "launchConfig": {"packageName": "sleeper", "launchFile": "make_environment"}},
 )
 DRIVE = job(
@@ -130,12 +139,15 @@ def test_a_specification_runs_to_its_report_and_runs_again(run: Run, service: Se
         assert record.versions["mujoco"]
         assert {path.name for path in record.run_dir.iterdir()} == {"run.json", "spec.yaml", "report.html"}
         assert RunRecord.model_validate_json((record.run_dir / "run.json").read_text()).jobs == record.jobs
-        assert json.loads((record.run_dir / "spec.yaml").read_text())["steps"] == FULL
+        copy = (record.run_dir / "spec.yaml").read_text()
+        assert "hunter2" not in copy
+        assert json.loads(copy.replace("(secret)", "hunter2"))["steps"] == FULL
     assert first.run_id != second.run_id
     assert [step.arn for step in first.steps[:2]] == [step.arn for step in second.steps[:2]], "reused"
     assert first.jobs[2].metrics["distance_m"] == second.jobs[2].metrics["distance_m"]
 
     written = (first.run_dir / "report.html").read_text()
+    assert "hunter2" not in written + (first.run_dir / "run.json").read_text()
     assert "request 2" in written
     assert "robomaker run &#39;a folder/tiny.yaml&#39;" in written
     (first.run_dir / "report.html").unlink()
@@ -173,12 +185,12 @@ def test_steps_after_a_failure_are_skipped_and_the_report_is_written(run: Run, e
 def test_a_defect_in_a_step_is_a_failed_step(
     run: Run, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    entry = operation.registry()["ListWorlds"]
+    entry = step_registry()["ListWorlds"]
 
     def stumble(*arguments: Any) -> Any:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setitem(operation.registry(), "ListWorlds", operation.Operation(entry.shape, stumble, entry.module))
+    monkeypatch.setitem(step_registry(), "ListWorlds", Operation(entry.shape, stumble, entry.module))
     record = run(QUICK)
 
     assert statuses(record) == {"template": "Completed", "list": "Failed"}

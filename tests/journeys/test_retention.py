@@ -86,7 +86,7 @@ def test_nights_are_collected(run: Callable[[int], RunRecord], service: Service)
     assert first.jobs[0].label not in "".join(left)
     assert len(service.catalog.list("world").resources) == 1
     assert len([key for key in left if key.startswith("exports/")]) == 1
-    assert sum(item.objects for item in told.removed if item.kind == "run") > len(both - left) - 10 > 0
+    assert sum(item.objects for item in told.removed if item.kind == "run") > len(both - left) - 20 > 0
     assert rebuild_report(second, service).success.passed == 1
 
     results = RetentionPolicy(older_than=NOW, keep_results=True, orphaned_worlds=True)

@@ -1,12 +1,15 @@
 """Jobs act with the rights of their role, and so does unchanged S3 code in them: on a real S3 server, in a folder."""
 
 import json
+import shutil
+import site
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
 import pytest
+from helpers.real_engine import RealEngine
 from helpers.roles import role_with_keys, roles_file, user
 from helpers.s3_server import S3Server
 
@@ -52,6 +55,19 @@ def make_environment(context):
 def make_agent(context, environment):
     return lambda time_step: numpy.zeros(1)
 """
+
+IN_A_CONTAINER = """
+import boto3, os
+s3, bucket, folder = boto3.client("s3"), os.environ["BUCKET"], os.environ["FOLDER"]
+s3.put_object(Bucket=bucket, Key=folder + "/note", Body=b"from inside")
+assert s3.get_object(Bucket=bucket, Key=folder + "/note")["Body"].read() == b"from inside"
+try:
+    s3.put_object(Bucket=bucket, Key="forbidden/note", Body=b"")
+except Exception as error:
+    print("refused:", error)
+assert not [name for name in os.environ if "SECRET" in name or "TOKEN" in name]
+"""
+SDK = ("boto3", "botocore", "s3transfer", "jmespath", "dateutil", "urllib3", "six.py")
 
 Run = Callable[..., dict[str, Any]]
 
@@ -105,9 +121,17 @@ def bucket(s3_server: S3Server) -> str:
     return name
 
 
+@pytest.mark.parametrize("network", ["full", "local"])
 def test_unchanged_s3_code_in_a_job_acts_as_its_role(
-    tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str
+    tmp_path: Path,
+    s3_server: S3Server,
+    bucket: str,
+    prefect_server: str,
+    network: str,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("ROBOMAKER_SANDBOX_NETWORK", network)
+    monkeypatch.setenv("ROBOMAKER_OBJECT_STORE", s3_server.endpoint)
     keys = user(s3_server, reads=[f"{bucket}/in/*"], writes=[f"{bucket}/out/*"])
     service = open_service(tmp_path / "home", s3_server.environ(), role_with_keys(f"{ARN}/nightly", keys))
 
@@ -236,3 +260,77 @@ def test_an_export_writes_as_its_role_and_reads_worlds_as_the_service(
     for role in ("reader", "unknown"):
         refused = export(f"{ARN}/{role}")
         assert (refused["status"], refused["failureCode"]) == ("Failed", "AccessDenied"), role
+
+
+def pack_sdk(archive: Path, folder: Path) -> None:
+    """Packs boto3 as it is installed here, with what it needs for S3."""
+    [packages] = [Path(each) for each in site.getsitepackages()]
+
+    def left_out(where: str, names: list[str]) -> set[str]:
+        data = Path(where) == packages / "botocore" / "data"
+        return {name for name in names if name == "__pycache__" or (data and name[0] not in "_s" and "." not in name)}
+
+    for name in SDK:
+        if (packages / name).is_dir():
+            shutil.copytree(packages / name, folder / name, ignore=left_out)
+        else:
+            shutil.copy(packages / name, folder / name)
+    pack_tar_gz(folder, archive)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("kind", ["keys", "assumed"])
+def test_unchanged_s3_code_in_a_container_acts_as_its_role(
+    tmp_path: Path,
+    request: pytest.FixtureRequest,
+    real_engine: RealEngine,
+    prefect_server: str,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: str,
+) -> None:
+    """Its boto3 is a data source, which the role reads as well; keys of an assumed role come by a process."""
+    for name, value in {**real_engine.environ, "ROBOMAKER_CONTAINER_ENGINE": real_engine.program}.items():
+        monkeypatch.setenv(name, value)
+    server: S3Server = request.getfixturevalue("s3_server" if kind == "keys" else "role_server")
+    bucket, folder, arn = "role-a", "a", f"{ARN}/JobA"
+    role = f'arn = "{arn}"\nassume_role = "itself"\n'
+    if kind == "keys":
+        bucket = f"roles-{uuid4().hex[:12]}"
+        role = role_with_keys(arn, user(server, writes=[f"{bucket}/{folder}/*"]))
+    service = open_service(tmp_path / "home", server.environ(), role)
+    service.store.ensure_bucket(bucket)
+    (tmp_path / "sdk").mkdir()
+    pack_sdk(tmp_path / "sdk.tar.gz", tmp_path / "sdk")
+    service.store.put_file(bucket, f"{folder}/sdk.tar.gz", tmp_path / "sdk.tar.gz")
+    application = {
+        "name": "uploads",
+        "environment": {"uri": real_engine.add_image("USER robo", python=True)},
+        "robotSoftwareSuite": {"name": "General"},
+        "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+    }
+    call("CreateSimulationApplication", application, service)
+    variables = {
+        "CODE": IN_A_CONTAINER,
+        "BUCKET": bucket,
+        "FOLDER": folder,
+        "PYTHONPATH": f"/opt/robomaker/datasources/sdk/{folder}/sdk",
+    }
+    launch = {
+        "command": ["python3", "-c", "import os; exec(os.environ['CODE'])"],
+        "environmentVariables": variables,
+    }
+    order = {
+        "maxJobDurationInSeconds": 100,
+        "iamRole": arn,
+        "compute": {"simulationUnitLimit": 1},
+        "outputLocation": {"s3Bucket": bucket, "s3Prefix": folder},
+        "simulationApplications": [{"application": "uploads", "launchConfig": launch}],
+        "dataSources": [{"name": "sdk", "type": "Archive", "s3Bucket": bucket, "s3Keys": [f"{folder}/sdk.tar.gz"]}],
+    }
+
+    job = registry()["CreateSimulationJob"].perform(call("CreateSimulationJob", order, service)["arn"], service)
+
+    assert job["status"] == "Completed", job["failureReason"]
+    assert service.store.get_bytes(bucket, f"{folder}/note") == b"from inside"
+    assert "refused: " in log_of(service, job)
+    assert "AccessDenied" in log_of(service, job)

@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +20,13 @@ from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.schemas.runs.manifest import Manifest
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageUnavailableError
+from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.jobs.kept_outputs import find_kept, store_kept
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import read_manifest
 from prefect_robomaker.tasks.storage.s3 import S3Store
 
@@ -256,6 +258,56 @@ def test_what_was_cancelled_while_the_store_is_away_has_a_short_grace_and_is_kep
     store_kept(found, service)
     assert status_of(service, arn) == "Canceled"
     assert service.catalog.get(arn).document["outputs"]
+
+
+def test_a_job_that_is_cancelled_while_its_outputs_wait_for_the_store_is_canceled(
+    service: Service, order: Order, proxy: FaultProxy, notes: list[str]
+) -> None:
+    patient = replace(service, timing=replace(HASTY, store_patience_s=1800.0))
+    with performed(patient, with_maps(order({"DO": WRITE, "DURATION_S": "1"})), notes) as arn:
+        wait_for(lambda: status_of(service, arn) == "Running", "the run to begin")
+        proxy.answer(503, "SlowDown", after_puts=4)
+        wait_for(lambda: notes, "the job to wait")
+        assert status_of(service, arn) == "Terminating"
+        call("CancelSimulationJob", {"job": arn}, service)
+
+    assert status_of(service, arn) == "Canceled"
+    [found] = find_kept(service)
+    proxy.pass_on()
+    store_kept(found, service)
+    assert status_of(service, arn) == "Canceled"
+    assert stored_whole(service, arn).about["status"] == "Canceled"
+
+
+WRITE_MUCH = """
+import os
+from pathlib import Path
+(Path.home() / "large.pgm").write_bytes(os.urandom(40_000_000))
+(Path.home() / "small.pgm").write_bytes(os.urandom(1_000))
+"""
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.deep
+@pytest.mark.parametrize("mortal_s3", ["96m"], indirect=True)
+def test_a_server_whose_disk_is_full_gets_the_outputs_when_there_is_space(
+    service: Service, order: Order, mortal_s3: MortalS3Server, tmp_path: Path, notes: list[str]
+) -> None:
+    with performed(service, with_maps(order({"DO": WRITE_MUCH, "DURATION_S": "1"})), notes) as arn:
+        wait_for(lambda: status_of(service, arn) == "Running", "the run to begin")
+        mortal_s3.fill_disk()
+        wait_for(lambda: notes, "the job to wait", 240)  # a server may hang until the client's own time limit
+        assert status_of(service, arn) == "Terminating"
+        place = RunOutputs(service.catalog.get(arn), service.catalog.get(arn).document["runId"], tmp_path, service)
+        with pytest.raises(StorageError):  # half of them does not look whole
+            read_manifest(service.store, place.bucket, place.prefix)
+        mortal_s3.make_space()
+        mortal_s3.kill()  # SeaweedFS writes nothing any more after its disk was full, until it is started again
+        mortal_s3.come_back()
+
+    assert status_of(service, arn) == "Completed", service.catalog.get(arn).document
+    assert {"maps/large.pgm", "maps/small.pgm"} <= {file.path for file in stored_whole(service, arn).files}
+    assert service.store.unfinished_uploads("robomaker", datetime.now(UTC)) == []
 
 
 def test_data_that_cannot_be_looked_up_now_is_no_fault_of_the_request(

@@ -57,8 +57,8 @@ def test_interiors_of_one_floor_plan_share_it(service: Service, generate: Callab
     for world in worlds:
         bundle = world.document["bundle"]
         names = {file.path for file in read_manifest(service.store, **bundle).files}
-        pictures = {name for name in names if name.startswith("textures/")}
-        described = {"world.json", "world_description.json", "floorplan.svg", "preview.png"}
+        pictures = {name for name in names if name.startswith(("textures/", "meshes/"))}
+        described = {"world.json", "world_description.json", "floorplan.svg"}
         assert names - pictures == {*described, "world.xml", "map.pgm", "map.yaml"}
         assert pictures
         plans.append(json.loads(service.store.get_bytes(bundle["bucket"], bundle["prefix"] + "/world.json")))

@@ -45,3 +45,13 @@ def test_what_jobs_are_confined_to() -> None:
         Settings.from_environment({"ROBOMAKER_SANDBOX": "maybe"})
     with pytest.raises(ConfigurationError, match=r"^ROBOMAKER_SANDBOX_SHOW has 'maps'; it has to be an absolute path"):
         Settings.from_environment({"ROBOMAKER_SANDBOX_SHOW": "maps"})
+
+
+def test_trusted_proxies_are_addresses_or_networks() -> None:
+    settings = Settings.from_environment({"ROBOMAKER_TRUSTED_PROXIES": "10.0.0.7, 10.1.0.0/16"})
+
+    assert [str(each) for each in settings.trusted_proxies] == ["10.0.0.7/32", "10.1.0.0/16"]
+    with pytest.raises(
+        ConfigurationError, match=r"^ROBOMAKER_TRUSTED_PROXIES has 'proxy'; it has to be an address such"
+    ):
+        Settings.from_environment({"ROBOMAKER_TRUSTED_PROXIES": "proxy"})

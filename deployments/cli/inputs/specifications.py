@@ -1,16 +1,10 @@
 """Reading files that the user names."""
 
-import os
 from pathlib import Path
 
-from ....schemas.settings import max_worlds_per_job
-from ....schemas.specs.check import load_spec
 from ....schemas.specs.model import CheckedSpec
-from ....schemas.specs.world_counts import check_world_counts
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
-
-_SHIPPED = Path(__file__).parents[2] / "specs"
-"""Folder of the specifications that come with this package."""
+from ...spec_runs.specifications import SHIPPED, checked
 
 
 class InputFileError(ConfigurationError):
@@ -43,8 +37,6 @@ def read_spec(path: str) -> CheckedSpec:
         InputFileError: it cannot be opened.
         SpecError: it has problems.
     """
-    shipped = _SHIPPED / f"{path}.yaml"
+    shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
-    spec = load_spec(read_text(str(shipped) if is_shipped else path), path)
-    check_world_counts(spec, max_worlds_per_job(os.environ))
-    return spec
+    return checked(read_text(str(shipped) if is_shipped else path), path)

@@ -18,7 +18,16 @@ def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> boo
 
 def open_file(path: Path) -> None:
     """Shows a file in the browser; says so when there is none."""
+    _open(path.resolve().as_uri(), str(path))
+
+
+def open_address(address: str) -> None:
+    """Shows a page of a server in the browser; says so when there is none."""
+    _open(address, address)
+
+
+def _open(address: str, name: str) -> None:
     import webbrowser
 
-    if not webbrowser.open(path.resolve().as_uri()):
-        sys.stderr.write(f"No browser could be started; open {path} yourself.\n")
+    if not webbrowser.open(address):
+        sys.stderr.write(f"No browser could be started; open {name} yourself.\n")

@@ -19,7 +19,7 @@ def report_lines(report: GcReport) -> list[str]:
     lines = _table([_TITLES, *rows]) if rows else []
     lines += [f"! {problem}" for problem in report.problems]
     lines += [f"kept {count}: {reason}" for reason, count in _kept(report.items)]
-    lines += [note for note in (*report.notes, report.flow_runs.note) if note]
+    lines += [note for note in (*report.notes, report.flow_runs.note, _database(report)) if note]
     return [*lines, _total(report, gone)]
 
 
@@ -40,16 +40,30 @@ def _kept(items: Sequence[GcItem]) -> list[tuple[str, int]]:
     return Counter(item.reason for item in items if item.action == "keep").most_common()
 
 
+def _database(report: GcReport) -> str:
+    """How large the database of Prefect is, and what of it is given back."""
+    told = report.flow_runs
+    if told.database_bytes is None:
+        return ""
+    size, freed = decimal(told.database_bytes), decimal(told.freed_bytes)
+    if report.dry_run:
+        takes = ", and what the flow runs take" if told.count else ""
+        return f"the database of the local Prefect server has {size}, of which {freed} are given back{takes}"
+    return f"the database of the local Prefect server has {size}, {freed} less than before"
+
+
 def _total(report: GcReport, gone: Sequence[GcItem]) -> str:
     counts = Counter(item.kind for item in gone)
     words = {"run": ("run", "runs"), "jobs": ("order of an SDK", "orders of SDKs"), "world": ("world", "worlds")}
-    words["robot-files"] = ("folder of files for robots", "")
+    words |= {"robot-files": ("folder of files for robots", ""), "copies": ("cache", "caches")}
     parts = [f"{counts[kind]} {words[kind][counts[kind] != 1]}" for kind in words if counts[kind]]
     if flow_runs := report.flow_runs.count:
         parts.append(f"{flow_runs} flow {'run' if flow_runs == 1 else 'runs'} of Prefect")
+    if report.flow_runs.freed_bytes:
+        parts.append("free space of Prefect's database")
     if not parts:
         return "Nothing to remove."
-    size = decimal(sum(item.size_bytes for item in gone))
+    size = decimal(sum(item.size_bytes for item in gone) + report.flow_runs.freed_bytes)
     done = "Would free" if report.dry_run else "Freed, but for what is told above," if report.problems else "Freed"
     return f"{done} {size} in {sum(item.objects for item in gone)} objects: {', '.join(parts)}."
 

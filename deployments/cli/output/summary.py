@@ -13,12 +13,16 @@ _VERDICT_STYLES = {"PASS": "green", "FAIL": "red", "ERROR": "red"}
 _MAX_JOBS = 40
 _MAX_REASON = 240
 """Characters of a reason; the report has all of it."""
+_END_OF_REASON = 100
+"""How much of it is the end, which says where it happened: the joint, the line, the last words of a log."""
 
 Cell = tuple[str, str]
 """Text and style."""
 
 
-def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO, *, server: str = "") -> None:
+def print_summary(
+    record: RunRecord, command: Sequence[str], stream: TextIO, *, server: str = "", page: str = ""
+) -> None:
     """Prints the final block.
 
     Args:
@@ -26,17 +30,18 @@ def print_summary(record: RunRecord, command: Sequence[str], stream: TextIO, *, 
         command: the command that runs it again.
         stream: where to print.
         server: address of the Prefect server's pages; empty: not shown.
+        page: address of the run's page in the console; empty: not shown.
     """
     from rich.console import Console
     from rich.text import Text
 
     # Paths stay in one piece, however narrow the window: people copy them.
     console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in summary_lines(record, command, server=server):
+    for line in summary_lines(record, command, server=server, page=page):
         console.print(Text.assemble(*line) if line else "")
 
 
-def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = "") -> list[list[Cell]]:
+def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = "", page: str = "") -> list[list[Cell]]:
     """The final block as lines of styled cells."""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
@@ -57,6 +62,8 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
     if folder := _outputs(record.jobs):
         lines.append(_place("outputs", folder))
     lines.append(_place("record", str(record.run_dir / "run.json")))
+    if page:
+        lines.append(_place("console", page))
     if server:
         lines.append(_place("prefect", server))
     lines.append(_place("again", shlex.join(command)))
@@ -136,7 +143,9 @@ def _in_one_line(reason: str) -> str:
 
 
 def _cut(text: str) -> str:
-    return text if len(text) <= _MAX_REASON else f"{text[: _MAX_REASON - 1]}…"
+    if len(text) <= _MAX_REASON:
+        return text
+    return f"{text[: _MAX_REASON - _END_OF_REASON - 1]}…{text[-_END_OF_REASON:]}"
 
 
 def _outputs(jobs: Sequence[JobRecord]) -> str:

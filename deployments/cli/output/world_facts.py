@@ -24,6 +24,10 @@ def world_facts(found: FoundWorld) -> dict[str, Any]:
         "interior_seed": world.interior_seed,
         "interior_attempt": world.interior_attempt,
         "generator_version": world.generator_version,
+        "source": world.source and world.source.model_dump(mode="json"),
+        "variation": world.variation and world.variation.model_dump(mode="json"),
+        "appearance": world.appearance,
+        "closed_off_rooms": world.checks.closed_off_rooms if world.checks else [],
         "content_sha256": found.content,
         "bundle": {
             "stored_at": found.stored_at,
@@ -60,6 +64,7 @@ def _room(room: Room, world: World) -> dict[str, Any]:
         "original_name": room.original_name,
         "type": room.type,
         "area_m2": round(room.area_m2, 2),
+        "floor_area_m2": round(room.floor_m2, 2),
         "desired_area_m2": room.desired_area_m2,
         "aspect_ratio": None if room.aspect_ratio is None else round(room.aspect_ratio, 2),
         "desired_aspect_ratio": round(room.desired_aspect_ratio, 2),

@@ -18,12 +18,33 @@ _MARKS: dict[str, Cell] = {
 
 def print_facts(facts: dict[str, Any], stream: TextIO) -> None:
     """Prints what `world_facts` found, with `pictures`, the paths of those that were drawn."""
+    _print(fact_lines(facts), stream)
+
+
+def print_proofs(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints the proofs alone."""
+    _print([_verdict(facts), *_proofs(facts)], stream)
+
+
+def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints what there is to say of a world that was stored just now: its ARN first, alone on its line."""
+    lines: list[Line] = [[(facts["arn"], "")], _verdict(facts)]
+    lines += [[("    ", ""), (sentence, "red")] for sentence in facts["broken"]]
+    lines += [[(f"  {what:<9} ", "dim"), (said, "")] for what, said in _origin(facts)]
+    if facts["closed_off_rooms"]:
+        lines.append([("  behind doors not open enough: ", ""), (", ".join(facts["closed_off_rooms"]), "yellow")])
+    if facts["variation"] is None:
+        lines += _preferences(facts)
+    _print(lines, stream)
+
+
+def _print(lines: list[Line], stream: TextIO) -> None:
     from rich.console import Console
     from rich.text import Text
 
     # Paths and ARNs stay in one piece, however narrow the window: people copy them.
     console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in fact_lines(facts):
+    for line in lines:
         console.print(Text.assemble(*((_printable(text), style) for text, style in line)) if line else "")
 
 
@@ -41,7 +62,7 @@ def fact_lines(facts: dict[str, Any]) -> list[Line]:
         [("proofs", "bold")],
         *_proofs(facts),
         [],
-        *_preferences(facts["wishes"]),
+        *_preferences(facts),
         *_pictures(facts.get("pictures", [])),
     ]
 
@@ -51,13 +72,17 @@ def _printable(text: str) -> str:
     return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
 
 
-def _head(facts: dict[str, Any]) -> Iterator[Line]:
+def _verdict(facts: dict[str, Any]) -> Line:
     verdict = {
         True: ("all guarantees hold", "green"),
         False: ("guarantees are broken", "bold red"),
         None: ("never checked", "yellow"),
     }[facts["proven"]]
-    yield [(facts["name"], "bold"), (": ", ""), verdict]
+    return [(facts["name"], "bold"), (": ", ""), verdict]
+
+
+def _head(facts: dict[str, Any]) -> Iterator[Line]:
+    yield _verdict(facts)
     yield []
     for what, where in _places(facts):
         yield [(f"  {what:<9} ", "dim"), (where, "")]
@@ -75,6 +100,7 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
     tries = f" (attempt {attempts})" if attempts > 1 else ""
     yield "seeds", f"floor plan {facts['floorplan_seed']}, interior {facts['interior_seed']}{tries}"
     yield "generator", f"{facts['generator_version']}, template version {template['version']}"
+    yield from _origin(facts)
     state = {True: ", as it was stored", False: ", NOT what was stored", None: ""}[bundle["as_stored"]]
     yield "content", f"sha256 {facts['content_sha256']}{state}"
     if bundle["stored_at"]:
@@ -84,13 +110,28 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
     yield "building", f"{size}, {len(facts['rooms'])} rooms of {building['area_m2']:.1f} m² together"
 
 
+def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """What the world was made of, if no generation job made it."""
+    source, variation = facts["source"], facts["variation"]
+    if source:
+        scale = f"{source['metres_per_unit']:g} m a {'cell' if source['form'] == 'nav2-map' else 'unit'}"
+        lines = {"faces": "the faces of walls", "centres": "the middles of walls"}[source["outlines"]]
+        yield "drawn", f"{source['file']}, {scale}, outlines are {lines}, sha256 {source['sha256']}"
+        if source["left_out"]:
+            yield "left out", ", ".join(source["left_out"])
+    if variation:
+        yield "varied", f"from {variation['of_world'] or variation['of_content']}"
+        for change in variation["changes"]:
+            yield change["what"], f"{change['thing']}: {change['before']} -> {change['after']}"
+
+
 def _rooms(facts: dict[str, Any]) -> Iterator[tuple[str, ...]]:
     for room in facts["rooms"]:
         aspect = room["aspect_ratio"]
         yield (
             room["name"],
             room["type"],
-            f"{room['area_m2']:.1f} m²",
+            f"{room['floor_area_m2']:.1f} m²",
             f"{room['desired_area_m2']:.1f} m²",
             "" if aspect is None else f"{aspect:.2f}",
             f"{room['desired_aspect_ratio']:.2f}",
@@ -137,13 +178,14 @@ def _proofs(facts: dict[str, Any]) -> Iterator[Line]:
         yield [("    ", ""), (sentence, "red")]
 
 
-def _preferences(preferences: dict[str, Any]) -> Iterator[Line]:
+def _preferences(facts: dict[str, Any]) -> Iterator[Line]:
+    preferences, whose = facts["wishes"], "drawing" if facts["source"] else "template"
     counts = ", ".join(
         f"{preferences[key]} {word}"
         for key, word in (("satisfied", "granted"), ("missed", "missed"), ("contradictory", "contradictory"))
         if preferences[key] or key == "satisfied"
     )
-    yield [("wishes of the template: ", "bold"), (counts, "")]
+    yield [(f"wishes of the {whose}: ", "bold"), (counts, "")]
     for preference in preferences["not_granted"]:
         yield [
             ("  ✗ ", "yellow"),

@@ -5,13 +5,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 
-from ....flows.pipelines import RunInterrupted, run_spec
+from ....flows.pipelines import run_spec
 from ....schemas.reports.progress import ProgressEvent, ProgressListener, StepEnded, StepStarted
 from ....schemas.reports.run_record import RunRecord
 from ....schemas.settings import Settings
 from ....schemas.specs.model import CheckedSpec
 from ....schemas.specs.probe_requests import ProbeSize, cut
 from ....schemas.wire.errors import ResourceNotFoundException, RobomakerError
+from ....tasks.inspection.pipeline_parts import RunInterrupted
 from ....tasks.operations.registry import call
 from ....tasks.service.service import Service
 

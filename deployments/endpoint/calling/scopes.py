@@ -1,6 +1,6 @@
 """What an access key may call, and on which resources."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from ....schemas.wire.arns import ResourceArn
@@ -23,6 +23,7 @@ _SUBMITTED = frozenset(
         "CancelWorldGenerationJob",
         "CreateWorldExportJob",
         "CancelWorldExportJob",
+        "VaryWorlds",  # a step of specifications
     }
 )
 _APPLICATION_KINDS = ("robot-application", "simulation-application")
@@ -65,10 +66,7 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
     if not key.is_confined:
         return
     named = list(named_resources(request))
-    allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
-    for each in named:
-        if each not in allowed and not (not each.startswith("arn:") and _may_use(key, each, catalog)):
-            raise AccessDeniedException(f"{each!r} is not among the resources of this access key")
+    check_named(key, named, catalog)
     if "tags" in shape.request.model_fields and shape.name != "TagResource":
         _check_made(key, request.get("name"), request, "")
         for index, each in enumerate(request.get("createSimulationJobRequests") or []):
@@ -78,6 +76,18 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
         _check_made(key, request["name"], {"tags": tags}, "")
 
 
+def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> None:
+    """Checks that resources, ARNs and names of applications, are within a confined key's names and tags.
+
+    Raises:
+        AccessDeniedException: one is not; whether it exists is not told.
+    """
+    allowed = _allowed(key, (each for each in named if each.startswith("arn:")), catalog)
+    for each in named:
+        if each not in allowed and not (not each.startswith("arn:") and _may_use(key, each, catalog)):
+            raise AccessDeniedException(f"{each!r} is not among the resources of this access key")
+
+
 def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], catalog: Catalog) -> dict[str, Any]:
     """A list's answer without the entries that are not the key's; pages get shorter, their tokens stay."""
     if not key.is_confined or shape.result_key is None:
@@ -85,6 +95,11 @@ def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], 
     entries = answer.get(shape.result_key) or []
     allowed = _allowed(key, (entry["arn"] for entry in entries), catalog)
     return {**answer, shape.result_key: [entry for entry in entries if entry["arn"] in allowed]}
+
+
+def is_visible(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
+    """Whether a resource is within the key's names and tags."""
+    return not key.is_confined or _is_open(key, resource) or _goes_with_its_job(key, resource, catalog)
 
 
 def named_resources(request: Any, member: str = "") -> Iterator[str]:
@@ -135,6 +150,13 @@ def _allowed(key: AccessKey, arns: Iterable[str], catalog: Catalog) -> set[str]:
         for arn, each in found.items()
         if _is_open(key, each) or (each.parent in parents and _is_open(key, parents[each.parent]))
     }
+
+
+def _goes_with_its_job(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
+    if resource.kind != "world" or not resource.parent:
+        return False
+    parent = catalog.get_many([resource.parent]).get(resource.parent)
+    return parent is not None and _is_open(key, parent)
 
 
 def _is_open(key: AccessKey, resource: Resource) -> bool:

@@ -11,7 +11,7 @@ from typing import Any, TypeAlias, TypeVar
 
 from prefect import State, Task
 from prefect.cache_policies import NO_CACHE
-from prefect.client.schemas.objects import RunInput
+from prefect.client.schemas.objects import RunInput, StateDetails
 from prefect.futures import PrefectConcurrentFuture, PrefectFuture, PrefectFutureList
 from prefect.results import should_persist_result
 from prefect.states import Cancelled, Completed, Failed, Pending, Running
@@ -48,7 +48,9 @@ class ItemFuture(PrefectConcurrentFuture[Result]):
         future = self.wrapped_future
         if future.done():
             return _state_of(future)
-        return Running() if future.running() else Pending()
+        # Prefect takes the task run of an input that runs for a parent of the task that gets it.
+        details = StateDetails(task_run_id=self.task_run_id)
+        return Running(state_details=details) if future.running() else Pending(state_details=details)
 
 
 class MapTaskRunner(ThreadPoolTaskRunner[Result]):

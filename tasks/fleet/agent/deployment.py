@@ -104,6 +104,11 @@ class Document:
     condition: str | None
     launch: Launch
     number: int
+    attestations: tuple[str, ...] = ()
+    """Target paths of what others attest of the version."""
+
+    batch: str | None = None
+    """ARN of the simulation job batch that has to be attested; absent: none has to."""
 
 
 def application_of(target: str) -> str:
@@ -150,6 +155,8 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
         _condition(content, application),
         _launch(content.get("launch")),
         _number(content.get("number")),
+        _attestations(content, application),
+        _optional_text(content, "batch", ""),
     )
 
 
@@ -176,6 +183,13 @@ def _bundle(content: Mapping[str, Any], application: str, architecture: str) -> 
 def _condition(content: Mapping[str, Any], application: str) -> str | None:
     path = content.get("condition")
     return None if path is None else _path(path, f"applications/{application}/conditions/", "condition")
+
+
+def _attestations(content: Mapping[str, Any], application: str) -> tuple[str, ...]:
+    paths = content.get("attestations") or []
+    if not isinstance(paths, list):
+        raise _refused("attestations", paths, "a list of paths")
+    return tuple(_path(path, f"applications/{application}/attestations/", "attestations") for path in paths)
 
 
 def _path(path: Any, beginning: str, where: str) -> str:

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import subprocess
-import sys
 from collections.abc import Sequence
 from typing import Any, Callable, Protocol, Union
 
-from .child.answers import request
+from .child.forking import Child
+from .child.phases import carry_out
 from .deployment import Version
 from .disk import switch, tidy
 from .errors import StepFailed, disk_failure
 from .programs.application import Application
 from .programs.launching import environment, interpreted, script_command
-from .programs.leftovers import HOME_VARIABLE
 from .programs.sandbox import Sandbox
 from .programs.work import ChildWork, ScriptWork, Watch
 from .settings import Home, Options
@@ -116,20 +114,8 @@ class Effects:
         return []
 
     def _child(self, state: State) -> Begun:
-        package = __package__ or ""
-        process = self._start(
-            [sys.executable, "-m", f"{package}.child", str(self._home.folder)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env={**os.environ, HOME_VARIABLE: str(self._home.folder)},
-            start_new_session=True,
-        )
-        try:
-            process.stdin.write(request(state, self._options.architecture or ""))
-            process.stdin.close()
-        except BrokenPipeError:
-            pass  # its end says so
-        return ChildWork(process, state.phase)
+        architecture = self._options.architecture or ""
+        return ChildWork(Child(lambda say: carry_out(self._home, state, architecture, say)), state.phase)
 
     def _condition(self, state: State) -> Begun:
         assert state.deployment is not None

@@ -5,7 +5,7 @@ One thread. It sleeps until the next poll, or until a process of its own ends or
 
 from __future__ import annotations
 
-from collections import deque
+from functools import reduce
 from typing import Callable, Protocol
 
 from .deployment import Order
@@ -63,7 +63,7 @@ class Agent:
         self._wait = wait
         self._notifier = notifier
         self._say = say
-        self._events: deque[Event] = deque()
+        self._events: list[Event] = []
         self._held_until_s = 0.0
         self._is_held = False
         self._work: Work | None = None
@@ -111,18 +111,23 @@ class Agent:
     def _settle(self, *, begin: bool = True) -> None:
         """Takes all events; each state is on disk before anything is done about it."""
         while True:
-            while self._events and self._monotonic() >= self._held_until_s:
-                if not self._take(self._events[0]):
-                    return
-                self._events.popleft()
+            if self._events and self._monotonic() >= self._held_until_s:
+                self._take()
             if not begin or self._events or self._begun == (self.state.phase, self.state.order):
                 return
             self._begin()
 
-    def _take(self, event: Event) -> bool:
-        state = advance(self.state, event)
-        if state == self.state:
-            return True
+    def _take(self) -> None:
+        """Takes the events that are there, with one save for all; they stay where that fails."""
+        state = reduce(advance, self._events, self.state)
+        if state != self.state and not self._is_saved(state):
+            return
+        self._events.clear()
+        if state.phase is not self.state.phase:
+            self._say(_told(state))
+        self.state = state
+
+    def _is_saved(self, state: State) -> bool:
         try:
             self._journal.save(state)
         except OSError as error:
@@ -131,9 +136,6 @@ class Agent:
             self._is_held, self._held_until_s = True, self._monotonic() + _HELD_S
             return False
         self._is_held = False
-        if state.phase is not self.state.phase:
-            self._say(_told(state))
-        self.state = state
         return True
 
     def _begin(self) -> None:

@@ -11,6 +11,7 @@ import re
 import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -54,9 +55,15 @@ def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client
     assert parts.hostname is not None
     if parts.scheme == "https":
         return http.client.HTTPSConnection(
-            parts.hostname, parts.port, timeout=timeout_s, context=ssl.create_default_context()
+            parts.hostname, parts.port, timeout=timeout_s, context=_trusted_certificates()
         )
     return http.client.HTTPConnection(parts.hostname, parts.port, timeout=timeout_s)
+
+
+@lru_cache(maxsize=1)
+def _trusted_certificates() -> ssl.SSLContext:
+    """Those of the machine; to read them takes longer than a poll."""
+    return ssl.create_default_context()
 
 
 def exchange(
@@ -73,6 +80,7 @@ def exchange(
         answer = link.getresponse()
         return answer.status, answer.read(MAX_BODY_BYTES)
     except (OSError, http.client.HTTPException) as error:
+        _trusted_certificates.cache_clear()  # the machine's may have been renewed
         raise TryLater(f"{connection.url}: {error or type(error).__name__}") from error
     finally:
         link.close()

@@ -289,8 +289,19 @@ def _passed(state: State) -> State:
         return _ended(replace(state, good=version, previous=previous), "closed", "success", ("Finished",))
     if state.phase is Phase.RETURNING and state.failure is not None:
         return _ended_badly(state, *state.failure)
-    following = _NEXT.get(state.phase)
+    following = _following(state)
     return state if following is None else replace(state, phase=following)
+
+
+def _following(state: State) -> Phase | None:
+    """The phase after this one; those of a script that the deployment lacks would cost a save and a word each."""
+    following = _NEXT.get(state.phase)
+    launch = state.deployment.version.launch if state.deployment is not None else None
+    if following is Phase.PRE_LAUNCH and launch is not None and launch.before is None:
+        return Phase.LAUNCHING
+    if following is Phase.POST_LAUNCH and launch is not None and launch.after is None:
+        return Phase.WATCHING
+    return following
 
 
 def _failed(state: State, code: str, reason: str) -> State:

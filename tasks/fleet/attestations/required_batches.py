@@ -6,6 +6,7 @@ nothing but the batch, the version and the key, so a run that begins anew makes 
 
 import hashlib
 import tempfile
+from contextlib import suppress
 from datetime import timedelta
 from pathlib import Path
 
@@ -15,8 +16,10 @@ from ....schemas.rollouts.artifacts import Delivery
 from ....schemas.wire.errors import (
     AttestationError,
     BucketNotFoundError,
+    ConfigurationError,
     DeploymentError,
     ObjectNotFoundError,
+    ResourceNotFoundException,
 )
 from ...catalog import Resource
 from ...service.service import Service
@@ -77,11 +80,23 @@ def signed(batch: PassedBatch, application: Resource, service: Service) -> bytes
 def attestations_of(job: Resource, service: Service) -> tuple[bytes, ...]:
     """The envelopes of a deployment that has been attested; none if it requires no batch.
 
+    A job that brings robots back requires none, and has the envelope of the job that had brought the version.
+
     Raises:
         DeploymentError: the envelope is gone, or not what this service signed.
         StorageError: the object store does not answer.
     """
-    return () if DeploymentJobDocument.of(job).required_batch is None else (_attested(job, service)[0],)
+    document = DeploymentJobDocument.of(job)
+    if document.required_batch is not None:
+        return (_attested(job, service)[0],)
+    if document.rolls_back is None or document.rolls_back.earlier is None:
+        return ()
+    # The key of this machine may be gone, too.
+    with suppress(
+        ResourceNotFoundException, DeploymentError, ConfigurationError
+    ):  # without it, it goes back where agents need none
+        return attestations_of(service.catalog.get(document.rolls_back.earlier), service)
+    return ()
 
 
 def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:

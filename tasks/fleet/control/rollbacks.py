@@ -125,7 +125,7 @@ def _made(failed: Resource, each: _Return, fleet: Resource, service: Service) ->
             **{name: config[name] for name in _KEPT if name in config},
             "failureThresholdPercentage": 100,
         },
-        rolls_back=RobotsRolledBack(job=failed.arn, robots=list(each.robots)),
+        rolls_back=RobotsRolledBack(job=failed.arn, robots=list(each.robots), earlier=each.earlier.arn),
     )
     labels = {"fleetName": [fleet.name]}
     tags = {TAG: failed.arn}

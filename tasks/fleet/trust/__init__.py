@@ -17,6 +17,7 @@ __all__ = [
     "deployments",
     "enrolment",
     "publishing",
+    "roots",
     "serving",
     "standing",
 ]

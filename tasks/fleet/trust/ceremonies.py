@@ -16,12 +16,30 @@ from .keys import KeyFolder, new_key, read_key, remove_file, write_private
 from .metadata import Changes, to_metadata
 from .publishing import Coming, Publisher, roles_signed
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES
-from .roots import check_ceremony, first_root, following_root, is_signed, missing_signatures, sign_root
+from .roots import Attested, check_ceremony, first_root, following_root, is_signed, missing_signatures, sign_root
 
 ROOT = "root"
 
 
-def begin_apart(publisher: Publisher, root_keys: int, threshold: int, folder: Path) -> Metadata[Root]:
+class AttestedChange(NamedTuple):
+    """What a root is to say of attestations that the one before it does not."""
+
+    keys: Sequence[Key] = ()
+    """Those that agents believe from now on; none: the same as before."""
+
+    add: Sequence[str] = ()
+    """Applications that need an attestation from now on."""
+
+    remove: Sequence[str] = ()
+    """Those that do not any more."""
+
+
+NO_CHANGE = AttestedChange()
+
+
+def begin_apart(
+    publisher: Publisher, root_keys: int, threshold: int, folder: Path, change: AttestedChange = NO_CHANGE
+) -> Metadata[Root]:
     """Makes the repository's first root, with root keys that lie elsewhere.
 
     Args:
@@ -29,6 +47,7 @@ def begin_apart(publisher: Publisher, root_keys: int, threshold: int, folder: Pa
         root_keys: how many root keys are made.
         threshold: how many of them have to sign a root.
         folder: where they go, such as a medium that is taken away; it is made.
+        change: what it says of attestations; without keys, it names the key of this machine.
 
     Raises:
         ConfigurationError: there is a repository already, the numbers make no sense, or a folder cannot be used.
@@ -46,7 +65,8 @@ def begin_apart(publisher: Publisher, root_keys: int, threshold: int, folder: Pa
             roots = [new_key(ROOT, folder, publisher.random_bytes) for _ in range(root_keys)]
         online = {role: new_key(role, machine.folder, publisher.random_bytes) for role in KEY_ROLES if role != ROOT}
         keys = {role: online[role].public_key for role in ONLINE_ROLES}
-        root = first_root(roots, threshold, keys, publisher.clock())
+        attested = _attested(publisher, Attested(), change)
+        root = first_root(roots, threshold, keys, publisher.clock(), attested)
         machine.note_root(root_bytes(root))
     publisher.publish(lambda current: None if current else Changes())
     return root
@@ -83,7 +103,11 @@ class RenewedRoot(NamedTuple):
 
 
 def renew_root(
-    publisher: Publisher, rotate: Sequence[str], key_files: Sequence[Path], folder: Path | None
+    publisher: Publisher,
+    rotate: Sequence[str],
+    key_files: Sequence[Path],
+    folder: Path | None,
+    change: AttestedChange = NO_CHANGE,
 ) -> RenewedRoot:
     """Makes the root that follows, or goes on with the one that waits, and adds signatures.
 
@@ -92,6 +116,7 @@ def renew_root(
         rotate: roles that get new keys.
         key_files: root keys of holders; nothing: those in the data home.
         folder: where new root keys go; nothing: into the data home.
+        change: what else it says of attestations.
 
     Raises:
         ConfigurationError: a file is no root key, or a root that was made with other roles in mind waits.
@@ -101,19 +126,22 @@ def renew_root(
     given = [read_key(path) for path in key_files]
     if _waiting(publisher, known) is None:  # a wrong key leaves nothing behind
         sign_root(following_root(known, publisher.clock(), {}), known, given or _own_keys(publisher, known, known))
-    draft, made = draft_root(publisher, rotate, folder)
+    draft, made = draft_root(publisher, rotate, folder, change)
     files = [*key_files, *made] if key_files else []
     missing = sign_draft(publisher, draft, files)
     return RenewedRoot(draft.signed.version, draft.signed.expires, missing, made)
 
 
-def draft_root(publisher: Publisher, rotate: Sequence[str], folder: Path | None) -> tuple[Metadata[Root], list[Path]]:
+def draft_root(
+    publisher: Publisher, rotate: Sequence[str], folder: Path | None, change: AttestedChange = NO_CHANGE
+) -> tuple[Metadata[Root], list[Path]]:
     """The root that waits for signatures; a new one, where none does.
 
     Args:
         publisher: of this machine.
         rotate: roles that get new keys; nothing: the same keys, valid for longer.
         folder: where new root keys go, as many as before; nothing: into the data home.
+        change: what else it says of attestations.
 
     Returns:
         The root, and the files of new root keys, which have to sign it as well.
@@ -124,11 +152,13 @@ def draft_root(publisher: Publisher, rotate: Sequence[str], folder: Path | None)
     known, machine = publisher.root(), publisher.machine
     waiting = _waiting(publisher, known)
     if waiting is not None:
-        if rotate:
+        if rotate or change != NO_CHANGE:
             raise ConfigurationError(
-                f"a root waits for signatures in {machine.draft_path}; sign that one without --rotate, or remove it"
+                f"a root waits for signatures in {machine.draft_path}; sign that one without --rotate and what is said "
+                "of attestations, or remove it"
             )
         return waiting, []
+    attested = _attested(publisher, Attested.of(known.signed), change) if change != NO_CHANGE else None
     with machine.keys.held():
         replaced: dict[str, Sequence[Key]] = {}
         for role in rotate:
@@ -137,7 +167,7 @@ def draft_root(publisher: Publisher, rotate: Sequence[str], folder: Path | None)
         made: list[Path] = []
         if ROOT in rotate:
             replaced[ROOT], made = _new_root_keys(publisher, known, folder)
-        draft = following_root(known, publisher.clock(), replaced)
+        draft = following_root(known, publisher.clock(), replaced, attested)
         write_private(machine.draft_path, root_bytes(draft), replace=True)
     return draft, made
 
@@ -166,6 +196,12 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
         return missing_signatures(draft, known)
     _publish_root(publisher, draft)
     return 0
+
+
+def _attested(publisher: Publisher, before: Attested, change: AttestedChange) -> Attested:
+    """What a root says of attestations; one that demands them names a key at least."""
+    wanted = before.changed(change.keys, change.add, change.remove)
+    return wanted if wanted.keys else publisher.attested().changed((), wanted.applications, ())
 
 
 def _publish_root(publisher: Publisher, root: Metadata[Root]) -> None:

@@ -28,6 +28,7 @@ class DeploymentTargets(BaseModel):
     condition: str | None = Field(description="Path of the program that is asked before the download; null: none.")
     launch: DeploymentLaunchConfig = Field(description="How the application is started, as on the wire.")
     attestations: list[str] = Field(default=[], description="Paths of what others attest of the version.")
+    batch: str | None = Field(default=None, description="ARN of the batch that has to be attested; null: none has to.")
     tags: dict[str, str] = Field(default={}, description="Tags of the deployment job.")
 
     def to_bytes(self) -> bytes:

@@ -15,17 +15,18 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from securesystemslib.signer import Signer
+from securesystemslib.signer import Key, Signer
 from tuf.api.metadata import Metadata, Root
 
 from ....schemas.wire.errors import ConfigurationError, StorageError
 from ...service.service import Service
+from ..attestations.attestation_keys import attestation_key
 from .files import RepositoryFiles, newest_root, root_bytes
 from .keys import RandomBytes, new_key
 from .machine import Machine
 from .metadata import Changes, Next, Repository, next_repository
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES, lifetime_of
-from .roots import first_root
+from .roots import Attested, first_root
 
 _TRIES = 200  # a publisher that is always too late is told so in the end
 
@@ -59,6 +60,13 @@ class Publisher:
 
     random_bytes: RandomBytes
     """Where keys come from."""
+
+    attestation_key: Callable[[], Key] | None = None
+    """The public key of this machine's attestations, made on first use; absent: roots made here name none."""
+
+    def attested(self) -> Attested:
+        """What a first root says of attestations."""
+        return Attested().changed([self.attestation_key()] if self.attestation_key else [], (), ())
 
     def root(self) -> Metadata[Root]:
         """The newest root; the first time, keys and a root are made.
@@ -183,7 +191,7 @@ class Publisher:
                 return known
             keys = {role: self._key(role) for role in KEY_ROLES}
             online = {role: keys[role].public_key for role in ONLINE_ROLES}
-            root = first_root([keys["root"]], 1, online, self.clock())
+            root = first_root([keys["root"]], 1, online, self.clock(), self.attested())
             self.machine.note_root(root_bytes(root))  # before the store has it: nothing else can make this one again
             return root
 
@@ -221,7 +229,9 @@ def publisher_of(service: Service) -> Publisher:
     """The publisher of a service on this machine."""
     files = RepositoryFiles(service.store, service.settings.bucket)
     machine = Machine(service.settings.home / "robots" / "trust")
-    return Publisher(files, machine, service.clock, service.chance.randbytes)
+    return Publisher(
+        files, machine, service.clock, service.chance.randbytes, lambda: attestation_key(service).public_key
+    )
 
 
 def delegated_roles(repository: Repository) -> list[str]:

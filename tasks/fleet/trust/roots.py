@@ -1,8 +1,13 @@
 # pyright: reportPrivateImportUsage=false
-"""Roots: the first, which robots know by its hash, and those that follow. A root says whose signatures count."""
+"""Roots: the first, which robots know by its hash, and those that follow. A root says whose signatures count.
 
-from collections.abc import Mapping, Sequence
+Beside what TUF knows, it names the keys whose attestations agents believe, and the applications that need one. Root
+keys may lie elsewhere, so who has the server cannot change that.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
 from copy import deepcopy
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from securesystemslib.signer import Signer
@@ -15,6 +20,43 @@ from .roles import ONLINE_ROLES, lifetime_of
 
 MOST_ROOT_KEYS = 16
 """People do not keep more."""
+
+EVERY_APPLICATION = "*"
+"""Stands for all of them among the applications that need an attestation."""
+
+_ATTESTED = "robomaker-attested"
+
+
+@dataclass(frozen=True)
+class Attested:
+    """What a root says of attestations."""
+
+    keys: Mapping[str, Key] = field(default_factory=dict[str, Key])
+    """Those that agents believe, by id; none: agents do not look at attestations."""
+
+    applications: frozenset[str] = frozenset()
+    """Applications of which agents install nothing that was not attested."""
+
+    @classmethod
+    def of(cls, root: Root) -> "Attested":
+        """Reads it from a root."""
+        content = root.unrecognized_fields.get(_ATTESTED) or {"keys": {}, "applications": []}
+        keys = {keyid: Key.from_dict(keyid, dict(key)) for keyid, key in content["keys"].items()}
+        return cls(keys, frozenset(content["applications"]))
+
+    def changed(self, keys: Collection[Key], add: Collection[str], remove: Collection[str]) -> "Attested":
+        """With other keys, if any are given, and with more or fewer applications."""
+        named = {key.keyid: key for key in keys} or self.keys
+        return Attested(named, (self.applications | frozenset(add)) - frozenset(remove))
+
+    def demands(self, application: str) -> bool:
+        """Whether each deployment of an application needs an attestation."""
+        return not self.applications.isdisjoint((application, EVERY_APPLICATION))
+
+    def write_to(self, root: Root) -> None:
+        """Makes a root say it."""
+        keys = {keyid: key.to_dict() for keyid, key in self.keys.items()}
+        root.unrecognized_fields[_ATTESTED] = {"keys": keys, "applications": sorted(self.applications)}
 
 
 def check_ceremony(root_keys: int, threshold: int) -> None:
@@ -29,7 +71,9 @@ def check_ceremony(root_keys: int, threshold: int) -> None:
         raise ConfigurationError(f"threshold: {threshold} is not right; 1 to {root_keys}, the number of keys, are")
 
 
-def first_root(root_keys: Sequence[Signer], threshold: int, online: Mapping[str, Key], now: datetime) -> Metadata[Root]:
+def first_root(
+    root_keys: Sequence[Signer], threshold: int, online: Mapping[str, Key], now: datetime, attested: Attested
+) -> Metadata[Root]:
     """The first root, signed by all root keys.
 
     Args:
@@ -37,6 +81,7 @@ def first_root(root_keys: Sequence[Signer], threshold: int, online: Mapping[str,
         threshold: how many of them are needed.
         online: the key of each of `ONLINE_ROLES`.
         now: the time.
+        attested: what it says of attestations.
     """
     root = Root(version=1, expires=_expires(now), consistent_snapshot=True)
     for signer in root_keys:
@@ -44,16 +89,20 @@ def first_root(root_keys: Sequence[Signer], threshold: int, online: Mapping[str,
     root.roles[Root.type].threshold = threshold
     for role in ONLINE_ROLES:
         root.add_key(online[role], role)
+    attested.write_to(root)
     return signed(root, root_keys)
 
 
-def following_root(known: Metadata[Root], now: datetime, replaced: Mapping[str, Sequence[Key]]) -> Metadata[Root]:
+def following_root(
+    known: Metadata[Root], now: datetime, replaced: Mapping[str, Sequence[Key]], attested: Attested | None = None
+) -> Metadata[Root]:
     """The root that follows one, without signatures.
 
     Args:
         known: the newest.
         now: the time.
         replaced: roles whose keys are replaced, and by which.
+        attested: what it says of attestations; absent: the same as before.
     """
     root = deepcopy(known.signed)
     root.version += 1
@@ -63,6 +112,8 @@ def following_root(known: Metadata[Root], now: datetime, replaced: Mapping[str, 
             root.revoke_key(keyid, role)
         for key in keys:
             root.add_key(key, role)
+    if attested is not None:
+        attested.write_to(root)
     return Metadata(root)
 
 

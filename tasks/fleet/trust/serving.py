@@ -11,8 +11,8 @@ from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
 from ...service.service import Service
 from .roles import FOLDER, TIMESTAMPS, timestamp_key
 
-TIMESTAMP_S = 1.0
-"""How long the newest timestamp is not asked for again; a fleet whose rollout begins asks at once."""
+TIMESTAMP_S = 0.25
+"""How long the newest timestamp is not asked for again: a whole fleet asks at once, and who publishes waits so long."""
 
 _KEPT_METADATA = 64
 _UNUSED_S = 86_400.0

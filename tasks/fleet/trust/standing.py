@@ -10,6 +10,7 @@ from ...service.service import Service
 from .metadata import Repository
 from .publishing import delegated_roles, publisher_of
 from .roles import ONLINE_ROLES, lifetime_of
+from .roots import Attested
 
 _WARN_SHARE = 2  # the service signs again long before: half of what it waits for is left only if it could not
 
@@ -38,6 +39,17 @@ def standing_of(service: Service) -> list[RoleStanding]:
         return []
     repository = publisher.read(publisher.root(), None)
     return [] if repository is None else standings(repository, service.clock())
+
+
+def attested_of(service: Service) -> Attested:
+    """What the newest root says of attestations; nothing where there are no keys.
+
+    Raises:
+        ConfigurationError: the object store has another repository's root.
+        StorageError: the object store does not answer.
+    """
+    publisher = publisher_of(service)
+    return Attested() if publisher.machine.root() is None else Attested.of(publisher.root().signed)
 
 
 def standings(repository: Repository, now: datetime) -> list[RoleStanding]:

@@ -8,6 +8,7 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.operations.applications import ApplicationListRequest
 from ....schemas.runs.plan import ApplicationRole
+from ....schemas.specs.model import CheckedStep
 from ....schemas.wire.arns import ResourceArn, application_arn
 from ....schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
 from ...catalog import Page, Resource, Stored
@@ -193,6 +194,14 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
     if tags := request.get("tags"):
         updated = service.catalog.set_tags(resource.arn, tags)
     return _tagged(updated)
+
+
+def existing_application(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """The answer of a step's application that exists already; `None` where there is none, or the step makes it anew."""
+    role = "robot" if step.operation == "CreateRobotApplication" else "simulation"
+    if step.if_exists == "update":
+        return update_application(role, request, service)
+    return reuse_application(role, request, service) if step.if_exists == "reuse" else None
 
 
 def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:

@@ -3,4 +3,4 @@
 May import: `schemas`.
 """
 
-__all__ = ["frame", "plan", "svg"]
+__all__ = ["frame", "plan", "svg", "trajectory"]

@@ -45,8 +45,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
     return _plan(
         frame,
         title,
-        group((_floor(room, "floor", frame) for room in rooms), class_="floors"),
-        element("use", href=f"#{fixtures}"),
+        *_ground(world, frame, fixtures),
         group(
             (draw_label(r.name, f"{r.area_m2:.1f} m²", r.polygon, frame, crowd, _GALLERY_LETTERS) for r in rooms),
             class_="labels",
@@ -78,6 +77,14 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, 
         group(labels, class_="labels"),
         marks,
     )
+
+
+def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive: str) -> Markup:
+    """A world in which a robot drives: the way that it has driven so far goes into the group with the id `drive`."""
+    crowd = _furniture_points(world, frame)
+    labels = (draw_label(room.name, "", room.polygon, frame, crowd) for room in world.floorplan.rooms)
+    ground = _ground(world, frame, fixtures)
+    return _plan(frame, title, *ground, element("g", id=drive), group(labels, class_="labels"))
 
 
 def draw_bare_path(result: RunResult, title: str) -> Markup | None:
@@ -113,6 +120,12 @@ def _scale_bar(frame: Frame) -> Markup:
         element("text", f"{length_m:g} m", x=end + 12, y=y + 7),
         class_="scale-bar",
     )
+
+
+def _ground(world: World, frame: Frame, fixtures: str) -> tuple[Markup, Markup]:
+    """The floors, and all that stands on them."""
+    floors = group((_floor(room, "floor", frame) for room in world.floorplan.rooms), class_="floors")
+    return floors, element("use", href=f"#{fixtures}")
 
 
 def _floor(room: Room, style: str, frame: Frame) -> Markup:

@@ -91,18 +91,32 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
     spots = cluster(result.collisions)
     if not path:
         return Markup(), _collision_marks(spots, frame)
-    ground = [(x, y) for _, x, y in path]
-    drawn = [frame.at(point) for point in ground]
-    runs = shaded_runs(path)
-    lines = element(
+    drawn = [frame.at((x, y)) for _, x, y in path]
+    marks = group((_collision_marks(spots, frame), _mark(drawn[-1], "end"), _mark(drawn[0], "start")), class_="marks")
+    return _lines(path, frame), marks
+
+
+def draw_drive(path: Sequence[PathPoint], frame: Frame) -> Markup:
+    """Draws the path of a run that goes on, with where it began and where the robot is now."""
+    path = [(t, x, y) for t, x, y in path if _drawable(x, y)]
+    if not path:
+        return Markup()
+    start, now = (frame.at(path[index][1:]) for index in (0, -1))
+    return _lines(path, frame) + group((_mark(start, "start"), _mark(now, "now")), class_="marks")
+
+
+def _lines(path: Sequence[PathPoint], frame: Frame) -> Markup:
+    drawn = [frame.at((x, y)) for _, x, y in path]
+    return element(
         "g",
         element("polyline", points=points(drawn), class_="casing"),
-        *(element("polyline", points=points(frame.at(p) for p in run), class_=f"shade-{shade}") for shade, run in runs),
+        *(
+            element("polyline", points=points(frame.at(p) for p in run), class_=f"shade-{shade}")
+            for shade, run in shaded_runs(path)
+        ),
         *_arrows(path, drawn),
         class_="path",
     )
-    marks = group((_collision_marks(spots, frame), _mark(drawn[-1], "end"), _mark(drawn[0], "start")), class_="marks")
-    return lines, marks
 
 
 def covered_points(result: RunResult, frame: Frame) -> list[Point]:
@@ -144,11 +158,11 @@ def _arrows(path: Sequence[PathPoint], drawn: Sequence[Point]) -> list[Markup]:
 
 
 def _mark(at: Point, kind: str) -> Markup:
-    """A disc where the robot started, a chequered square's outline where it ended; both carry a word."""
+    """A disc where the robot started or is now, a chequered square's outline where it ended; each carries a word."""
     x, y = at
     shape = (
         element("circle", r=11)
-        if kind == "start"
+        if kind != "end"
         else element("rect", x=-10, y=-10, width=20, height=20) + element("rect", x=-4, y=-4, width=8, height=8)
     )
     return element(

@@ -12,6 +12,7 @@ from ....schemas.operations.deployment_jobs import DeploymentConfig
 from ....schemas.rollouts.report import DeploymentReport
 from ....schemas.rollouts.robots import RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
+from ....schemas.runs.variables import hide_secrets
 from ....schemas.wire.arns import ResourceArn
 from .. import wording
 from ..outcomes import Outcome
@@ -259,8 +260,8 @@ def _facts(report: DeploymentReport) -> list[Fact]:
     facts.append(Fact("Launch", f"{launch.packageName} {launch.launchFile}", is_code=True))
     for name, file in (("Before the launch", launch.preLaunchFile), ("After the launch", launch.postLaunchFile)):
         facts += [Fact(name, file, is_code=True)] if file else []
-    variables = (launch.environmentVariables or {}).items()
-    return [*facts, *(Fact("Variable", f"{name}={value}", is_code=True) for name, value in variables)]
+    variables: Mapping[str, str] = hide_secrets(launch.to_wire()).get("environmentVariables", {})
+    return [*facts, *(Fact("Variable", f"{name}={value}", is_code=True) for name, value in variables.items())]
 
 
 def _control(config: DeploymentConfig, rollout: Rollout | None) -> Iterator[Fact]:

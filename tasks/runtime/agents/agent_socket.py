@@ -27,6 +27,8 @@ _MAX_PATH_BYTES = 107  # `sun_path` has 108, with the zero at the end
 _PATIENCE_S = 0.05
 _BACKLOG = 8
 _GOODBYE_S = 0.5
+_CREDENTIALS = "3i"
+"""Process, user and group of a peer: `struct ucred`."""
 
 Clock = Callable[[], float]
 Message = tuple[int, memoryview]
@@ -83,6 +85,8 @@ class AgentSocket:
         """
         self.path = agent_socket_path(plan)
         self._plan = plan
+        self._is_for_any_user = any(program.role == "robot" and program.image_id for program in plan.programs)
+        """A container's user may be another one; only the container has the socket's folder then."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             make_private(self.path.parent.parent)
@@ -99,7 +103,7 @@ class AgentSocket:
             ) from error
 
     def accept(self, deadline_s: float, stop: Stop, clock: Clock = time.monotonic) -> socket.socket:
-        """Waits for a connection.
+        """Waits for a connection; those of other users of this machine are closed.
 
         Raises:
             TimeoutError: No client connected before the deadline.
@@ -113,7 +117,10 @@ class AgentSocket:
                 raise TimeoutError
             self._socket.settimeout(min(_PATIENCE_S, remaining_s))
             with suppress(TimeoutError):
-                return self._socket.accept()[0]
+                connection = self._socket.accept()[0]
+                if self._is_for_any_user or _user_of(connection) in (os.geteuid(), 0):
+                    return connection
+                connection.close()
 
     def has_waiting_client(self) -> bool:
         """Whether another connection is there to be accepted."""
@@ -274,6 +281,11 @@ class AgentLink:
             raise Stopped
         if self._clock() >= deadline_s:
             raise TimeoutError
+
+
+def _user_of(connection: socket.socket) -> int:
+    size = struct.calcsize(_CREDENTIALS)
+    return struct.unpack(_CREDENTIALS, connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))[1]
 
 
 def make_private(folder: Path) -> None:

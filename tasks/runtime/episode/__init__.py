@@ -7,6 +7,7 @@ __all__ = [
     "clearance",
     "contact_forces",
     "context",
+    "driven_path",
     "loading",
     "physics",
     "program_names",

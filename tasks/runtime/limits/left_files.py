@@ -25,13 +25,17 @@ def read_left(path: Path, most_bytes: int) -> bytes:
         return file.read(most_bytes)
 
 
-def open_left(path: Path) -> BufferedReader:
+def open_left(path: Path, folder: int | None = None) -> BufferedReader:
     """Opens a regular file for reading; links are not followed, FIFOs not waited for.
+
+    Args:
+        path: The file.
+        folder: Descriptor of the folder that a relative path starts from; absent: the working directory.
 
     Raises:
         OSError: It is not there, is no regular file, or cannot be opened.
     """
-    file = os.fdopen(os.open(path, _FLAGS), "rb")
+    file = os.fdopen(os.open(path, _FLAGS, dir_fd=folder), "rb")
     if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
         file.close()
         raise OSError(errno.EINVAL, "no regular file", str(path))

@@ -19,6 +19,7 @@ from ..video.live_view import LiveView
 from ..video.video import VideoWatcher
 from ..video.video_files import STATE_LOG_FOLDER
 from ..video.video_settings import settings_of
+from .path_note import PathNote
 
 
 class Observer(Protocol):
@@ -110,6 +111,11 @@ def _live_view(run: _Watched) -> Observer | None:
     return LiveView(run.plan, run.video_backend, settings_of(run.plan))
 
 
+def _path_note(run: _Watched) -> Observer | None:
+    """For plans of worlds with the path so far."""
+    return None if run.plan.world_dir is None else PathNote(run.plan.work_dir)
+
+
 def _end(run: _Watched) -> Observer | None:
     return None if run.plan.end_at_s is None else EndAt(run.plan.end_at_s)
 
@@ -122,6 +128,7 @@ _MAKERS: tuple[Callable[[_Watched], Observer | None], ...] = (
     _video,
     _requirements,
     _live_view,
+    _path_note,
     _end,
 )
 

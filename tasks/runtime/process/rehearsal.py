@@ -134,8 +134,7 @@ def _mjcf() -> str:
             for board in range(_BOARDS)
         ]
     return (
-        '<mujoco><option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10">'
-        '<flag sleep="enable"/></option>'
+        '<mujoco><option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/>'
         '<asset><texture name="wood" type="2d" builtin="checker" width="256" height="256"/>'
         '<material name="wood" texture="wood"/></asset>'
         '<worldbody><light type="directional" pos="0 0 5"/><geom name="floor" type="box" pos="0 0 -0.05" '

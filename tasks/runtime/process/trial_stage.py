@@ -10,6 +10,7 @@ from ....schemas.runs.plan import RunPlan, RunResult
 from ....schemas.runs.provenance import StateDigestSummary
 from ....schemas.runs.trial_rows import TrialRow, plan_of_trial
 from ....schemas.runs.trials import Trial
+from ....schemas.runs.variables import without_secrets
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import SimulationContext
 from ..episode.loading import LoadError
@@ -67,6 +68,7 @@ class TrialStage:
 
     def __init__(self, plan: RunPlan, progress: Progress, stop: Stop) -> None:
         self._plan, self._progress, self._stop = plan, progress, stop
+        self._without_secrets = without_secrets(plan).trials
         simulation, robot = applications_of(plan)
         progress.mark(Phase.MAKE_ENVIRONMENT)
         self._make_environment = factory_of(simulation)
@@ -114,17 +116,22 @@ class TrialStage:
             if where := failures.explain():
                 error.add_note(where)
             if plan.failure_behavior != "Continue" or isinstance(error, LaunchError | LoadError):
-                error.add_note(f"in {trial}")
+                error.add_note(f"in {self._told(trial)}")
                 failures.close(None)
                 raise
             log_failure(error)
-            return _broken(trial, report_of(error, self._progress))
+            return _broken(self._told(trial), report_of(error, self._progress))
         if episode.ended_by in _STOPPED:
             return None
         summary = digest.close()
         findings = [failures.close(episode.ended_by), requirements.close(episode.ended_by)]
-        row = _row(trial, make_result(episode, plan.seed, findings), episode, summary)
+        row = _row(self._told(trial), make_result(episode, plan.seed, findings), episode, summary)
         return row.model_copy(update={"model_sha256": digest.model_sha256})
+
+    def _told(self, trial: Trial) -> Trial:
+        """The trial as people are told of it, without secrets among its parameters."""
+        trials = self._without_secrets
+        return trials.trial(trial.number, self._plan.seed) if trials is not None else trial
 
     def close(self) -> None:
         """Closes the environment."""

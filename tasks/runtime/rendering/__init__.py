@@ -1,6 +1,6 @@
-"""Pictures of a simulation: cameras, views, OpenGL and ray casting.
+"""Pictures of a simulation: cameras, views, light, OpenGL and ray casting.
 
-May import: `tasks.runtime.episode`.
+May import: `schemas`, `tasks.runtime.episode`.
 """
 
 __all__ = ["backends", "cameras", "drawing", "gl", "ray_camera", "view_culling", "views"]

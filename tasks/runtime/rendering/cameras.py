@@ -4,15 +4,17 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ....schemas.worlds.appearance import Appearance
 from . import gl
-from .view_culling import without_unseen
+from .relighting import Relighting
+from .view_culling import roofs, without_unseen
 from .views import View
 
 Image = NDArray[np.uint8]
@@ -25,6 +27,8 @@ _LARGE_M = 0.5
 _SHINES = 0.2
 """Specular reflection from which a light is seen as a spot."""
 _NO_MATERIAL_SPECULAR = 0.5
+_THROUGH_ROOFS = 0.35
+"""What is left under roofs of light that casts shadows elsewhere: here none are drawn."""
 
 
 class Camera(Protocol):
@@ -48,7 +52,14 @@ class Camera(Protocol):
 class GlCamera:
     """Renders with MuJoCo's classic renderer and OpenGL; used and closed by the thread that made it."""
 
-    def __init__(self, model: mujoco.MjModel, width: int, height: int, backend: str | None = None) -> None:
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        width: int,
+        height: int,
+        backend: str | None = None,
+        appearance: Appearance | None = None,
+    ) -> None:
         """Makes a renderer.
 
         Args:
@@ -56,12 +67,14 @@ class GlCamera:
             width: Pixels.
             height: Pixels.
             backend: `egl` or `osmesa`, where `MUJOCO_GL` does not say.
+            appearance: How a world is lit; None: as the model says.
 
         Raises:
             Exception: OpenGL does not work here; the kind depends on the driver.
         """
         self._model = model
         self._size = width, height
+        self._has_roofs = len(roofs(model)) > 0
         self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
         self._option = mujoco.MjvOption()
         self._option.flags[mujoco.mjtVisFlag.mjVIS_RANGEFINDER] = False  # yellow lines through the picture
@@ -70,7 +83,9 @@ class GlCamera:
             self._scene.flags[flag] = False
         self._context = gl.make_context(width, height, backend)
         self._context.make_current()
-        with _fast_settings(model, width, height):
+        self._relighting = Relighting(model, appearance) if appearance else None
+        sky = self._relighting.sky(model) if self._relighting else nullcontext()
+        with sky, _fast_settings(model, width, height):
             self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
 
@@ -81,12 +96,21 @@ class GlCamera:
         mujoco.mjv_updateCamera(model, data, camera, scene)
         with without_unseen(model, data, scene, width / height):
             mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
+        if self._relighting is not None:
+            self._relighting.light(scene)
+        self._dim_under_roofs()
         self._context.make_current()
         window = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(window, self._scene, self._renderer)
         pixels = np.empty((height, width, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(pixels, None, window, self._renderer)
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
+
+    def _dim_under_roofs(self) -> None:
+        """Without shadows the sun shines through roofs."""
+        for light in self._scene.lights[: self._scene.nlight] if self._has_roofs else ():
+            if light.castshadow and not light.headlight:
+                light.diffuse[:] = light.diffuse * _THROUGH_ROOFS
 
     def close(self) -> None:
         """See `Camera`."""

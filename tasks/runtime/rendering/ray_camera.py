@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import MAX_GEOMS, Image
+from .view_culling import hidden, roofs
 from .views import SHOWN_GROUPS, View
 
 _SKY = np.array([0.62, 0.74, 0.88])
@@ -49,6 +50,7 @@ class RayCamera:
         self._model = model
         self._size = width, height
         self._colours = geom_colours(model)
+        self._roofs = roofs(model)
         # A scene without a renderer, only to learn where a view stands and looks.
         self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)
         self._option = mujoco.MjvOption()
@@ -76,8 +78,11 @@ class RayCamera:
         eye, forward, up, window = self._eye(shape)
         rays = buffers.directions(window) @ np.array((forward, up, np.cross(forward, up)))
         housing = self._body_around(data, eye, forward)
-        self._hit(data, eye, rays, buffers, buffers.grid, housing)
-        self._hit(data, eye, rays, buffers, buffers.between(), housing)
+        # Rays see what looks away from them, which renderers leave out.
+        above = data.geom_xpos[self._roofs, 2] < eye[2]
+        with hidden(self._model, self._roofs[above]):
+            self._hit(data, eye, rays, buffers, buffers.grid, housing)
+            self._hit(data, eye, rays, buffers, buffers.between(), housing)
         shade = 0.45 + 0.55 * np.abs(buffers.normals @ _LIGHT)
         shade[buffers.geoms < 0] = 1.0
         return (self._colours[buffers.geoms] * (255 * shade[:, None])).astype(np.uint8).reshape(*shape, 3)

@@ -20,7 +20,26 @@ MODEL_BORROWED = threading.Lock()
 
 _HIDDEN_GROUP = 5
 _MARGIN_M = 0.01
+_ROOFS = ("ceiling_", "lamp_")
 _Vector = NDArray[np.float64]
+
+
+def roofs(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """Numbers of the geoms that worlds show from below only: trays that are open at the top."""
+    meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH.value)
+    return np.array([geom for geom in meshes if model.geom(int(geom)).name.startswith(_ROOFS)], np.intp)
+
+
+@contextmanager
+def hidden(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Iterator[None]:
+    """Hides geoms for as long as a picture is made of the rest; their `geom_group` is as before afterwards."""
+    groups = model.geom_group[geoms]
+    with MODEL_BORROWED:
+        model.geom_group[geoms] = _HIDDEN_GROUP
+        try:
+            yield
+        finally:
+            model.geom_group[geoms] = groups
 
 
 @contextmanager
@@ -34,13 +53,8 @@ def without_unseen(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.Mjv
         aspect: Width of the picture divided by its height.
     """
     unseen = outside(data.geom_xpos, model.geom_rbound, scene, aspect)
-    groups = model.geom_group[unseen]
-    with MODEL_BORROWED:
-        model.geom_group[unseen] = _HIDDEN_GROUP
-        try:
-            yield
-        finally:
-            model.geom_group[unseen] = groups
+    with hidden(model, unseen):
+        yield
 
 
 def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: float) -> NDArray[np.intp]:

@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.runtime.limits`.
 """
 
-__all__ = ["box", "forking", "landlock", "levels", "rights", "views"]
+__all__ = ["box", "forking", "landlock", "levels", "rights", "system_calls", "views"]

@@ -30,6 +30,7 @@ _ALL = kernel.NEW_USER | kernel.NEW_MOUNTS | kernel.NEW_IPC | kernel.NEW_NAMES |
 _PID = struct.Struct("=i")
 _READY = b"."
 _MOST_BYTES = 1 << 20
+_MOST_SERVICES = 16
 
 
 class BoxError(OSError):
@@ -46,6 +47,8 @@ class Box:
     def __init__(self) -> None:
         self._control, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._network: BoxNetwork = "full"
+        self.doors: list[tuple[socket.socket, int]] = []
+        """Sockets that listen in the box for servers outside, each with the server's port; for who forwards them."""
         with theirs:
             try:
                 self.keeper = _orphan(lambda: _unshare_all(), lambda: _keep(theirs))
@@ -53,27 +56,30 @@ class Box:
                 self._control.close()
                 raise
 
-    def furnish(self, sights: Sequence[Sight], network: BoxNetwork) -> None:
+    def furnish(self, sights: Sequence[Sight], network: BoxNetwork, services: Sequence[int] = ()) -> None:
         """Adds what a run sees, and closes the box: nothing else can be reached from now on.
 
         Args:
             sights: files and folders of the run.
             network: what its processes reach.
+            services: ports of servers outside that are reached from a network of its own, too.
 
         Raises:
             BoxError: It cannot be done.
         """
+        found: list[int] = []
         shown = [{**asdict(sight), "identity": _identity(sight.path)} for sight in sights]
-        message = json.dumps({"sights": shown, "network": network}).encode()
+        message = json.dumps({"sights": shown, "network": network, "services": list(services)}).encode()
         try:
             with suppress(BrokenPipeError):  # it has ended, and said why
                 self._control.send(message)
-            answer = self._control.recv(_MOST_BYTES)
+            answer, found, _, _ = socket.recv_fds(self._control, _MOST_BYTES, _MOST_SERVICES)
         except OSError as error:
             answer = str(error).encode()
         if answer != _READY:
             raise BoxError(f"the box of the run cannot be furnished: {answer.decode() or 'its keeper has ended'}")
         self._network = network
+        self.doors = [(socket.socket(fileno=number), port) for number, port in zip(found, services, strict=True)]
 
     def fork(self, become: Callable[[], NoReturn]) -> int:
         """Forks a process that is in the box and dies with this process.
@@ -105,6 +111,8 @@ class Box:
     def close(self) -> None:
         """Ends all processes of the box; waits for none but its keeper."""
         self._control.close()
+        for door, _ in self.doors:
+            door.close()
         with suppress(ProcessLookupError):
             os.kill(self.keeper, signal.SIGKILL)
         with suppress(ChildProcessError):
@@ -201,13 +209,15 @@ def _keep(control: socket.socket) -> NoReturn:
         if not message:
             os._exit(0)
         run = json.loads(message)
-        furnishing.finish([_known(**sight) for sight in run["sights"]], run["network"])
+        sights = [_known(**sight) for sight in run["sights"]]
+        doors = furnishing.finish(sights, run["network"], run["services"])
     except BaseException as error:
         with suppress(OSError):
             control.send(str(error).encode()[:1000] or b"unknown")
         os._exit(1)
-    control.send(_READY)
-    control.close()
+    socket.send_fds(control, [_READY], [door.fileno() for door in doors])
+    for one in (control, *doors):
+        one.close()
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # which has the kernel reap
     while True:
         signal.pause()

@@ -1,6 +1,7 @@
 """The files of a box: an empty root, into which what is seen is mounted."""
 
 import os
+import socket
 import sys
 from collections.abc import Sequence
 from contextlib import suppress
@@ -51,22 +52,29 @@ class Furnishing:
         for sight in ordered(imported):
             self._show(sight)
 
-    def finish(self, sights: Sequence[Sight], network: BoxNetwork) -> None:
+    def finish(self, sights: Sequence[Sight], network: BoxNetwork, services: Sequence[int] = ()) -> list[socket.socket]:
         """Adds what a run sees, makes it all there is, and gives up the right to change it.
 
         Args:
             sights: files and folders of the run.
             network: what is reached from the box.
+            services: ports in a network of its own at which servers outside will be reached.
+
+        Returns:
+            A socket that listens for each of `services`.
         """
+        doors: list[socket.socket] = []
         for sight in ordered(sight for sight in sights if sight not in self._shown):
             self._show(sight)
         if network != "full":
             kernel.unshare(kernel.NEW_NETWORK)
             kernel.raise_loopback()
+            doors += [socket.create_server(("127.0.0.1", port)) for port in services]
         kernel.change_root(self._root)
         kernel.restrict_mount("/", kernel.READ_ONLY, below=False)
         kernel.forgo_privileges()
         kernel.stay_visible()
+        return doors
 
     def _show(self, sight: Sight) -> None:
         if os.path.islink(sight.path) and sight.view == "read" and sight.path.count("/") == 1:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from ....schemas.runs.programs import BoxLevel
 from . import kernel
 from .landlock import Rules, restrict
+from .system_calls import filter_system_calls
 
 
 def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
@@ -21,3 +22,4 @@ def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
     if level == "landlock":
         restrict(rules)
     kernel.stay_visible()
+    filter_system_calls()

@@ -2,8 +2,10 @@
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ....schemas.runs.programs import BoxPlan
 from ....schemas.settings import Settings
@@ -13,6 +15,7 @@ from ..sandbox.levels import Confinement
 _CODE = "InternalServiceError"
 _OF_USERS = (".aws", ".ssh", ".gnupg", ".prefect", ".docker", ".kube", ".netrc", ".config", ".s3cfg")
 _SQLITE = "sqlite:///"
+_DEFAULT_PORTS = {"http": 80, "https": 443}
 
 _logger = logging.getLogger(__name__)
 
@@ -27,6 +30,7 @@ def plan_box(
     confinement: Confinement,
     user_home: Path | None = None,
     warn: Callable[[str], None] = _warn_once,
+    endpoint: str | None = None,
 ) -> BoxPlan:
     """Decides what a run is confined to.
 
@@ -35,6 +39,7 @@ def plan_box(
         confinement: The strongest level that this machine has.
         user_home: Home folder of this process's user; None: as the system says.
         warn: Told once what is missing.
+        endpoint: URL of the service's endpoint, if this process knows one.
 
     Raises:
         LaunchError: The settings require more than this machine has.
@@ -54,12 +59,24 @@ def plan_box(
         )
     if lacks:
         warn(f"{lacks} (see `robomaker doctor`)")
+    network = settings.sandbox_network if level == "box" else "full"
+    servers = (settings.object_store, endpoint or "") if network == "local" else ()
     return BoxPlan(
         level=level,
-        network=settings.sandbox_network if level == "box" else "full",
+        network=network,
+        services=sorted({port for url in servers if (port := _local_port(url)) is not None}),
         shown=list(settings.sandbox_show),
         hidden=_hidden(settings, user_home or Path.home()),
     )
+
+
+def _local_port(url: str) -> int | None:
+    """The port of a server on this machine; `None`: it is elsewhere, or no server at all."""
+    with suppress(ValueError):  # it is no URL
+        parts = urlsplit(url)
+        if parts.hostname in ("127.0.0.1", "localhost"):
+            return parts.port or _DEFAULT_PORTS.get(parts.scheme)
+    return None
 
 
 def _hidden(settings: Settings, user_home: Path) -> list[Path]:

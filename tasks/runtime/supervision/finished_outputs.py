@@ -4,6 +4,8 @@ import os
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
+from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -26,7 +28,8 @@ def finish_outputs(
     """Writes or removes `result.json` according to the run's outcome.
 
     A run that only had programs gets a `result.json`, unless one of them wrote a valid one, which loses its verdict
-    if the run was cancelled; one with an episode loses the one it wrote if the run failed nevertheless.
+    if the run was cancelled, and does not pass if it failed; one with an episode loses the one it wrote if the run
+    failed nevertheless.
 
     Args:
         plan: The run.
@@ -52,7 +55,7 @@ def finish_outputs(
         if is_whole and tools:
             _add_tools(plan, tools)
         return outcome, is_whole
-    if outcome.status == "Failed":
+    if ended is None and outcome.status == "Failed":  # how its programs ended is not known
         return outcome, False
     try:
         _result_of_programs(plan, outcome, times)
@@ -76,9 +79,11 @@ def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
 
 
 def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, datetime]) -> None:
-    if (result := read_result(plan)) is not None:
+    if (result := read_result(plan.output_dir)) is not None:
         if outcome.status == "Canceled" and result.verdict != "NONE":
             write_result(result.unjudged(), plan.output_dir)
+        elif outcome.status == "Failed" and result.verdict not in ("FAIL", "ERROR"):
+            write_result(result.model_copy(update=_broken(outcome)), plan.output_dir)
         return
     path = plan.output_dir / RESULT_FILE
     extra = {}
@@ -86,18 +91,24 @@ def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, 
         path.replace(path.with_name(INVALID_RESULT_FILE))
         extra = {"invalid_result": f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"}
     began, ended = times
-    stopped_by = "duration limit" if outcome.timed_out else "canceled"
+    ended_by = "canceled" if outcome.status == "Canceled" else "duration limit" if outcome.timed_out else "application"
+    judged: dict[str, Any] = _broken(outcome) if outcome.status == "Failed" else {"verdict": "NONE"}
     result = RunResult(
-        verdict="NONE",
+        **judged,
         sim_time_s=0.0,
         wall_time_s=(ended - began).total_seconds(),
         real_time_factor=0.0,
-        ended_by="application" if outcome.status == "Completed" and not outcome.timed_out else stopped_by,
+        ended_by=ended_by,
         seed=plan.seed,
         versions=versions(),
         extra=extra | {"started_at": began.isoformat(), "ended_at": ended.isoformat()},
     )
     write_result(result, plan.output_dir)
+
+
+def _broken(outcome: Outcome) -> dict[str, Any]:
+    """What the result of a run that failed says: something broke, and what."""
+    return {"verdict": "ERROR", "summary": (outcome.failure_reason or "").partition("\n")[0]}
 
 
 def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
@@ -107,16 +118,16 @@ def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
         write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)
 
 
-def remove_verdict(plan: RunPlan) -> None:
-    """Takes the verdict out of the result of a run that ended by itself in the moment in which it was cancelled."""
-    if (result := read_result(plan)) is not None and result.verdict != "NONE":
+def remove_verdict(output_dir: Path) -> None:
+    """Takes the verdict out of the result of a run that ended by itself before it was heard that it was cancelled."""
+    if (result := read_result(output_dir)) is not None and result.verdict != "NONE":
         with suppress(OSError):  # an application put something in the way
-            write_result(result.unjudged(), plan.output_dir)
+            write_result(result.unjudged(), output_dir)
 
 
-def read_result(plan: RunPlan) -> RunResult | None:
+def read_result(output_dir: Path) -> RunResult | None:
     """The valid `result.json` of a run; links and other things than files are none."""
     try:
-        return RunResult.model_validate_json(read_left(plan.output_dir / RESULT_FILE, MAX_RESULT_BYTES))
+        return RunResult.model_validate_json(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))
     except (OSError, ValidationError):
         return None

@@ -19,6 +19,7 @@ from types import TracebackType
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.runs.programs import BoxPlan
 from ....schemas.runs.stops import RunStop
+from ....schemas.runs.variables import ENDPOINT_VARIABLE
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, LaunchInterruptedError
 from ..limits.disk_use import found_files
@@ -144,7 +145,7 @@ class Launcher:
                 was_killed=True,
             )
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
-        result = read_result(plan) if decided.status == "Completed" else None
+        result = read_result(plan.output_dir) if decided.status == "Completed" else None
         outcome = RunOutcome(
             status=decided.status,
             verdict=result.verdict if result else None,
@@ -163,7 +164,8 @@ class Launcher:
     def _box(self) -> BoxPlan:
         with self._lock:
             confinement = self._running_server().confinement
-        return plan_box(Settings.from_environment(os.environ), confinement)
+        settings = Settings.from_environment(os.environ)
+        return plan_box(settings, confinement, endpoint=os.environ.get(ENDPOINT_VARIABLE))
 
     def _connect(self) -> Connection:
         """Has a supervisor forked; returns the connection to it."""

@@ -109,9 +109,11 @@ class Supervision:
         """
         plan = self._plan
         ports = open_ports(plan.ports, is_shared=self._request.box.network == "full")
+        if self._box and self._box.doors:
+            self._others |= {fork_forwarder(self._box.doors)}
         if ports:
             self._others |= {fork_forwarder(ports, self._box.join_network if self._box else lambda: None)}
-            self._meter = Meter(plan.compute, self._others)
+        self._meter = Meter(plan.compute, self._others)
         folder = plan.output_dir / LOG_FOLDER
         folder.mkdir(parents=True, exist_ok=True)
         if plan.has_episode:

@@ -89,7 +89,7 @@ def _is_ready(run: WaitingRun, sights: Sequence[Sight], request: RunRequest, mes
     """
     if run.box is not None:
         try:
-            run.box.furnish(sights, request.box.network)
+            run.box.furnish(sights, request.box.network, request.box.services)
         except OSError:
             if is_last:
                 raise

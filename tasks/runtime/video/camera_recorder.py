@@ -106,7 +106,9 @@ class CameraRecorder:
         if self._renderer is None or model is not self._renderer.model:
             if self._renderer is not None:
                 self._renderer.close()
-            settings = VideoSettings(camera=self._settings.camera or _default_camera(model), size=_SIZE)
+            asked = self._settings
+            camera = asked.camera or _default_camera(model)
+            settings = VideoSettings(camera, _SIZE, appearance=asked.appearance, seed=asked.seed)
             self._renderer = ViewRenderer(model, settings, self._backend, said_by=CAMERA_VARIABLE)
             # Without a renderer: only to learn where the camera stands, and how it projects.
             self._scene = mujoco.MjvScene(model, maxgeom=1)

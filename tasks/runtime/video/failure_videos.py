@@ -85,6 +85,8 @@ def _request(plan: RunPlan) -> VideoRequest:
         camera=settings.camera,
         size=settings.size,
         rate_hz=settings.rate_hz,
+        appearance=settings.appearance,
+        seed=settings.seed,
         whole_video=not (output_dir / VIDEO_FILE).exists(),
         parent_pid=os.getpid(),
     )

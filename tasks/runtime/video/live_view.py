@@ -29,10 +29,7 @@ from ..episode.results import Findings
 from ..rendering.views import BOTH, FOLLOW, TOP
 from ..states.checkpoint_files import write_whole
 from .live_frames import LiveFrames
-from .video_settings import VideoSettings
-
-LIVE_VIEW_FILE = "live-view.json"
-"""In the work folder: `{"url": …}`, while the page is there. It appears whole, for those who wait for it."""
+from .video_settings import LIVE_VIEW_FILE, VideoSettings
 
 _ADDRESS = "127.0.0.1"
 _PAGE = Path(__file__).with_name("live_view.html")

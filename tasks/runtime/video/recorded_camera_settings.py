@@ -1,11 +1,12 @@
 """Settings of the recorded camera, from the variables of a run's launch configurations."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.variables import number_in, variables_of
 from ....schemas.wire.errors import LaunchError
+from .video_settings import appearance_of
 
 RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
 CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
@@ -24,16 +25,24 @@ class CameraRecording:
     camera: str | None = None
     """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
 
+    appearance: str | None = None
+    """How a world is lit; see `VideoSettings`."""
+
+    seed: int = 0
+    """What `random` draws from."""
+
 
 def camera_recording(plan: RunPlan) -> CameraRecording | None:
     """Returns what a run's variables ask for; None: no pictures, which is the default.
 
     Raises:
-        LaunchError: The rate is not a number above 0 and at most 60, or two views are asked for in one picture.
+        LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,
+            or there is no such appearance.
     """
     if not plan.record:
         return None
-    return _read(variables_of(plan))
+    found = _read(variables_of(plan))
+    return found and replace(found, appearance=appearance_of(plan), seed=plan.seed)
 
 
 def _read(variables: Mapping[str, str]) -> CameraRecording | None:

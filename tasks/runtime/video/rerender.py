@@ -48,7 +48,7 @@ def write_videos(request: VideoRequest) -> None:
     log = StateLog.open(request.log_dir)
     if not log.frames:
         raise ValueError("no state was noted")
-    settings = VideoSettings(request.camera, request.size, request.rate_hz)
+    settings = VideoSettings(request.camera, request.size, request.rate_hz, request.appearance, request.seed)
     clip, video = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
     is_short = log.end_s <= CLIP_S
     # For a short run the clip is the whole video.

@@ -23,6 +23,8 @@ class VideoRequest(Model):
     camera: str | None = Field(description="See `VideoSettings`.")
     size: tuple[int, int] | None = Field(description="See `VideoSettings`.")
     rate_hz: int = Field(description="See `VideoSettings`.")
+    appearance: str | None = Field(default=None, description="See `VideoSettings`.")
+    seed: int = Field(default=0, description="See `VideoSettings`.")
     whole_video: bool = Field(description="Whether `video.mp4` is made too.")
     parent_pid: int = Field(description="The rendering process ends with this process.")
 

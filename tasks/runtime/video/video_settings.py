@@ -2,15 +2,20 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.variables import variables_of
 from ....schemas.wire.errors import LaunchError
+from ....schemas.worlds.appearance import appearance_named
+
+LIVE_VIEW_FILE = "live-view.json"
+"""In the work folder: `{"url": …}`, while the live view is there. It appears whole, for those who wait for it."""
 
 CAMERA_VARIABLE = "ROBOMAKER_VIDEO_CAMERA"
 SIZE_VARIABLE = "ROBOMAKER_VIDEO_SIZE"
 RATE_VARIABLE = "ROBOMAKER_VIDEO_FPS"
+APPEARANCE_VARIABLE = "ROBOMAKER_APPEARANCE"
 DEFAULT_SIZE = (640, 480)
 DEFAULT_RATE_HZ = 15
 _SMALLEST, _LARGEST = 64, 2048
@@ -30,6 +35,12 @@ class VideoSettings:
 
     rate_hz: int = DEFAULT_RATE_HZ
     """Pictures per simulated second."""
+
+    appearance: str | None = None
+    """How a world is lit for cameras, `random` included; None: as its model says."""
+
+    seed: int = 0
+    """What `random` draws from."""
 
 
 DEFAULTS = VideoSettings()
@@ -56,9 +67,25 @@ def settings_of(plan: RunPlan) -> VideoSettings:
     """The settings of a run; what the simulation application's variables say goes first.
 
     Raises:
-        LaunchError: See `video_settings`.
+        LaunchError: See `video_settings` and `appearance_of`.
     """
-    return video_settings(variables_of(plan))
+    return replace(video_settings(variables_of(plan)), appearance=appearance_of(plan), seed=plan.seed)
+
+
+def appearance_of(plan: RunPlan) -> str | None:
+    """The name of the appearance that a run's variables ask for; None: they ask for none.
+
+    Raises:
+        LaunchError: There is no such appearance.
+    """
+    name = variables_of(plan).get(APPEARANCE_VARIABLE)
+    if name is None:
+        return None
+    try:
+        appearance_named(name)
+    except ValueError as cause:
+        raise LaunchError(f"{APPEARANCE_VARIABLE}: {cause}", _INVALID) from cause
+    return name
 
 
 def _size(text: str) -> tuple[int, int]:

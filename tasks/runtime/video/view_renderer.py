@@ -5,6 +5,7 @@
 
 import mujoco
 
+from ....schemas.worlds.appearance import appearance_named
 from ..rendering.cameras import Camera, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import View, choose_views
@@ -56,7 +57,8 @@ class ViewRenderer:
         if backend == RAYS:
             self._camera = RayCamera(model, width, height)
         else:
-            self._camera = GlCamera(model, width, height, backend)
+            lit = settings.appearance and appearance_named(settings.appearance, settings.seed)
+            self._camera = GlCamera(model, width, height, backend, lit or None)
 
     def aim(self, name: str | None, said_by: str) -> None:
         """Renders from another camera from now on.

@@ -6,10 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import quote
 
+from ....schemas.runs.variables import ENDPOINT_VARIABLE
 from ....schemas.settings import Settings
 from .folders import TEMPORARY, Sandbox
-
-ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
 
 
 def process_variables(sandbox: Sandbox, settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:

@@ -2,10 +2,13 @@
 
 import fcntl
 import glob
+import os
 import shutil
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TextIO
 
@@ -84,6 +87,37 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
         raise LaunchError(str(error), f"BadPermissions{role}Application") from error
 
 
+def last_used(copy: Path) -> datetime:
+    """When a job or a command last began to use the copy of a bundle; one that vanishes is in use."""
+    try:
+        return datetime.fromtimestamp(copy.stat().st_mtime, UTC)
+    except FileNotFoundError:
+        return datetime.max.replace(tzinfo=UTC)
+
+
+def remove_unless_used(copy: Path, before: datetime) -> bool:
+    """Removes the copy of a bundle; it stays if something has begun to use it since a time.
+
+    Args:
+        copy: its folder.
+        before: the time.
+
+    Returns:
+        Whether it is gone.
+    """
+    part = _part(copy)
+    with _lock_file(copy).open("w") as lock:
+        if not _locked(lock) or last_used(copy) >= before:
+            return False
+        with suppress(FileNotFoundError):
+            copy.rename(part)
+            if last_used(part) >= before:  # just now, before it got the other name
+                part.rename(copy)
+                return False
+        _remove_parts(part)
+    return not copy.exists()
+
+
 def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> LaunchError:
     return LaunchError(
         f"s3://{found.bucket}/{found.key} has changed since {since}: ETag {found.etag}, then {etag}", failure_code
@@ -93,17 +127,18 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
 def _once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
     """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing.
 
-    The lock is not kept while the store is waited for, so that all who need the folder wait equally long.
+    The folder's time says when it was last used. The lock is not kept while the store is waited for, so that all who
+    need the folder wait equally long.
     """
-    if folder.is_dir():
+    if _is_used(folder):
         return folder
-    with (folder.parent / f".{folder.name}.lock").open("w") as lock:
+    with _lock_file(folder).open("w") as lock:
         while not _locked(lock):
             if stopped():
                 raise StorageUnavailableError(f"{folder.name} is not waited for any more: another job fetches it")
             time.sleep(_LOOK_S)
-        if not folder.is_dir():
-            part = folder.with_name(f".{folder.name}.part")
+        if not _is_used(folder):
+            part = _part(folder)
             _remove_parts(part)  # of a filler that was killed
             try:
                 fill(part)
@@ -111,6 +146,23 @@ def _once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) 
             finally:
                 _remove_parts(part)
     return folder
+
+
+def _is_used(folder: Path) -> bool:
+    """Whether a folder is there; notes that it is used from now on."""
+    try:
+        os.utime(folder)
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _part(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.part")
+
+
+def _lock_file(folder: Path) -> Path:
+    return folder.with_name(f".{folder.name}.lock")
 
 
 def _locked(file: TextIO) -> bool:

@@ -105,6 +105,7 @@ class RunOutputs:
         finished: bool,
         stopped: Stopped = never,
         resumes: bool = False,
+        outdated: Stopped = never,
     ) -> StoredPlace:
         """Stores them; returns where.
 
@@ -117,8 +118,10 @@ class RunOutputs:
             stopped: asked while the store does not answer whether to give up. What is stored of a job that was told to
                 stop before has a short grace instead.
             resumes: whether an earlier attempt may have stored a part of them.
+            outdated: asked before the manifest is written, whether the run ended in another way than `about` says.
 
         Raises:
+            TransferStoppedError: it is outdated.
             StorageError: that does not work.
             OSError: the outputs cannot be read.
         """
@@ -126,7 +129,7 @@ class RunOutputs:
         uploaded = self._stage()
         for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._store_once(service, about, uploaded, finished=finished, resumes=resumes)
+                self._store_once(service, about, uploaded, finished=finished, resumes=resumes, outdated=outdated)
                 break
             except ChecksumMismatchError:
                 resumes = True
@@ -167,6 +170,7 @@ class RunOutputs:
         *,
         finished: bool,
         resumes: bool,
+        outdated: Stopped,
     ) -> None:
         store = service.store
         prepare_bucket(service, self.bucket)
@@ -188,6 +192,7 @@ class RunOutputs:
             created_at=self._service.clock(),
             stored=rolled_files(self._folder, [file.name for file in files]),
             resumes=resumes,
+            stopped=outdated,
         )
 
     def _uploads(self) -> list[Upload]:

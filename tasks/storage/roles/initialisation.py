@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 from uuid import uuid4
 
 from ....schemas.roles import Role
@@ -14,6 +14,7 @@ from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, StorageError
 from ..base import ObjectStore
 from ..opening import own_session, s3_endpoint
+from .minio_users import SERVER, MinioUsers
 from .policies import buckets_of, policy_of
 from .reading import parse_roles, read_roles_file
 
@@ -61,7 +62,7 @@ def initialise(
         )
     if (endpoint := s3_endpoint(settings)) is None:
         return
-    users = _Users(endpoint, settings.region, environ)
+    users = _users_of(endpoint, settings.region, environ)
     for index, role in enumerate(roles):
         if role.profile or role.block or role.assume_role or not buckets_of(role):
             continue
@@ -117,7 +118,51 @@ def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: st
     temporary.replace(path)
 
 
-class _Users:
+class _Users(Protocol):
+    """The users of an S3 server."""
+
+    def has(self, name: str) -> bool:
+        """Whether there is a user."""
+        ...
+
+    def ensure(self, name: str, policy: str) -> None:
+        """Sets the policy of a user, who need not be there before there is a key."""
+        ...
+
+    def new_key(self, name: str) -> tuple[str, str]:
+        """Makes an access key; returns its id and the key."""
+        ...
+
+
+def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
+    """The users of a server, by the interface that it has for them.
+
+    Raises:
+        StorageError: the server does not answer.
+        ConfigurationError: see `MinioUsers`.
+    """
+    if not _server_name(endpoint, region, environ).startswith(SERVER):
+        return _IamUsers(endpoint, region, environ)
+    return MinioUsers(endpoint, environ)
+
+
+def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
+    """What a server calls itself, also when it refuses."""
+    from botocore.exceptions import BotoCoreError, ClientError
+
+    from ..s3_failures import from_client_error
+
+    session: Any = own_session(environ)
+    try:
+        answer: Any = session.client("s3", region_name=region, endpoint_url=endpoint).list_buckets()
+    except ClientError as error:
+        answer = error.response
+    except BotoCoreError as error:
+        raise from_client_error(error, f"cannot ask {endpoint}") from error
+    return str(answer["ResponseMetadata"].get("HTTPHeaders", {}).get("server", ""))
+
+
+class _IamUsers:
     """Users of an S3 server that has the interface of AWS IAM, as SeaweedFS has."""
 
     def __init__(self, endpoint: str, region: str, environ: Mapping[str, str]) -> None:
@@ -159,4 +204,4 @@ class _Users:
 
         why = from_client_error(error, f"cannot {doing} at {self._endpoint}")
         advice = "users are made through the interface of AWS IAM, for which the server and these keys have to be made"
-        return type(why)(f"{why}; {advice} (MinIO has none: make users with `mc admin`, and write the keys yourself)")
+        return type(why)(f"{why}; {advice}")

@@ -5,32 +5,35 @@ import shutil
 import tempfile
 from pathlib import Path
 
+from ....schemas.worlds.appearance import DAY, appearance_named, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import World
 from ..doors.leaves import leaf_outlines
 from ..geometry.occupancy import occupancy_grid, write_map
+from ..materials.sky import SKY, sky_png
 from ..materials.textures import texture_png, texture_size_m
 from ..model.description import description_text
-from ..model.mjcf import TEXTURES_FOLDER, surfaces, world_mjcf
+from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces
 from ..pictures.plan_svg import floorplan_svg
-from ..pictures.preview import render_preview
 
 WORLD_FILE = "world.json"
 MODEL_FILE = "world.xml"
 PLAN_FILE = "floorplan.svg"
 PREVIEW_FILE = "preview.png"
+"""Only in bundles of earlier releases, and in exports."""
 
 
-def write_bundle(world: World, folder: Path, *, preview: bool = True) -> str:
+def write_bundle(world: World, folder: Path) -> str:
     """Writes a world's bundle; the folder appears whole or not at all.
+
+    A preview takes longer than all of it, and is drawn when somebody looks at the world.
 
     Args:
         world: the world.
         folder: where; must not exist, its parent is made if need be.
-        preview: whether to draw `preview.png`, the slowest part.
 
     Returns:
-        The content's hash, hexadecimal: of all names and bytes but the preview's.
+        The content's hash, hexadecimal: of all names and bytes.
 
     Raises:
         FileExistsError: there is something at `folder` already.
@@ -40,7 +43,7 @@ def write_bundle(world: World, folder: Path, *, preview: bool = True) -> str:
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        _write_files(world, temporary, preview)
+        _write_files(world, temporary)
         content = content_hash(temporary)
         # Made private by mkdtemp; a bundle is as readable as any other folder.
         temporary.chmod(0o755)
@@ -73,15 +76,19 @@ def content_hash(folder: Path) -> str:
     return digest.hexdigest()
 
 
-def _write_files(world: World, folder: Path, preview: bool) -> None:
-    (folder / WORLD_FILE).write_text(world.model_dump_json(indent=1) + "\n", encoding="utf-8")
-    (folder / MODEL_FILE).write_text(world_mjcf(world, textured=True), encoding="utf-8")
+def _write_files(world: World, folder: Path) -> None:
+    (folder / WORLD_FILE).write_text(world.to_text(), encoding="utf-8")
+    model, meshes = decorated_mjcf(world)
+    if world.appearance != DAY:
+        model = relit(model, appearance_named(world.appearance))
+    (folder / MODEL_FILE).write_text(model, encoding="utf-8")
+    for path, text in meshes.items():
+        (folder / path).parent.mkdir(exist_ok=True)
+        (folder / path).write_text(text, encoding="utf-8")
     _write_textures(world, folder / TEXTURES_FOLDER)
     (folder / PLAN_FILE).write_text(floorplan_svg(world), encoding="utf-8")
     write_map(occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan)), folder)
     (folder / DESCRIPTION_FILE).write_text(description_text(world), encoding="utf-8")
-    if preview:
-        (folder / PREVIEW_FILE).write_bytes(render_preview(world))
 
 
 def _write_textures(world: World, folder: Path) -> None:
@@ -89,3 +96,4 @@ def _write_textures(world: World, folder: Path) -> None:
     for name in surfaces(world):
         if texture_size_m(name) is not None:
             (folder / f"{name}.png").write_bytes(texture_png(name))
+    (folder / f"{SKY}.png").write_bytes(sky_png())

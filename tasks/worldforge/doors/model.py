@@ -61,26 +61,28 @@ def lintel_over(plan: Floorplan, number: int) -> Wall:
     return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 
 
-def door_lines(plan: Floorplan, write: WriteGeom) -> Iterator[str]:
-    """The MJCF of all doors: bodies that sleep until something touches them, and their frames.
+def door_lines(plan: Floorplan, write: WriteGeom, *, solid_only: bool = False) -> Iterator[str]:
+    """The MJCF of all doors: bodies on hinges, and their frames.
 
     The joint's position is how far the leaf is open: 0 is closed.
 
     Args:
         plan: the plan.
         write: writes a geom.
+        solid_only: whether what is for the eye only is left out.
     """
     for solid in doorframe_solids(plan):
-        yield write(solid, "")
+        if solid.solid or not solid_only:
+            yield write(solid, "")
     for passage in plan.passages:
         if passage.door:
-            yield from _body(passage.door, write)
+            yield from _body(passage.door, write, solid_only)
 
 
-def _body(door: Door, write: WriteGeom) -> Iterator[str]:
+def _body(door: Door, write: WriteGeom, solid_only: bool) -> Iterator[str]:
     angle = round(door.open_angle_rad, 4)
     x, y = door.hinge
-    yield (f'    <body name="{door.id}" pos="{x:g} {y:g} 0" euler="0 0 {door.yaw_at(angle):.6g}" sleep="init">')
+    yield f'    <body name="{door.id}" pos="{x:g} {y:g} 0" euler="0 0 {door.yaw_at(angle):.6g}">'
     yield (
         f'      <joint name="{door.id}" type="hinge" axis="0 0 {door.swing}" range="0 {door.max_angle_rad:g}" '
         f'ref="{angle:g}" damping="{_DAMPING_NMS:g}" frictionloss="{_FRICTION_NM:g}"/>'
@@ -89,5 +91,6 @@ def _body(door: Door, write: WriteGeom) -> Iterator[str]:
     leaf_kg = MASS_KG.get(form, MASS_KG[FORMS[0]])
     for solid in door_solids(door, closed_frame=True):
         mass = leaf_kg if solid.name.endswith(".leaf") else HANDLE_KG
-        yield "  " + write(solid, f'mass="{mass:g}"')
+        if solid.solid or not solid_only:
+            yield "  " + write(solid, f'mass="{mass:g}"')
     yield "    </body>"

@@ -14,24 +14,32 @@ import hashlib
 import json
 import re
 import stat
+import tempfile
 import zipfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
+from ..bundle.bundle import MODEL_FILE, PREVIEW_FILE
+from ..bundle.plain_names import NAMES_FILE, with_plain_names
+from ..bundle.robot_map import MAP_FILES, write_robot_map
+from ..pictures.preview import render_preview
 from .export_readme import readme
-from .export_scene import read_scene
+from .export_scene import Scene, read_scene
 from .glb import scene_glb
 from .ros_packages import SHARED_MODELS, WORLDS, package_files
 from .sdf_models import SharedModels
 from .sdf_world import sdf_world
+from .usd import scene_usd
 
 _TOP = "aws_robomaker_worldforge_pkgs"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """A zip cannot say less; equal worlds make equal archives."""
 _COMPRESSED_ALREADY = frozenset({".png", ".jpg", ".jpeg", ".gz", ".zip", ".mp4"})
+_FIRST_GENERATOR = 3
+"""First number of the version of the first generator whose worlds have plain names in exports."""
 _CHUNK_BYTES = 1 << 20
 
 
@@ -85,6 +93,21 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
+def _written_anew(scene: Scene, bundle: Path) -> dict[str, bytes]:
+    """Files that an export has with plain names, or with legs of tables in place of outlines.
+
+    None of worlds of generators before 3: they stay as they were made.
+    """
+    if int(scene.world.generator_version.partition(".")[0]) < _FIRST_GENERATOR:
+        return {}
+    model = with_plain_names((bundle / MODEL_FILE).read_text(encoding="utf-8"))
+    names = json.dumps(model.names, indent=1, sort_keys=True) + "\n"
+    with tempfile.TemporaryDirectory() as scratch:
+        write_robot_map(scene, Path(scratch))
+        maps = {relative: Path(scratch, relative).read_bytes() for relative in MAP_FILES}
+    return {MODEL_FILE: model.mjcf.encode(), NAMES_FILE: names.encode(), **maps}
+
+
 class _Export:
     """Writes one archive."""
 
@@ -108,15 +131,22 @@ class _Export:
     def _world(self, name: str, bundle: Path, shared: SharedModels) -> dict[str, Any]:
         """Adds a world's files; returns its entry for the index."""
         folder = f"{WORLDS}/worlds/{name}"
-        for relative in _files(bundle):
-            with (bundle / relative).open("rb") as source:
-                self._add(f"{folder}/{relative}", iter(lambda: source.read(_CHUNK_BYTES), b""))
         scene = read_scene(bundle)
+        anew = _written_anew(scene, bundle)
+        for relative in _files(bundle):
+            if relative not in anew:
+                with (bundle / relative).open("rb") as source:
+                    self._add(f"{folder}/{relative}", iter(lambda: source.read(_CHUNK_BYTES), b""))
+        for relative, content in anew.items():
+            self._add(f"{folder}/{relative}", [content])
+        if not (bundle / PREVIEW_FILE).exists():
+            self._add(f"{folder}/{PREVIEW_FILE}", [render_preview(scene.world)])
         made = sdf_world(scene, name, shared)
         texts = {f"{name}.world": made.world, **made.building}
         for relative in sorted(texts):
             self._add(f"{folder}/{relative}", [texts[relative].encode()])
         self._add(f"{folder}/{name}.glb", [scene_glb(scene)])
+        self._add(f"{folder}/{name}.usda", [scene_usd(scene).encode()])
         return {"id": name, "path": folder, "models": list(made.models), "files": self._taken()}
 
     def _part(self, folder: str, texts: Mapping[str, str]) -> list[dict[str, Any]]:

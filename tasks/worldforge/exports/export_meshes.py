@@ -70,11 +70,34 @@ def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     return _flat(Trimesh(vertices, triangles, process=False))
 
 
-def obj_text(mesh: Mesh) -> str:
-    """The mesh as a Wavefront OBJ file."""
-    lines = [f"v {x:.5g} {y:.5g} {z:.5g}" for x, y, z in mesh.positions + 0.0]
+def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
+    """Places on a picture of the vertices that `compiled_mesh` gives: repetitions to the right and down.
+
+    None for a mesh that has none.
+    """
+    start = int(model.mesh_texcoordadr[mesh])
+    if start < 0:
+        return None
+    first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    return model.mesh_texcoord[start + model.mesh_facetexcoord[first : first + faces].ravel()].astype(np.float64)
+
+
+def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = "") -> str:
+    """The mesh as a Wavefront OBJ file.
+
+    Args:
+        mesh: the mesh.
+        places: of its vertices on a picture, repetitions to the right and up; without, it has none.
+        look: name of its material, and of the `.mtl` file beside it that has that.
+    """
+    lines = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
+    lines += [f"v {x:.5g} {y:.5g} {z:.5g}" for x, y, z in mesh.positions + 0.0]
     lines += [f"vn {x:.4g} {y:.4g} {z:.4g}" for x, y, z in mesh.normals + 0.0]
-    lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in mesh.triangles + 1]
+    if places is None:
+        lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in mesh.triangles + 1]
+    else:
+        lines += [f"vt {right:.5g} {up:.5g}" for right, up in places + 0.0]
+        lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in mesh.triangles + 1]
     return "\n".join([*lines, ""])
 
 

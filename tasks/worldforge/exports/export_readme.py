@@ -18,12 +18,14 @@ The files of a world:
 | file | what it is |
 | --- | --- |
 | `<world>.world` | SDF 1.6 for Gazebo 9, 11 and Gazebo Sim |
-| `model.config`, `model.sdf`, `meshes/`, `materials/` | its building: walls, floors, ceilings, as `model://<world>` |
+| `model.config`, `model.sdf`, `meshes/`, `textures/` | its building: walls, floors, ceilings, as `model://<world>` |
 | `<world>.glb` | glTF 2.0 for browsers and other viewers |
-| `world.xml` (and `textures/`) | MJCF for MuJoCo 3 |
+| `<world>.usda` (and `textures/`) | USD with UsdPhysics, for Isaac Sim and others |
+| `world.xml` (and `textures/`, `meshes/*.obj`) | MJCF for MuJoCo 3.0 to 4.0, mujoco-warp and MJX, see below |
 | `world.json` | rooms, walls, passages and furniture with their poses and sizes, seeds, and the result of each wish |
 | `world_description.json` | rooms, doors and proofs, for other programs |
-| `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server |
+| `names.json` | what `world.json` calls things whose names in `world.xml` differ |
+| `map.pgm`, `map.yaml` | occupancy grid for Nav2's map server: what a robot 0.4 m high meets |
 | `floorplan.svg`, `preview.png` | the plan with names, and the furnished world from above |
 
 Lengths are metres, angles radians; x points east, y north, z up (in GLB, y is up and z south); the floor is z = 0,
@@ -54,12 +56,33 @@ Gazebo Sim reads `GZ_SIM_RESOURCE_PATH` instead, and is started with `gz sim`.
 
 ## MuJoCo
 
+| program | reads `world.xml` |
+| --- | --- |
+| MuJoCo 3.8 to 4.0 | yes |
+| MuJoCo 3.0 to 3.7 | yes; contacts of flat cylinders are rough: plates, cups, and books on round tables creep or jump |
+| mujoco-warp, MJX with `impl="warp"` | yes, with the limits below |
+| MJX with `impl="jax"` | no: it has no collisions of cylinders with boxes |
+
+Names in `world.xml` are of letters, digits and `_`: `Sofas_1.seat` is `Sofas_1_seat`, `door-1` is `door_1`, as in USD.
+`names.json` has the others' names by these.
+
+This is so for worlds whose `generator_version` in `world.json` is 3.0.0 or higher. Those of earlier generators have
+attributes for sleep, need MuJoCo 3.4 or newer, and keep their names and their map, on which furniture is as large as
+its outline.
+
     python -m mujoco.viewer --mjcf={worlds}/worlds/{example}/world.xml
 
 In Python:
 
     import mujoco
     model = mujoco.MjModel.from_xml_path("{worlds}/worlds/{example}/world.xml")
+    data = mujoco.MjData(model)
+
+All bodies are awake then. From MuJoCo 3.4 on they can sleep until something touches them, which makes steps ten times
+faster; it has to be said before `MjData` is made:
+
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_SLEEP
+    model.tree_sleep_policy[:] = mujoco.mjtSleepPolicy.mjSLEEP_INIT
     data = mujoco.MjData(model)
 
 A robot is added with `mujoco.MjSpec`:
@@ -69,9 +92,30 @@ A robot is added with `mujoco.MjSpec`:
     world.attach(robot, prefix="robot/", frame=world.worldbody.add_frame())
     model = world.compile()
 
+mujoco-warp does not know sleep, and the limits that it chooses by itself are too small: objects of a furnished house
+fall through the floor. These are enough:
+
+    mujoco_warp.put_data(model, data, nworld=1, naconmax=1000, njmax=1000)
+
+`naconmax` counts the contacts of all copies: 160 each were enough for 8,192 copies of a flat and of a dense house on
+a GPU (NVIDIA H200), which makes 1.8 and 1.4 million steps a second of them.
+
+## Isaac Sim and other readers of USD
+
+Open `{worlds}/worlds/{example}/{example}.usda`, or reference it: its default prim is `/World`, z is up.
+Loose objects are rigid bodies, asleep until something touches them; doors hang on revolute joints. Names of prims
+are those of `world.json` with `_` in place of what USD does not take, `displayName` is the name itself.
+
+    import omni.usd
+    omni.usd.get_context().open_stage("/absolute/path/to/{example}.usda")
+
 ## Nav2
 
     ros2 run nav2_map_server map_server --ros-args -p yaml_filename:={worlds}/worlds/{example}/map.yaml
+
+The map marks what a robot 0.4 m high meets from 2 cm above the floor, with doors and loose objects as at first: legs of
+tables, and not what it drives under. `robomaker world map WORLD FOLDER --robot-height 0.2` writes one for another
+height.
 
 ## three.js and other viewers
 

@@ -7,7 +7,9 @@ weighs the same. `world.json` says which furniture a geom belongs to and where t
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+import re
 from dataclasses import dataclass, replace
+from io import BytesIO
 from math import cos, pi, sin
 from pathlib import Path
 from typing import Literal
@@ -15,6 +17,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from ....schemas.worlds.world import Furniture, World
 from ..bundle.bundle import MODEL_FILE, read_world
@@ -40,6 +43,8 @@ _KINDS: dict[int, Kind] = {
 _DEFAULT_COLOR = (0.5, 0.5, 0.5, 1.0)
 _NOT_DRAWN_GROUP = 3
 _CEILING_GROUP = 4
+_CEILING = "ceiling_"
+_FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,200}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +65,8 @@ class Shape:
     """Index in the compiled model, or -1."""
     mesh: int
     """Index in the compiled model, or -1."""
+    mesh_name: str
+    """Good as a part of a file's name, and the same in all worlds that have this mesh; empty: it is none."""
     drawn: bool
     ceiling: bool
     """Seen from below only, so that one can look into rooms from above."""
@@ -205,20 +212,40 @@ def _shape(model: mujoco.MjModel, geom: int, colors: list[Vector]) -> Shape:
     if material >= 0 and np.allclose(color, _DEFAULT_COLOR):
         color = colors[material]
     group = int(model.geom_group[geom])
+    half, position = _half(kind, model.geom_size[geom]), model.geom_pos[geom].copy()
+    rotation = matrix_of(model.geom_quat[geom])
+    ceiling = group == _CEILING_GROUP or (kind == "mesh" and name.startswith(_CEILING))
+    if ceiling and kind == "mesh":
+        # A tray that is open at the top: each format has its own way to show a ceiling from below only.
+        kind, half, position, rotation = "box", *_surrounding_box(model, geom, position, rotation)
     return Shape(
         name=name,
         kind=kind,
-        half=_half(kind, model.geom_size[geom]),
-        position=model.geom_pos[geom].copy(),
-        rotation=matrix_of(model.geom_quat[geom]),
+        half=half,
+        position=position,
+        rotation=rotation,
         color=tuple(round(float(value), 3) for value in color),  # pyright: ignore[reportArgumentType]
         material=material,
         mesh=int(model.geom_dataid[geom]) if kind == "mesh" else -1,
+        mesh_name=_mesh_name(model, int(model.geom_dataid[geom])) if kind == "mesh" else "",
         drawn=group != _NOT_DRAWN_GROUP,
-        ceiling=group == _CEILING_GROUP,
+        ceiling=ceiling,
         collides=bool(model.geom_contype[geom] or model.geom_conaffinity[geom]),
         friction=round(float(model.geom_friction[geom, 0]), 4),
     )
+
+
+def _mesh_name(model: mujoco.MjModel, mesh: int) -> str:
+    name = model.mesh(mesh).name
+    return name if _FILE_NAME.fullmatch(name) else str(mesh)
+
+
+def _surrounding_box(
+    model: mujoco.MjModel, geom: int, position: Vector, rotation: Matrix
+) -> tuple[tuple[float, float, float], Vector, Matrix]:
+    """Half extents, middle and turn of the box around a geom that stands square."""
+    x, y, z = (float(value) for value in np.abs(rotation) @ model.geom_aabb[geom, 3:])
+    return (x, y, z), position + rotation @ model.geom_aabb[geom, :3], np.eye(3)
 
 
 def _half(kind: Kind, size: Vector) -> tuple[float, float, float]:
@@ -261,15 +288,32 @@ def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | 
     return model.tex_data[start : start + int(np.prod(shape))].reshape(shape)
 
 
-def texture_png(scene: Scene, material: int) -> bytes | None:
-    """The file of the picture on a material; None if it has none, or one that MuJoCo makes itself."""
+def texture_name(model: mujoco.MjModel, material: int) -> str:
+    """The name of the picture on a material that has one; boxes and meshes show one picture by two materials."""
+    return model.tex(int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])).name
+
+
+def texture_file(scene: Scene, material: int) -> str | None:
+    """The path in the bundle of the picture on a material; None if it has none, or one that MuJoCo makes itself."""
     texture = int(scene.model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
     start = int(scene.model.tex_pathadr[texture]) if texture >= 0 else -1
     if start < 0 or scene.folder is None:
         return None
-    name = scene.model.paths[start:].split(b"\0", 1)[0].decode()
-    path = scene.folder / name
-    return path.read_bytes() if name.endswith(".png") and path.is_file() else None
+    # MuJoCo tells it from where the process is.
+    path = Path(scene.model.paths[start:].split(b"\0", 1)[0].decode()).resolve()
+    folder = scene.folder.resolve()
+    inside = path.suffix == ".png" and path.is_relative_to(folder) and path.is_file()
+    return path.relative_to(folder).as_posix() if inside else None
+
+
+def material_png(scene: Scene, material: int) -> bytes:
+    """The picture on a material that has one, as PNG: its file, or one that is written anew."""
+    if scene.folder is not None and (name := texture_file(scene, material)) is not None:
+        return (scene.folder / name).read_bytes()
+    pixels, png = texture_pixels(scene.model, material), BytesIO()
+    assert pixels is not None
+    Image.fromarray(pixels.squeeze()).save(png, "PNG")
+    return png.getvalue()
 
 
 def _body_thing(model: mujoco.MjModel, body: int, labels: dict[str, str], colors: list[Vector]) -> Thing:

@@ -8,21 +8,19 @@ the rooms from above.
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
-from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import mujoco
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
-from PIL import Image
 from trimesh.exchange.gltf import export_glb
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial
 
 from .export_meshes import Mesh, capsule_mesh, compiled_mesh, unit_mesh
-from .export_scene import Matrix, Scene, Shape, Vector, read_scene, texture_pixels, texture_png
+from .export_scene import Matrix, Scene, Shape, Vector, material_png, read_scene, texture_name
+from .export_surfaces import is_pictured, linear, picture_coordinates
 
 _TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _ROUGHNESS = 0.85
@@ -126,7 +124,7 @@ class _Writer:
         key = f"{form} {shape.half if fixed else ''} {shape.mesh} {material}"
         if key not in self._built.geometry:
             mesh = _mesh_of(self._model, shape, form, scaled=textured)
-            uv = self._texture_coordinates(mesh, shape) if textured else None
+            uv = picture_coordinates(self._model, shape, mesh) if textured else None
             self._built.geometry[key] = trimesh.Trimesh(
                 mesh.positions,
                 mesh.triangles,
@@ -139,32 +137,16 @@ class _Writer:
         )
         return key, _matrix(position, shape.rotation * scale)
 
-    def _texture_coordinates(self, mesh: Mesh, shape: Shape) -> NDArray[np.float64]:
-        """The picture projected along each face's normal, in the shape's own axes."""
-        axis = np.abs(mesh.normals).argmax(axis=1)
-        # Which two axes run along the picture's width and height, by the normal's axis.
-        across, up = np.array([2, 0, 0])[axis], np.array([1, 2, 1])[axis]
-        rows = np.arange(len(axis))
-        u, v = mesh.positions[rows, across], mesh.positions[rows, up]
-        repeat = self._model.mat_texrepeat[shape.material]
-        if not self._model.mat_texuniform[shape.material]:
-            half = np.maximum(np.array(shape.half), 1e-6)
-            u, v = u / (2 * half[across]), v / (2 * half[up])
-        # trimesh counts from the picture's lower edge.
-        return np.stack([repeat[0] * u - 0.5, 1.5 + repeat[1] * v], axis=1)
-
     def _material(self, shape: Shape) -> tuple[str, bool]:
         """The material's name, and whether there is a picture on it."""
-        pixels = texture_pixels(self._model, shape.material) if shape.material >= 0 else None
-        # Round shapes and meshes have colours of their own beside the material's.
-        textured = pixels is not None and shape.kind in ("box", "plane", "cylinder")
-        name = self._model.material(shape.material).name if textured else "#" + " ".join(map(str, shape.color))
+        textured = is_pictured(self._model, shape)
+        name = texture_name(self._model, shape.material) if textured else "#" + " ".join(map(str, shape.color))
         if name not in self._materials:
             picture, color = None, np.array(shape.color)
-            if pixels is not None and textured:
-                picture = self._pictures[name] = _Picture(texture_png(self._scene, shape.material) or _png(pixels))
+            if textured:
+                picture = self._pictures[name] = _Picture(material_png(self._scene, shape.material))
                 color = self._model.mat_rgba[shape.material]
-            self._colors[name] = [round(_linear(float(value)), 4) for value in color[:3]] + [round(float(color[3]), 4)]
+            self._colors[name] = [round(linear(float(value)), 4) for value in color[:3]] + [round(float(color[3]), 4)]
             self._materials[name] = PBRMaterial(
                 name=name,
                 metallicFactor=0.0,
@@ -174,12 +156,6 @@ class _Writer:
                 alphaMode="BLEND" if color[3] < 1 else None,
             )
         return name, textured
-
-
-def _png(pixels: NDArray[np.uint8]) -> bytes:
-    png = BytesIO()
-    Image.fromarray(pixels.squeeze()).save(png, "PNG")
-    return png.getvalue()
 
 
 def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) -> Mesh:
@@ -198,8 +174,3 @@ def _matrix(position: Vector, rotation: Matrix) -> Matrix:
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = rotation, position
     return np.round(matrix, _DIGITS)
-
-
-def _linear(value: float) -> float:
-    """Linear intensity of a colour component as screens show it (sRGB)."""
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

@@ -4,20 +4,18 @@ That version has boxes, cylinders, spheres, planes and meshes. Ellipsoids for th
 those that collide boxes of the same volume; a capsule becomes a cylinder and two spheres.
 """
 
-# MuJoCo ships no types for its compiled module.
-# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from functools import cache
 from math import asin, atan2, pi
+from pathlib import PurePosixPath
 
-import mujoco
 import numpy as np
 
 from .export_meshes import compiled_mesh, obj_text, unit_mesh
-from .export_scene import Inertia, Joint, Matrix, Shape, Thing, Vector
+from .export_scene import Inertia, Joint, Matrix, Scene, Shape, Thing, Vector, texture_file
+from .export_surfaces import drawn_mesh, is_pictured, picture_coordinates
 
 SDF_VERSION = "1.6"
 
@@ -27,25 +25,42 @@ _SAME_VOLUME = (pi / 6) ** (1 / 3)
 """A box of this share of an ellipsoid's extents has its volume."""
 _SPECULAR = "0.05 0.05 0.05 1"
 
+Pictures = dict[str, tuple[str, str]]
+"""Paths of the mesh and of the picture, in the model's folder, of shapes that have one, by their names."""
 
-def model_files(thing: Thing, name: str, model: mujoco.MjModel) -> dict[str, str]:
+
+def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
     """A model folder's files by their paths in it: `model.config`, `model.sdf` and meshes.
 
     Args:
-        thing: what it is made from.
+        thing: what it is made from; pictures are those beside the model, which only a building has.
         name: the model's name, which is its folder's.
-        model: the compiled MJCF that the thing is from.
+        scene: the world that the thing is from.
     """
-    meshes = {}
+    meshes: dict[str, str] = {}
+    pictures: Pictures = {}
     for shape in thing.shapes:
+        if (picture := _picture(thing, shape, scene)) is not None:
+            path, mesh = f"meshes/{shape.name}_drawn.obj", drawn_mesh(scene.model, shape)
+            pictures[shape.name] = path, picture
+            look = PurePosixPath(picture).stem
+            meshes[path] = obj_text(mesh, picture_coordinates(scene.model, shape, mesh), look)
+            # Gazebo 9 and 11 know no PBR materials.
+            meshes[f"meshes/{look}.mtl"] = f"newmtl {look}\nKd 1 1 1\nmap_Kd ../{picture}\n"
         if shape.kind == "ellipsoid" and shape.drawn:
             meshes[_mesh_path(shape)] = _ellipsoid_obj()
-        elif shape.kind == "mesh":
-            meshes[_mesh_path(shape)] = obj_text(compiled_mesh(model, shape.mesh))
-    return {"model.config": _config(thing, name), "model.sdf": model_sdf(thing, name), **meshes}
+        elif shape.kind == "mesh" and (shape.collides or shape.name not in pictures):
+            meshes[_mesh_path(shape)] = obj_text(compiled_mesh(scene.model, shape.mesh))
+    return {"model.config": _config(thing, name), "model.sdf": model_sdf(thing, name, pictures), **meshes}
 
 
-def model_sdf(thing: Thing, name: str) -> str:
+def _picture(thing: Thing, shape: Shape, scene: Scene) -> str | None:
+    """The path in the bundle of the picture that is drawn on a shape."""
+    pictured = thing.kind == "building" and shape.drawn and not shape.endless and is_pictured(scene.model, shape)
+    return texture_file(scene, shape.material) if pictured else None
+
+
+def model_sdf(thing: Thing, name: str, pictures: Pictures) -> str:
     """The model as SDF text: one link, static unless the thing moves, and the joint that ties it to the world."""
     root = ET.Element("sdf", version=SDF_VERSION)
     model = ET.SubElement(root, "model", name=name)
@@ -57,7 +72,7 @@ def model_sdf(thing: Thing, name: str) -> str:
         for simple in _simple_collisions(shape):
             _collision(link, simple, name)
         for simple in _simple_visuals(shape):
-            _visual(link, simple, name)
+            _visual(link, simple, name, pictures.get(shape.name))
     if thing.joint:
         _joint(model, thing.joint)
     return xml_text(root)
@@ -142,18 +157,27 @@ def _collision(link: ET.Element, shape: Shape, model: str) -> None:
     _text(ode, "mu2", numbers([shape.friction]))
 
 
-def _visual(link: ET.Element, shape: Shape, model: str) -> None:
+def _visual(link: ET.Element, shape: Shape, model: str, pictured: tuple[str, str] | None) -> None:
     visual = ET.SubElement(link, "visual", name=shape.name)
     _placed(visual, shape.position, shape.rotation)
-    _geometry(visual, shape, model)
+    if pictured is None:
+        _geometry(visual, shape, model)
+    else:
+        _text(ET.SubElement(ET.SubElement(visual, "geometry"), "mesh"), "uri", f"model://{model}/{pictured[0]}")
     if shape.ceiling:
         _text(visual, "cast_shadows", "false")
     if shape.color[3] < 1:
         _text(visual, "transparency", numbers([1 - shape.color[3]]))
     material = ET.SubElement(visual, "material")
-    color = numbers(shape.color, 3)
+    # A picture is multiplied by the colour.
+    color = numbers(shape.color, 3) if pictured is None else numbers([1, 1, 1, shape.color[3]], 3)
     for tag, value in (("ambient", color), ("diffuse", color), ("specular", _SPECULAR)):
         _text(material, tag, value)
+    if pictured is not None:
+        metal = ET.SubElement(ET.SubElement(material, "pbr"), "metal")
+        _text(metal, "albedo_map", f"model://{model}/{pictured[1]}")
+        _text(metal, "metalness", "0")
+        _text(metal, "roughness", "0.85")
 
 
 def _geometry(parent: ET.Element, shape: Shape, model: str) -> None:
@@ -183,7 +207,7 @@ def _ellipsoid_obj() -> str:
 
 
 def _mesh_path(shape: Shape) -> str:
-    return "meshes/ellipsoid.obj" if shape.kind == "ellipsoid" else f"meshes/mesh_{shape.mesh}.obj"
+    return "meshes/ellipsoid.obj" if shape.kind == "ellipsoid" else f"meshes/mesh_{shape.mesh_name}.obj"
 
 
 def _inertial(link: ET.Element, inertia: Inertia) -> None:

@@ -35,7 +35,7 @@ class SharedModels:
             number += 1
             name = f"{first}_{number}"
         self._things[name] = square
-        self.files[name] = model_files(square, name, scene.model)
+        self.files[name] = model_files(square, name, scene)
         return name
 
 

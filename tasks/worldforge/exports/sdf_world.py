@@ -47,7 +47,7 @@ def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
         model = shared.add(thing, scene)
         used.append(model)
         _include(world, thing.name, model, pose_text(thing.position, thing.rotation))
-    return SdfWorld(xml_text(root), model_files(building, name, scene.model), tuple(dict.fromkeys(used)))
+    return SdfWorld(xml_text(root), model_files(building, name, scene), tuple(dict.fromkeys(used)))
 
 
 def _add(parent: ET.Element, tag: str, text: str) -> None:

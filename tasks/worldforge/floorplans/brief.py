@@ -37,8 +37,26 @@ HABITABLE: frozenset[RoomType] = frozenset({"Bedroom", "Dining", "Kitchen", "Liv
 PUBLIC: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
 """Types of rooms that others may be reached through."""
 
-RATIO_TOLERANCE = 0.2
-"""Logarithmic deviation of an aspect ratio that still satisfies the preference: a factor of 1.22."""
+RATIO_TOLERANCE = log(1.15)
+"""Logarithmic deviation of an aspect ratio that still satisfies the preference."""
+
+# What faults cost, in all searches. Costs of a plan are summed; a deviation of a ratio is the absolute logarithm
+# of actual over desired, and costs itself. A fault that makes a plan useless (9.0) outweighs everything that a
+# plan may miss otherwise.
+MISSED_PREFERENCE = 0.6
+"""Added to a deviation above the tolerance, which is that of the report."""
+
+OUTLIER = 1.5
+"""Factor of a deviation's square, so that one bad room costs more than two that are a little off."""
+
+FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
+"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
+
+TOO_NARROW = 9.0
+NOT_CONNECTED = 9.0
+MISSED_CONNECTION = 2.5
+STRANGE_NEIGHBOURS = 0.8
+"""Most that a room between others that it does not belong to costs."""
 
 LIT_WALL = 44
 """Length of outer wall that a window needs, in units."""

@@ -1,5 +1,6 @@
 """Makes a floor plan from a template: rooms, walls, ways, windows, and the outcome of its preferences."""
 
+from collections.abc import Sequence
 from random import Random
 from typing import NamedTuple
 
@@ -7,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.templates.body import TemplateFloorplan, WorldTemplateBody
-from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall, Window
+from ....schemas.worlds.world import Floorplan, Passage, Point, Room, RoomType, Wall, Window
 from ..doors.doors import hang_doors
-from .brief import EXTERIOR_WALL, Brief, brief, length_over_width
+from .brief import EXTERIOR_WALL, brief, length_over_width
 from .connections import Way, connect
-from .partition import UNITS_PER_M, Corners, Partition, area, extent, slenderness
+from .floors import floor_areas, floor_ratios
+from .partition import UNITS_PER_M, Corners, Partition, area, extent, outline
 from .partition_search import find_partition
 from .preferences import preference_report
 from .walls import Pane, Piece, build_walls, place_windows
@@ -38,8 +40,9 @@ class Spots(NamedTuple):
 def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Floorplan:
     """Makes a floor plan; the same body and the same generator state give the same plan.
 
-    Rooms tile the footprint. Every room is connected. The origin lies inside a room, at least 0.5 m
-    from every wall, and all coordinates are multiples of 5 cm.
+    Rooms tile the footprint, which is set back from a rectangle where that grants more wishes. Every room is
+    connected. The origin lies inside a room, at least 0.5 m from every wall, and all coordinates are multiples of
+    5 cm.
 
     Args:
         body: the template.
@@ -55,29 +58,36 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
     plan = find_partition(numbers, dice)
     ways = connect(plan, numbers, dice)
     panes = place_windows(plan, numbers, dice)
-    spots = [_spots(corners) for corners in plan.rooms]
-    origin = _origin(plan, numbers, ways, spots)
+    spots = [spots_in(corners) for corners in plan.rooms]
+    origin = choose_origin(plan.rooms, numbers.types, ways, spots)
     drawn = Floorplan(
-        footprint=_points(((0, 0), (plan.width, 0), (plan.width, plan.height), (0, plan.height)), origin),
+        footprint=placed_points(outline(plan), origin),
         ceiling_height_m=preferences.Ceiling.Height,
         rooms=[_room(preferences, plan, number, spots[number], origin) for number in range(len(plan.rooms))],
-        walls=[_wall(piece, numbers, origin) for piece in build_walls(plan, ways)],
-        passages=[_passage(way, numbers, origin) for way in ways],
-        windows=[_window(pane, numbers, origin) for pane in panes],
+        walls=[placed_wall(piece, numbers.names, origin) for piece in build_walls(plan, ways)],
+        passages=[placed_passage(way, numbers.names, origin) for way in ways],
+        windows=[placed_window(pane, numbers.names, origin) for pane in panes],
         wishes=preference_report(preferences, numbers, plan, ways),
     )
     return hang_doors(drawn)[0] if body.Version == "2" else drawn
 
 
-def _origin(plan: Partition, numbers: Brief, ways: list[Way], spots: list[Spots]) -> Spot:
-    """A free spot: in the largest living room or hallway if that is wide enough, near its ways in."""
+def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Sequence[Way], spots: list[Spots]) -> Spot:
+    """A free spot: in the largest living room or hallway if that is wide enough, near its ways in.
+
+    Args:
+        rooms: the rooms' corners.
+        types: their types.
+        ways: the ways between them.
+        spots: those of each room.
+    """
 
     def rank(room: int) -> tuple[int, bool, float]:
-        public = numbers.types[room] in ("Living", "Hallway")
+        public = types[room] in ("Living", "Hallway")
         clearance = round(spots[room].clearance.max())
-        return min(clearance, _ORIGIN_CLEARANCE), public, area(plan.rooms[room])
+        return min(clearance, _ORIGIN_CLEARANCE), public, area(rooms[room])
 
-    room = max(range(len(plan.rooms)), key=rank)
+    room = max(range(len(rooms)), key=rank)
     x, y, clearance = spots[room]
     # A room without ways has its middle instead.
     doors = [_middle(way) for way in ways if room in way.pair] or [(int(x.mean()), int(y.mean()))]
@@ -86,7 +96,7 @@ def _origin(plan: Partition, numbers: Brief, ways: list[Way], spots: list[Spots]
     return int(x[best]), int(y[best])
 
 
-def _spots(corners: Corners) -> Spots:
+def spots_in(corners: Corners) -> Spots:
     """A lattice of spots over a room."""
     box = extent(corners)
     steps = np.arange(1, _LATTICE)
@@ -107,15 +117,49 @@ def _middle(way: Way) -> Spot:
     return (along, way.contact.at) if way.contact.horizontal else (way.contact.at, along)
 
 
-def _points(spots: Corners, origin: Spot) -> list[Point]:
+def placed_points(spots: Corners, origin: Spot) -> list[Point]:
+    """Corners in metres from the origin."""
     # Dividing whole numbers gives the nearest float to the decimal: 3.15, not 3.1500000000000004.
     return [((x - origin[0]) / UNITS_PER_M, (y - origin[1]) / UNITS_PER_M) for x, y in spots]
 
 
 def _ends(horizontal: bool, at: int, start: int, end: int, origin: Spot) -> tuple[Point, Point]:
     spots = ((start, at), (end, at)) if horizontal else ((at, start), (at, end))
-    first, last = _points(spots, origin)
+    first, last = placed_points(spots, origin)
     return first, last
+
+
+def placed_wall(piece: Piece, names: Sequence[str], origin: Spot) -> Wall:
+    """A piece of wall."""
+    start, end = _ends(piece.horizontal, piece.at, piece.start, piece.end, origin)
+    return Wall(
+        start=start,
+        end=end,
+        thickness_m=piece.thickness / UNITS_PER_M,
+        exterior=len(piece.rooms) == 1,
+        rooms=[names[room] for room in piece.rooms],
+        lintel=piece.lintel,
+        bottom_m=LINTEL_M if piece.lintel else 0.0,
+    )
+
+
+def placed_passage(way: Way, names: Sequence[str], origin: Spot) -> Passage:
+    """A way between rooms."""
+    start, end = _ends(way.contact.horizontal, way.contact.at, way.start, way.end, origin)
+    return Passage(
+        kind=way.kind,
+        rooms=(names[way.pair[0]], names[way.pair[1]]),
+        start=start,
+        end=end,
+        width_m=(way.end - way.start) / UNITS_PER_M,
+        requested=way.requested,
+    )
+
+
+def placed_window(pane: Pane, names: Sequence[str], origin: Spot) -> Window:
+    """A window."""
+    start, end = _ends(pane.horizontal, pane.at, pane.start, pane.end, origin)
+    return Window(start=start, end=end, room=names[pane.room])
 
 
 def _room(preferences: TemplateFloorplan, plan: Partition, number: int, spots: Spots, origin: Spot) -> Room:
@@ -125,40 +169,11 @@ def _room(preferences: TemplateFloorplan, plan: Partition, number: int, spots: S
         name=preference.Name,
         original_name=preference.OriginalName,
         type=preference.Type,
-        polygon=_points(corners, origin),
+        polygon=placed_points(corners, origin),
         area_m2=area(corners) / UNITS_PER_M**2,
-        aspect_ratio=round(slenderness(plan, number), 4),
+        floor_area_m2=floor_areas(plan)[number] / UNITS_PER_M**2,
+        aspect_ratio=round(floor_ratios(plan)[number], 4),
         desired_area_m2=preference.DesiredShape.Area,
         desired_aspect_ratio=length_over_width(preference.DesiredShape.AspectRatio),
-        goal=_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],
+        goal=placed_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],
     )
-
-
-def _wall(piece: Piece, numbers: Brief, origin: Spot) -> Wall:
-    start, end = _ends(piece.horizontal, piece.at, piece.start, piece.end, origin)
-    return Wall(
-        start=start,
-        end=end,
-        thickness_m=piece.thickness / UNITS_PER_M,
-        exterior=len(piece.rooms) == 1,
-        rooms=[numbers.names[room] for room in piece.rooms],
-        lintel=piece.lintel,
-        bottom_m=LINTEL_M if piece.lintel else 0.0,
-    )
-
-
-def _passage(way: Way, numbers: Brief, origin: Spot) -> Passage:
-    start, end = _ends(way.contact.horizontal, way.contact.at, way.start, way.end, origin)
-    return Passage(
-        kind=way.kind,
-        rooms=(numbers.names[way.pair[0]], numbers.names[way.pair[1]]),
-        start=start,
-        end=end,
-        width_m=(way.end - way.start) / UNITS_PER_M,
-        requested=way.requested,
-    )
-
-
-def _window(pane: Pane, numbers: Brief, origin: Spot) -> Window:
-    start, end = _ends(pane.horizontal, pane.at, pane.start, pane.end, origin)
-    return Window(start=start, end=end, room=numbers.names[pane.room])

@@ -13,7 +13,7 @@ All coordinates are multiples of `UNIT_M`, which is also the resolution of the o
 tile exactly, and wall faces fall on cell borders.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from math import sqrt
 from typing import NamedTuple
 
@@ -239,3 +239,58 @@ def contacts(rooms: Sequence[Corners]) -> list[Contact]:
         for other_start, other_end, high in above
         if max(start, other_start) < min(end, other_end)
     ]
+
+
+class Side(NamedTuple):
+    """A straight piece of the outline, beside one room."""
+
+    horizontal: bool
+    at: int
+    start: int
+    end: int
+    room: int
+    forward: bool
+    """Whether the room lies to the left of the way from start to end."""
+
+
+def border(rooms: Sequence[Corners]) -> list[Side]:
+    """All sides of rooms that no other room lies beside, cut where one begins."""
+    found: list[Side] = []
+    for (horizontal, at), (below, above) in lines(rooms).items():
+        for own, others in ((below, above), (above, below)):
+            for start, end, room in own:
+                forward = horizontal == (own is above)
+                found += [Side(horizontal, at, low, high, room, forward) for low, high in _left(start, end, others)]
+    return found
+
+
+def in_rectangle(plan: Partition, side: Side) -> bool:
+    """Whether it lies on the plan's rectangle; otherwise the outline is set back there."""
+    return side.at in (0, plan.height if side.horizontal else plan.width)
+
+
+def outline(plan: Partition) -> Corners:
+    """The outline's corners, counter-clockwise, from the lowest of those that lie furthest left."""
+    following: dict[tuple[int, int], tuple[int, int]] = {}
+    for side in border(plan.rooms):
+        low, high = ((along, side.at) if side.horizontal else (side.at, along) for along in (side.start, side.end))
+        following.update({low: high} if side.forward else {high: low})
+    corners = [min(following)]
+    while (corner := following[corners[-1]]) != corners[0]:
+        corners.append(corner)
+    return tuple(
+        corner
+        for before, corner, after in zip((corners[-1], *corners), corners, (*corners[1:], corners[0]), strict=False)
+        if not (before[0] == corner[0] == after[0] or before[1] == corner[1] == after[1])
+    )
+
+
+def _left(start: int, end: int, others: list[tuple[int, int, int]]) -> Iterator[tuple[int, int]]:
+    """What of a span others leave."""
+    for low, high, _ in sorted(others):
+        if low < end and high > start:
+            if low > start:
+                yield start, low
+            start = max(start, high)
+    if start < end:
+        yield start, end

@@ -6,21 +6,30 @@ It is called where rectangles do badly: a closet in the corner of a hall is bett
 from collections.abc import Sequence
 from math import inf, log, sqrt
 from random import Random
+from typing import NamedTuple
 
 from ....schemas.wire.errors import WorldGenerationError
 from ....schemas.worlds.world import RoomType
-from .brief import HABITABLE, OPENING_WIDTH, Brief, affinity, doors_in, shared_spans
-from .cost_weights import (
+from .brief import (
+    EXTERIOR_WALL,
     FOOTPRINT_WEIGHTS,
+    HABITABLE,
+    INTERIOR_WALL,
     MISSED_CONNECTION,
     MISSED_PREFERENCE,
     NOT_CONNECTED,
+    OPENING_WIDTH,
     OUTLIER,
+    RATIO_TOLERANCE,
     STRANGE_NEIGHBOURS,
-    TOLERANCE,
     TOO_NARROW,
+    Brief,
+    affinity,
+    doors_in,
+    shared_spans,
 )
-from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, extent, partition, slenderness
+from .floors import AREA_TOLERANCE, floor_areas, inside_walls
+from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, area, extent, partition, slenderness
 
 MAX_CLIMBS = 40
 """Hill climbs before giving up; the first few nearly always succeed."""
@@ -44,6 +53,20 @@ _RATIO_SHARE = 0.1
 
 _PLAIN_RATIOS = (1.0, 1.2, 4 / 3, 1.5, 1.75, 2.0, 2.5, 3.0, 4.0)
 
+_AREA_WEIGHT = 0.25
+_SETTLINGS = 3
+"""How often what walls take is measured and a plan cut again."""
+
+
+class Draft(NamedTuple):
+    """What a partition is cut from."""
+
+    expression: tuple[int, ...]
+    ratio: float
+    """Extent along x over extent along y."""
+    areas: tuple[float, ...]
+    """Square metres of each room between the centre lines of its walls."""
+
 
 class PlanEvaluator:
     """Says what a partition costs under a brief; 0 is perfect."""
@@ -53,7 +76,7 @@ class PlanEvaluator:
         self.min_sides = brief.min_sides
         self.possible_ratios = [
             # A little off the limit, because sides are rounded to units.
-            min(ratio, 0.97 * square_metres * UNITS_PER_M**2 / least**2)
+            min(ratio, 0.97 * square_metres * UNITS_PER_M**2 / (least - INTERIOR_WALL) ** 2)
             for ratio, square_metres, least in zip(brief.ratios, brief.areas_m2, self.min_sides, strict=True)
         ]
         self.log_ratios = [log(ratio) for ratio in brief.ratios]
@@ -76,18 +99,17 @@ class PlanEvaluator:
 
     def _shapes(self, plan: Partition) -> float:
         off = abs(log(plan.width / plan.height) - self.log_footprint)
-        cost = FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (off + (MISSED_PREFERENCE if off > TOLERANCE else 0.0))
+        cost = FOOTPRINT_WEIGHTS[min(len(plan.rooms), 3)] * (
+            off + (MISSED_PREFERENCE if off > RATIO_TOLERANCE else 0.0)
+        )
+        inside = inside_walls(plan)
         for room, corners in enumerate(plan.rooms):
             kind = self.brief.types[room]
             if plan.arms[room] < self.min_sides[room]:
                 cost += TOO_NARROW + (self.min_sides[room] - plan.arms[room]) / UNITS_PER_M
-                if plan.arms[room] <= 0:
+                if plan.arms[room] <= EXTERIOR_WALL:
                     continue
-            off = log(slenderness(plan, room)) - self.log_ratios[room]
-            if kind == "Hallway" and off > 0:
-                off /= 2  # a hallway that is longer than preferred is still a good hallway
-            off = abs(off)
-            cost += off + OUTLIER * off * off + (MISSED_PREFERENCE if off > TOLERANCE else 0.0)
+            cost += self._off_shape(inside, room)
             if len(corners) > 4:
                 cost += _BENT.get(kind, _BENT_OTHERWISE)
             if kind in HABITABLE:
@@ -95,6 +117,16 @@ class PlanEvaluator:
                 if box.x0 > 0 and box.y0 > 0 and box.x1 < plan.width and box.y1 < plan.height:
                     cost += _DARK
         return cost
+
+    def _off_shape(self, inside: Partition, room: int) -> float:
+        """What it costs that a floor is off its ratio and its area."""
+        off = log(slenderness(inside, room)) - self.log_ratios[room]
+        if self.brief.types[room] == "Hallway" and off > 0:
+            off /= 2  # a hallway that is longer than preferred is still a good hallway
+        off = abs(off)
+        cost = off + OUTLIER * off * off + (MISSED_PREFERENCE if off > RATIO_TOLERANCE else 0.0)
+        off = abs(area(inside.rooms[room]) / (self.brief.areas_m2[room] * UNITS_PER_M**2) - 1)
+        return cost + _AREA_WEIGHT * off + (MISSED_PREFERENCE if off > AREA_TOLERANCE else 0.0)
 
     def _neighbours(self, plan: Partition) -> float:
         if len(plan.rooms) == 1:
@@ -165,9 +197,10 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
         if climb >= _CLIMBS and (valid or below is not None):
             break
         steps = _climb(evaluator, dice, any_footprint=climb >= _CLIMBS)
-        for plan in sorted(steps, key=lambda plan: steps[plan])[:_TOP]:
-            if evaluator.is_valid(plan) and (below is None or (evaluator.is_bent(plan) and steps[plan] < below)):
-                valid[plan] = steps[plan]
+        for draft in sorted(steps, key=lambda draft: steps[draft])[:_TOP]:
+            plan, cost = _settled(evaluator, draft)
+            if evaluator.is_valid(plan) and (below is None or (evaluator.is_bent(plan) and cost < below)):
+                valid[plan] = cost
     if valid:
         return min(valid, key=lambda plan: valid[plan])
     if below is not None:
@@ -178,7 +211,7 @@ def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Pa
     )
 
 
-def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> dict[Partition, float]:
+def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> dict[Draft, float]:
     """Improves one random slicing tree by small changes; steps back are taken less and less.
 
     Args:
@@ -187,30 +220,50 @@ def _climb(evaluator: PlanEvaluator, dice: Random, *, any_footprint: bool) -> di
         any_footprint: begin with any outline, where the desired one has led nowhere.
 
     Returns:
-        The partitions on the way, with their costs.
+        The drafts on the way, with the costs of their partitions.
     """
     brief = evaluator.brief
     count = len(brief.areas_m2)
     ratios = _footprint_ratios(evaluator)
     expression = _random_tree(dice.sample(range(count), count), dice)
     ratio = dice.choice(ratios) if any_footprint else brief.footprint_ratio
-    plan = _cut(evaluator, expression, ratio)
+    draft = Draft(tuple(expression), ratio, brief.areas_m2)
+    plan = _cut(evaluator, draft)
     cost = evaluator.cost(plan)
-    taken = {plan: cost}
+    taken = {draft: cost}
     steps = max(_LEAST_STEPS, _STEPS_PER_SQUARE * count**2)
     for step in range(steps):
-        changed, changed_ratio = expression, ratio
+        changed = draft._replace(areas=_with_walls(evaluator, draft, plan))
         if count == 1 or dice.random() < _RATIO_SHARE:
-            changed_ratio = brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios)
+            changed = changed._replace(ratio=brief.footprint_ratio if dice.random() < 0.5 else dice.choice(ratios))
         else:
-            changed = _changed(expression, dice)
-        plan = _cut(evaluator, changed, changed_ratio)
+            changed = changed._replace(expression=tuple(_changed([*draft.expression], dice)))
+        changed_plan = _cut(evaluator, changed)
         limit = cost + _TEMPERATURE * (1 - step / steps) * dice.expovariate(1)
-        changed_cost = evaluator.cost(plan, limit)
+        changed_cost = evaluator.cost(changed_plan, limit)
         if changed_cost <= limit:
-            expression, ratio, cost = changed, changed_ratio, changed_cost
-            taken[plan] = cost
+            draft, plan, cost = changed, changed_plan, changed_cost
+            taken[draft] = cost
     return taken
+
+
+def _settled(evaluator: PlanEvaluator, draft: Draft) -> tuple[Partition, float]:
+    """The partition of a draft, its floors as near to the preferred areas as they get, and its cost."""
+    plan = _cut(evaluator, draft)
+    best = plan, evaluator.cost(plan)
+    for _ in range(_SETTLINGS):
+        draft = draft._replace(areas=_with_walls(evaluator, draft, plan))
+        plan = _cut(evaluator, draft)
+        best = min(best, (plan, evaluator.cost(plan)), key=lambda found: found[1])
+    return best
+
+
+def _with_walls(evaluator: PlanEvaluator, draft: Draft, plan: Partition) -> tuple[float, ...]:
+    """The areas to cut with next, if the floors of a draft's plan were too small or too large."""
+    return tuple(
+        between * min(max(preferred * UNITS_PER_M**2 / max(floor, 1.0), 0.5), 2.0)
+        for between, preferred, floor in zip(draft.areas, evaluator.brief.areas_m2, floor_areas(plan), strict=True)
+    )
 
 
 def _footprint_ratios(evaluator: PlanEvaluator) -> list[float]:
@@ -222,11 +275,10 @@ def _footprint_ratios(evaluator: PlanEvaluator) -> list[float]:
     return [desired, *_PLAIN_RATIOS, *(1 / ratio for ratio in _PLAIN_RATIOS)]
 
 
-def _cut(evaluator: PlanEvaluator, expression: Sequence[int], ratio: float) -> Partition:
-    brief = evaluator.brief
-    square_units = sum(brief.areas_m2) * UNITS_PER_M**2
-    width = round(sqrt(square_units * ratio))
-    return partition(expression, brief.areas_m2, evaluator.possible_ratios, width, round(square_units / width))
+def _cut(evaluator: PlanEvaluator, draft: Draft) -> Partition:
+    square_units = sum(draft.areas) * UNITS_PER_M**2
+    width = round(sqrt(square_units * draft.ratio))
+    return partition(draft.expression, draft.areas, evaluator.possible_ratios, width, round(square_units / width))
 
 
 def _random_tree(rooms: list[int], dice: Random) -> list[int]:

@@ -14,25 +14,23 @@ from .brief import (
     DOOR_CLEARANCE,
     DOOR_WIDTH,
     EXTERIOR_WALL,
+    FOOTPRINT_WEIGHTS,
     HABITABLE,
     INTERIOR_WALL,
     LIT_WALL,
-    OPENING_WIDTH,
-    PUBLIC,
-    RATIO_TOLERANCE,
-    Brief,
-    affinity,
-)
-from .cost_weights import (
-    FOOTPRINT_WEIGHTS,
     MISSED_CONNECTION,
     MISSED_PREFERENCE,
     NOT_CONNECTED,
+    OPENING_WIDTH,
     OUTLIER,
+    PUBLIC,
+    RATIO_TOLERANCE,
     STRANGE_NEIGHBOURS,
-    TOLERANCE,
     TOO_NARROW,
+    Brief,
+    affinity,
 )
+from .floors import AREA_TOLERANCE
 from .partition import UNITS_PER_M, Partition
 from .partition_trees import Trees
 
@@ -40,6 +38,9 @@ Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 _AREA_WEIGHT = 0.25
+_USUAL_WALLS = 2.6
+"""By how many units a room is wider than its floor, on average: some rooms have outer walls, on some sides."""
+
 _DARK = 1.0
 _AWAY_FROM_HALLWAY = 0.35
 _BEHIND_PRIVATE = 0.7
@@ -63,7 +64,8 @@ class Nature(NamedTuple):
     valid: Flags
     """Whether every room is wide enough and a way leads to each."""
     misses: Flags
-    """Which preferences are missed: (preference, plan); the footprint, each room's ratio, each requested pair."""
+    """Which preferences are missed: (preference, plan); the footprint, each room's ratio, each room's area, each
+    requested pair."""
 
 
 def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
@@ -120,13 +122,17 @@ class BatchEvaluator:
         types = brief.types
         self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
         self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
+        """Of the floors, in square units."""
         self.footprint = log(brief.footprint_ratio)
         self.footprint_weight = FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
         self.preferred = np.log(np.array(brief.ratios))[:, None]
         # A little off the limit, because sides are rounded to units.
-        possible = np.log(np.maximum(0.97 * self.areas / self.least**2, 1.0))
+        possible = np.log(np.maximum(0.97 * self.areas / (self.least - INTERIOR_WALL) ** 2, 1.0))
         self.ratios = np.minimum(self.preferred, possible)
+        shorter = np.sqrt(self.areas / np.exp(self.ratios))
+        self.walls = np.log((1 + _USUAL_WALLS / shorter) * (1 + _USUAL_WALLS * shorter / self.areas))
+        """Logarithm of each room's area between centre lines over that of its floor, as it will about be."""
         self.longer = np.array([0.5 if kind == "Hallway" else 1.0 for kind in types])[:, None]
         self.habitable = np.array([kind in HABITABLE for kind in types])[:, None]
         self.public = np.array([kind in PUBLIC for kind in types])
@@ -138,35 +144,41 @@ class BatchEvaluator:
     def _number_of(self, pair: tuple[int, int]) -> int:
         return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)
 
-    def shapes(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Floats:
-        """What the rooms' shapes cost.
-
-        Args:
-            cuts: the plans.
-            footprint: logarithm of the extent along x over that along y.
-            areas: logarithm of each room's area over its preferred area.
-        """
-        off, narrow = self._off(cuts)
-        off_footprint = np.abs(footprint - self.footprint)
-        cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > TOLERANCE))
-        cost += (off + OUTLIER * off * off + MISSED_PREFERENCE * (off > TOLERANCE)).sum(axis=0)
-        cost += _AREA_WEIGHT * np.abs(areas).sum(axis=0)
+    def shapes(self, cuts: Cuts) -> Floats:
+        """What the rooms' shapes cost."""
+        off, narrow, areas = self._off(cuts)
+        off_footprint = self._off_footprint(cuts)
+        cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > RATIO_TOLERANCE))
+        cost += (off + OUTLIER * off * off + MISSED_PREFERENCE * (off > RATIO_TOLERANCE)).sum(axis=0)
+        cost += (_AREA_WEIGHT * areas + MISSED_PREFERENCE * (areas > AREA_TOLERANCE)).sum(axis=0)
         return cost + (TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
 
-    def _off(self, cuts: Cuts) -> tuple[Floats, Floats]:
-        """How far rooms are off their ratios, and by how many units they are too narrow."""
-        sides = np.maximum(cuts.high - cuts.low, 0.1)
-        off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
-        # A hallway that is longer than preferred is still a good hallway.
-        return np.where(off > 0, off * self.longer, -off), np.maximum(0.0, self.least - sides.min(axis=0))
+    def floors(self, cuts: Cuts) -> Floats:
+        """Sides of each room between the faces of its walls: (axis, room, plan)."""
+        limits = cuts.high.max(axis=1)[:, None]
+        outer = (cuts.low == 0).astype(float) + (cuts.high == limits)
+        return np.maximum(cuts.high - cuts.low - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
 
-    def evaluate(self, cuts: Cuts, footprint: Floats, areas: Floats) -> Nature:
-        """Everything about plans that were cut exactly; the arguments are those of `shapes`."""
+    def _off_footprint(self, cuts: Cuts) -> Floats:
+        """How far outlines are off their ratio."""
+        width, height = cuts.high.max(axis=1)
+        return np.abs(np.log(width / height) - self.footprint)
+
+    def _off(self, cuts: Cuts) -> tuple[Floats, Floats, Floats]:
+        """How far rooms are off their ratios, by how many units too narrow, and how far off their areas."""
+        sides = self.floors(cuts)
+        off = np.abs(np.log(sides[0] / sides[1])) - self.ratios
+        narrow = np.maximum(0.0, self.least - (cuts.high - cuts.low).min(axis=0))
+        # A hallway that is longer than preferred is still a good hallway.
+        return np.where(off > 0, off * self.longer, -off), narrow, np.abs(sides[0] * sides[1] / self.areas - 1)
+
+    def evaluate(self, cuts: Cuts) -> Nature:
+        """Everything about plans that were cut exactly."""
         spans = self._spans(cuts)
         doors = (spans - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
         fits = doors > 0
-        missed = np.zeros(len(footprint))
-        misses = [np.abs(footprint - self.footprint) > RATIO_TOLERANCE]
+        missed = np.zeros(cuts.low.shape[2])
+        misses = [self._off_footprint(cuts) > RATIO_TOLERANCE]
         for number, kind, count in self.requests:
             if kind == "Opening":
                 fits[number] = spans[number] >= OPENING_WIDTH
@@ -176,11 +188,12 @@ class BatchEvaluator:
         rooms, plans = cuts.low.shape[1:]
         ways = np.zeros((plans, rooms, rooms), bool)
         ways[:, self.pairs[0], self.pairs[1]] = ways[:, self.pairs[1], self.pairs[0]] = fits.T
-        sides = cuts.high - cuts.low
-        ratios = np.abs(np.log(sides[0] / np.maximum(sides[1], 0.1)))
-        misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE)]
+        sides = self.floors(cuts)
+        ratios = np.abs(np.log(sides[0] / sides[1]))
+        areas = np.abs(sides[0] * sides[1] / self.areas - 1)
+        misses[1:1] = [*(np.abs(ratios - self.preferred) > RATIO_TOLERANCE), *(areas > AREA_TOLERANCE)]
         reached = np.all(_closure(ways)[:, 0], axis=1)
-        cost = self.shapes(cuts, footprint, areas) + MISSED_CONNECTION * missed + NOT_CONNECTED * ~reached
+        cost = self.shapes(cuts) + MISSED_CONNECTION * missed + NOT_CONNECTED * ~reached
         cost += _DARK * (self.habitable & (self._outer(cuts) < LIT_WALL)).sum(axis=0) + self._neighbours(ways)
         wide = np.all(self._off(cuts)[1] <= 0, axis=0)
         # Rounded: another machine's last digit has to make no difference.

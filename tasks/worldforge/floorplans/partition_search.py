@@ -5,29 +5,32 @@ from random import Random
 
 import numpy as np
 
-from .brief import Brief
+from .brief import EXTERIOR_WALL, Brief
 from .partition import UNITS_PER_M, Corners, Partition
 from .partition_climb import climb_to_partition
 from .partition_costs import as_partition
-from .partition_shortlist import AREA_MARGIN, Shortlist, Variants, shortlist
+from .partition_setbacks import setback_shortlist
+from .partition_shortlist import Shortlist, shortlist
 
-_CHOICE_TEMPERATURE = 0.6
-_CHOICE_MARGIN = 1.0
-"""What a plan may cost more than the best one, to be drawn because it satisfies more preferences."""
+_CHOICE_TEMPERATURE = 0.4
+_CHOICE_MARGIN = 2.0
+"""What a plan may cost more than the best one, to be drawn because it satisfies as many preferences."""
 
-_ODD_SHARE = 0.08
-_ODD_MARGIN = 5.0
-_MOST_CHOICES = 60
-"""One world in twelve may have any plan that is not bad: for variety, also at the expense of a preference."""
+_EQUAL_MARGIN = 1.5
+"""What of those plans one may cost more than another: how far off they are where they miss a preference counts too."""
 
-_POOR = 3.0
-"""Cost of the best plan of rectangles above which L-shaped rooms are tried as well."""
+_CONNECTION_WEIGHT = 3
+"""As how many preferences of shape a requested connection counts."""
+
+_POOR = 5.0
+"""Cost of the best plan above which L-shaped rooms are tried as well, unless one grants all."""
 
 _DRAWS = 4
-_BENT_AREA = 0.02
-_BENT_FOOTPRINT = 0.03
 _WORSE = 0.2
 """By how much bending may add to the cost of a plan."""
+
+Choice = tuple[Shortlist, int]
+"""One plan of a list."""
 
 
 def find_partition(brief: Brief, dice: Random) -> Partition:
@@ -42,53 +45,62 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
     """
     if len(brief.areas_m2) == 1:
         return _only_room(brief, dice)
-    best = shortlist(brief)
-    if best.cost.size and best.cost[0] <= _POOR:
-        return _mirrored(_bent(best, _choice(best, dice), dice), dice)
-    least = float(best.cost[0]) if best.cost.size else None
-    plan = climb_to_partition(brief, dice, below=least)
-    return _mirrored(plan or _bent(best, _choice(best, dice), dice), dice)
+    lists = shortlists(brief)
+    if not any((~plans.misses.any(axis=0)).any() for plans in lists):
+        least = min((float(plans.cost[0]) for plans in lists), default=None)
+        if least is None or least > _POOR:
+            bent = climb_to_partition(brief, dice, below=least)
+            if bent is not None:
+                return _mirrored(bent, dice)
+    return _mirrored(_varied(_choice(lists, dice), dice), dice)
+
+
+def shortlists(brief: Brief) -> list[Shortlist]:
+    """The plans to choose from: those that fill a rectangle and, unless one of them grants all, those set back."""
+    full = shortlist(brief)
+    if full.cost.size and not full.misses[:, 0].any():
+        return [full]
+    return [plans for plans in (full, setback_shortlist(brief)) if plans.cost.size]
 
 
 def _only_room(brief: Brief, dice: Random) -> Partition:
     """The one room is the footprint, turned as the footprint is preferred or, if that is square, either way."""
-    least = brief.min_sides[0]
+    least = brief.min_sides[0] - EXTERIOR_WALL
     square_units = brief.areas_m2[0] * UNITS_PER_M**2
     ratio = min(brief.ratios[0], square_units / least**2)
     lying = dice.random() < 0.5 if brief.footprint_ratio == 1 else brief.footprint_ratio > 1
     short = max(least, round(sqrt(square_units / ratio)))
-    long = max(least, round(square_units / short))
+    long = max(least, round(square_units / short)) + EXTERIOR_WALL
+    short += EXTERIOR_WALL
     width, height = (long, short) if lying else (short, long)
     return Partition(width, height, (((0, 0), (width, 0), (width, height), (0, height)),), (min(width, height),))
 
 
-def _choice(best: Shortlist, dice: Random) -> int:
-    """The number of one of the good plans: of those that satisfy the most preferences, the better the likelier.
+def _choice(lists: list[Shortlist], dice: Random) -> Choice:
+    """One of the good plans: of those that miss fewest preferences, the better the likelier.
 
-    None of them misses the footprint or a requested connection that the best one grants.
+    So variety costs no preference: all plans that may be drawn satisfy equally many.
     """
-    rooms = len(best.evaluator.areas)
-    kept = np.delete(best.misses, range(1, rooms + 1), axis=0)
-    fine = np.flatnonzero(~(kept & ~kept[:, :1]).any(axis=0) & (best.cost <= best.cost[0] + _ODD_MARGIN))
-    if dice.random() < _ODD_SHARE:
-        return dice.choice(fine[:_MOST_CHOICES].tolist())
-    near = fine[best.cost[fine] <= best.cost[0] + _CHOICE_MARGIN]
-    missed = best.misses[:, near].sum(axis=0)
+    costs = np.concatenate([plans.cost for plans in lists])
+    misses = np.concatenate([plans.misses for plans in lists], axis=1)
+    weights = np.full(len(misses), 1)
+    weights[1 + 2 * len(lists[0].evaluator.areas) :] = _CONNECTION_WEIGHT
+    near = np.flatnonzero(costs <= costs.min() + _CHOICE_MARGIN)
+    missed = weights @ misses[:, near]
     choices = near[missed == missed.min()]
-    costs = best.cost[choices].tolist()
-    return dice.choices(choices.tolist(), [exp((costs[0] - cost) / _CHOICE_TEMPERATURE) for cost in costs])[0]
+    least = float(costs[choices].min())
+    choices = choices[costs[choices] <= least + _EQUAL_MARGIN]
+    odds = [exp((least - cost) / _CHOICE_TEMPERATURE) for cost in costs[choices].tolist()]
+    number = dice.choices(choices.tolist(), odds)[0]
+    first = len(lists[0].cost)
+    return (lists[0], number) if number < first else (lists[1], number - first)
 
 
-def _bent(best: Shortlist, number: int, dice: Random) -> Partition:
+def _varied(choice: Choice, dice: Random) -> Partition:
     """A plan with its sides a little longer and shorter, as long as that breaks no preference that it satisfies."""
-    rooms = len(best.evaluator.areas)
+    best, number = choice
     columns = np.full(_DRAWS + 1, number)
-    plain = best.variants.take(columns)
-    shifts = np.array([[dice.gauss(0, 1) for _ in range(rooms + 1)] for _ in range(_DRAWS)] + [[0.0] * (rooms + 1)]).T
-    areas = np.clip(plain.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
-    variants = Variants(plain.trees, areas, plain.footprint + _BENT_FOOTPRINT * shifts[rooms])
-    cuts = variants.cut(best.evaluator, exact=True)
-    nature = best.evaluator.evaluate(cuts, variants.footprint, variants.areas)
+    cuts, nature = best.plans.take(columns).varied(dice).judged(best.evaluator)
     granted = ~(nature.misses & ~best.misses[:, columns]).any(axis=0)
     fine = nature.valid & granted & (nature.cost <= best.cost[number] + _WORSE)
     return as_partition(cuts, int(fine.argmax()))

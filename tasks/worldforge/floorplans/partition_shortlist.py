@@ -1,21 +1,22 @@
-"""The best plans of rectangular rooms for a brief: all slicing trees are cut, the best ones refined and judged.
+"""The best plans of rooms that fill a rectangle: all slicing trees are cut, the best ones refined and judged.
 
 Nothing here is left to chance, so a process works it out once per brief, however many worlds it makes.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from random import Random
+from typing import NamedTuple, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.worlds.world import PassageKind, RoomType
 from .brief import Brief
-from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, cut
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, cut
 from .partition_trees import Trees, all_trees
 
-AREA_MARGIN = 0.07
-"""Largest deviation of the logarithm of a room's area from its preference; rounding to units comes on top."""
+AREA_MARGIN = 0.03
+"""Largest deviation of the logarithm of a floor's area from its preference; rounding to units comes on top."""
 
 _REFINED = 240
 """Trees that are refined, the best ones as first cut."""
@@ -24,7 +25,35 @@ _STEPS = (0.12, 0.06, 0.03)
 _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
 """Further outlines to begin with (logarithm of the ratio over the preferred one) where there are few rooms."""
 
-_FEW_ROOMS = 3
+_FEW_ROOMS = 5
+_BENT_AREA = 0.015
+_BENT_FOOTPRINT = 0.03
+
+BriefKey = tuple[
+    tuple[str, ...],
+    tuple[RoomType, ...],
+    tuple[float, ...],
+    tuple[float, ...],
+    float,
+    tuple[tuple[tuple[int, int], tuple[PassageKind, int]], ...],
+]
+"""A brief as something that can be looked up."""
+
+
+class Plans(Protocol):
+    """Plans with the numbers that make them; one column per plan."""
+
+    def take(self, columns: NDArray[np.intp]) -> Self:
+        """Some of the plans, in the order given."""
+        ...
+
+    def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
+        """All of them cut exactly, and what they are like."""
+        ...
+
+    def varied(self, dice: Random) -> Self:
+        """Each but the last with its sides a little longer and shorter."""
+        ...
 
 
 class Variants(NamedTuple):
@@ -32,54 +61,89 @@ class Variants(NamedTuple):
 
     trees: Trees
     areas: Floats
-    """Logarithm of each room's area over its preferred area."""
+    """Logarithm of each floor's area over its preferred area."""
     footprint: Floats
     """Logarithm of the extent along x over that along y."""
+    walls: Floats
+    """Logarithm of each room's area between the centre lines of its walls over that of its floor."""
 
     def take(self, columns: NDArray[np.intp]) -> "Variants":
         """Some of the plans, in the order given."""
-        return Variants(self.trees.take(columns), self.areas[:, columns], self.footprint[columns])
+        trees = self.trees.take(columns)
+        return Variants(trees, self.areas[:, columns], self.footprint[columns], self.walls[:, columns])
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
         """Cuts all of them."""
-        return cut(self.trees, evaluator.areas * np.exp(self.areas), np.exp(self.footprint), exact=exact)
+        areas = evaluator.areas * np.exp(self.areas + self.walls)
+        return cut(self.trees, areas, np.exp(self.footprint), exact=exact)
+
+    def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
+        """All of them cut exactly, and what they are like."""
+        cuts = self.cut(evaluator, exact=True)
+        return cuts, evaluator.evaluate(cuts)
+
+    def varied(self, dice: Random) -> "Variants":
+        """Each but the last with its sides a little longer and shorter."""
+        rooms = len(self.areas)
+        shifts = gaussian(dice, rooms + 1, len(self.footprint))
+        areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
+        return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[rooms])
+
+    def settled(self, evaluator: BatchEvaluator, times: int = 2) -> "Variants":
+        """The same with what walls take measured: how much that is depends on the shapes, and they on it."""
+        walls = self.walls
+        for _ in range(times):
+            sides = evaluator.floors(self._replace(walls=walls).cut(evaluator))
+            walls = walls + self.areas - np.log(sides[0] * sides[1] / evaluator.areas)
+        return self._replace(walls=walls)
 
 
 class Shortlist(NamedTuple):
     """Plans for a brief, best first, none without a way to every room or with a room that is too narrow."""
 
     evaluator: BatchEvaluator
-    variants: Variants
+    plans: Plans
     cost: Floats
     misses: Flags
-    """Which preferences each misses: (preference, plan); the footprint, each room's ratio, each requested pair."""
+    """Which preferences each misses: (preference, plan); the footprint, each room's ratio, each room's area, each
+    requested pair."""
     tried: int
     """How many plans were compared."""
 
 
+def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
+    """Shifts of normal distribution for each number of each plan but the last, which keeps its own."""
+    drawn = [[dice.gauss(0, 1) for _ in range(numbers)] for _ in range(plans - 1)]
+    return np.array([*drawn, [0.0] * numbers]).T
+
+
+def key_of(brief: Brief) -> BriefKey:
+    """What `brief_of` makes the brief of again."""
+    names, types, areas_m2, ratios, footprint_ratio, requests = brief
+    return names, types, areas_m2, ratios, footprint_ratio, tuple(requests.items())
+
+
+def brief_of(key: BriefKey) -> Brief:
+    """The brief of a key."""
+    names, types, areas_m2, ratios, footprint_ratio, requests = key
+    return Brief(names, types, areas_m2, ratios, footprint_ratio, dict(requests))
+
+
 def shortlist(brief: Brief) -> Shortlist:
     """The best plans of at least two rectangular rooms; empty when there is none."""
-    return _shortlist(*brief[:5], tuple(brief.requests.items()))
+    return _shortlist(key_of(brief))
 
 
 @lru_cache(maxsize=64)
-def _shortlist(
-    names: tuple[str, ...],
-    types: tuple[RoomType, ...],
-    areas_m2: tuple[float, ...],
-    ratios: tuple[float, ...],
-    footprint_ratio: float,
-    requests: tuple[tuple[tuple[int, int], tuple[PassageKind, int]], ...],
-) -> Shortlist:
-    brief = Brief(names, types, areas_m2, ratios, footprint_ratio, dict(requests))
+def _shortlist(key: BriefKey) -> Shortlist:
+    brief = brief_of(key)
     evaluator = BatchEvaluator(brief)
-    start = _beginnings(evaluator, all_trees(len(types)), few=len(types) <= _FEW_ROOMS)
-    refined = _refined(evaluator, start)
-    nature = evaluator.evaluate(refined.cut(evaluator, exact=True), refined.footprint, refined.areas)
+    trees = all_trees(len(brief.types))
+    refined = _refined(evaluator, _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS))
+    _, nature = refined.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
-    tried = all_trees(len(types)).plans
-    return Shortlist(evaluator, refined.take(order), nature.cost[order], nature.misses[:, order], tried)
+    return Shortlist(evaluator, refined.take(order), nature.cost[order], nature.misses[:, order], trees.plans)
 
 
 def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:
@@ -90,24 +154,26 @@ def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Varian
         trees.take(columns) if few else trees,
         np.zeros((len(evaluator.areas), len(columns))),
         np.repeat(footprints, trees.plans),
+        np.repeat(evaluator.walls, len(columns), axis=1),
     )
     if len(columns) <= _REFINED:
-        return every
-    cuts = every.cut(evaluator, exact=True)
-    cost = evaluator.shapes(cuts, every.footprint, every.areas)
+        return every.settled(evaluator)
+    cost = evaluator.shapes(every.cut(evaluator, exact=True))
     best = np.argsort(np.round(cost, 6), kind="stable")[: 4 * _REFINED]
-    some = every.take(best)
-    nature = evaluator.evaluate(Cuts(cuts.low[..., best], cuts.high[..., best]), some.footprint, some.areas)
+    some = every.take(best).settled(evaluator)
+    nature = evaluator.evaluate(some.cut(evaluator, exact=True))
     return some.take(np.argsort(nature.cost, kind="stable")[:_REFINED])
 
 
 def _refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
     """Bends areas, within their margin, and outlines, one at a time, as long as it makes the shapes better."""
-    trees, areas, footprint = start.trees, start.areas.copy(), start.footprint.copy()
-    rooms, plans = areas.shape
-    twice = trees.take(np.tile(np.arange(plans), 2))
-    cost = evaluator.shapes(start.cut(evaluator), footprint, areas)
+    rooms, plans = start.areas.shape
+    both = np.tile(np.arange(plans), 2)
+    found = start
     for step in _STEPS:
+        areas, footprint = found.areas.copy(), found.footprint.copy()
+        twice = found.take(both)
+        cost = evaluator.shapes(found.cut(evaluator))
         for number in range(-1, rooms):
             tried_areas, tried_footprint = np.tile(areas, 2), np.tile(footprint, 2)
             shift = np.repeat((step, -step), plans)
@@ -115,12 +181,13 @@ def _refined(evaluator: BatchEvaluator, start: Variants) -> Variants:
                 tried_footprint += shift
             else:
                 tried_areas[number] = np.clip(tried_areas[number] + shift, -AREA_MARGIN, AREA_MARGIN)
-            tried = Variants(twice, tried_areas, tried_footprint)
-            costs = evaluator.shapes(tried.cut(evaluator), tried_footprint, tried_areas).reshape(2, plans)
+            tried = twice._replace(areas=tried_areas, footprint=tried_footprint)
+            costs = evaluator.shapes(tried.cut(evaluator)).reshape(2, plans)
             # Rounded: another machine's last digit has to make no difference.
             side = (np.round(costs[1] - costs[0], 6) < 0).astype(int)
             better = np.flatnonzero(np.round(costs.min(axis=0) - cost, 6) < 0)
             chosen = side[better] * plans + better
             areas[:, better], footprint[better] = tried_areas[:, chosen], tried_footprint[chosen]
             cost[better] = costs.ravel()[chosen]
-    return Variants(trees, areas, footprint)
+        found = found._replace(areas=areas, footprint=footprint).settled(evaluator)
+    return found

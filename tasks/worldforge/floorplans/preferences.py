@@ -1,13 +1,13 @@
 """Outcome of every preference about the floor plan: satisfied, missed or contradictory, with numbers."""
 
 from collections import Counter
-from itertools import combinations
 
 from ....schemas.templates.body import FLOORPLAN_PATH, DesiredConnection, TemplateAspectRatio, TemplateFloorplan
 from ....schemas.worlds.world import Preference
 from .brief import (
     DOOR_CLEARANCE,
     DOOR_WIDTH,
+    EXTERIOR_WALL,
     INTERIOR_WALL,
     MIN_SIDES_M,
     OPENING_WIDTH,
@@ -17,11 +17,9 @@ from .brief import (
     length_over_width,
 )
 from .connections import Pair, Way, shared_walls
-from .partition import UNIT_M, Partition, area, slenderness
-from .rivals import competing_preferences
-
-AREA_TOLERANCE = 0.1
-"""Share of the desired area by which a room may be off."""
+from .floors import AREA_TOLERANCE, floor_areas, floor_ratios
+from .partition import UNIT_M, Partition
+from .rivals import FOOTPRINT, competing_preferences, forbidden_together, ratio_of, way_of
 
 
 def preference_report(
@@ -53,7 +51,8 @@ def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) ->
         room_ratio = _colon(preferences.Rooms[0].DesiredShape.AspectRatio)
         reason = f"the only room fills the footprint and is wished to be {room_ratio}"
         return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
-    reason = f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}, to come nearer to the wishes of the rooms"
+    rivals = competing_preferences(brief, plan, FOOTPRINT)
+    reason = f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}; {rivals}"
     return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
@@ -72,10 +71,10 @@ def _area(preferences: TemplateFloorplan, plan: Partition, number: int) -> Prefe
         wish=f"{room.Name} of {room.DesiredShape.Area:g} m2",
         outcome="satisfied",
     )
-    actual = area(plan.rooms[number]) * UNIT_M**2
+    actual = floor_areas(plan)[number] * UNIT_M**2
     if abs(actual / room.DesiredShape.Area - 1) <= AREA_TOLERANCE:
         return preference
-    reason = f"it became {actual:.1f} m2 instead of {room.DesiredShape.Area:g} m2"
+    reason = f"its floor became {actual:.1f} m2 instead of {room.DesiredShape.Area:g} m2"
     return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
@@ -87,16 +86,17 @@ def _ratio(preferences: TemplateFloorplan, brief: Brief, plan: Partition, number
         wish=f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}",
         outcome="satisfied",
     )
-    actual = slenderness(plan, number)
+    actual = floor_ratios(plan)[number]
     if deviation(actual, desired) <= RATIO_TOLERANCE:
         return preference
     least, width = MIN_SIDES_M[room.Type], (room.DesiredShape.Area / desired) ** 0.5
-    if width < least:
+    if width + EXTERIOR_WALL * UNIT_M < least:
         cause = (
-            f"at {room.DesiredShape.Area:g} m2 it would be {width:.2f} m wide, and this type is at least {least:g} m"
+            f"at {room.DesiredShape.Area:g} m2 its floor would be {width:.2f} m wide, and between the middles of its "
+            f"walls a room of this type is at least {least:g} m"
         )
         return preference.model_copy(update={"outcome": "contradictory", "reason": cause})
-    reason = f"it became {actual:.2f} instead of {desired:.2f}; {competing_preferences(brief, plan, number)}"
+    reason = f"it became {actual:.2f} instead of {desired:.2f}; {competing_preferences(brief, plan, ratio_of(number))}"
     return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
@@ -122,22 +122,17 @@ def _connection(
             if longest < needed + INTERIOR_WALL
             else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
         )
-        return preference.model_copy(update={"outcome": "missed", "reason": reason})
-    if impossible := _impossible(set(brief.requests), pair):
-        names = ", ".join(brief.names[room] for room in impossible)
-        reason = f"the rooms {names} cannot all touch each other as wished, whatever the plan of rectangular rooms"
+        rivals = competing_preferences(brief, plan, way_of(brief, pair))
+        return preference.model_copy(update={"outcome": "missed", "reason": f"{reason}; {rivals}"})
+    if together := forbidden_together(brief.requests, pair):
+        ways = ", ".join(f"{brief.names[low]} - {brief.names[high]}" for low, high in together)
+        reason = (
+            f"no plan of rectangular rooms has these {len(together)} ways together, "
+            f"while without any one of them the others go together: {ways}"
+        )
         return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
-    return preference.model_copy(update={"outcome": "missed", "reason": "the two rooms share no wall in this plan"})
-
-
-def _impossible(requests: set[Pair], pair: Pair) -> tuple[int, ...]:
-    """Four rooms around `pair` that should all touch each other: no plan of rectangles has such."""
-    rooms = {room for request in requests for room in request} - set(pair)
-    for others in combinations(sorted(rooms), 2):
-        group = tuple(sorted((*pair, *others)))
-        if requests.issuperset(combinations(group, 2)):
-            return group
-    return ()
+    reason = f"the two rooms share no wall in this plan; {competing_preferences(brief, plan, way_of(brief, pair))}"
+    return preference.model_copy(update={"outcome": "missed", "reason": reason})
 
 
 def _colon(ratio: TemplateAspectRatio) -> str:

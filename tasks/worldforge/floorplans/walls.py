@@ -1,18 +1,20 @@
 """Walls around and between rooms, cut at passages, and windows in them.
 
-Every wall is the box from its start to its end, `thickness_m` wide; nothing is added at the ends. The
-boxes meet at corners without overlap and without gap: at each junction one wall owns the square and
-the others end at its face. In order: walls of the outline, then walls that pass straight through
-(horizontal ones first), then, at a corner of two, the horizontal one.
+Every wall is the box from its start to its end, `thickness_m` wide; nothing is added at the ends. Where
+the outline is set back from the plan's rectangle, outer walls are as thick as inner ones. The boxes meet
+at corners without overlap and without gap: at each junction one wall owns the square and the others end
+at its face. In order: walls of the rectangle, then walls that pass straight through (horizontal ones
+first), then, at a corner of two, the horizontal one.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Sequence
 from random import Random
 from typing import NamedTuple
 
+from ....schemas.worlds.world import RoomType
 from .brief import EXTERIOR_WALL, HABITABLE, INTERIOR_WALL, Brief
 from .connections import Way
-from .partition import Contact, Partition, contacts, lines
+from .partition import Contact, Partition, Side, border, contacts, in_rectangle
 
 _WINDOW_MARGIN = 10
 _WINDOW_WIDTHS = (24, 28, 32, 36, 40)
@@ -47,13 +49,20 @@ Node = tuple[int, int]
 
 def build_walls(plan: Partition, ways: list[Way]) -> list[Piece]:
     """All walls of a plan, lintels over doorways included."""
-    pieces = [_outer_piece(plan, *side) for side in _outer_sides(plan)]
+    outer = [side for side in border(plan.rooms) if in_rectangle(plan, side)]
+    back = [side for side in border(plan.rooms) if not in_rectangle(plan, side)]
+    pieces = [_outer_piece(plan, side, outer) for side in outer]
     inner = contacts(plan.rooms)
     along: dict[bool, dict[Node, int]] = {True: {}, False: {}}
-    for contact in inner:
-        for end in (contact.start, contact.end):
-            node = (end, contact.at) if contact.horizontal else (contact.at, end)
-            along[contact.horizontal][node] = along[contact.horizontal].get(node, 0) + 1
+    for line in (*inner, *back):
+        for end in (line.start, line.end):
+            node = (end, line.at) if line.horizontal else (line.at, end)
+            along[line.horizontal][node] = along[line.horizontal].get(node, 0) + 1
+    for side in back:
+        start = side.start + _shortening(plan, side, side.start, along)
+        end = side.end - _shortening(plan, side, side.end, along)
+        if end > start:
+            pieces.append(Piece(side.horizontal, side.at, start, end, INTERIOR_WALL, (side.room,), False))
     for contact in inner:
         start = contact.start + _shortening(plan, contact, contact.start, along)
         end = contact.end - _shortening(plan, contact, contact.end, along)
@@ -69,31 +78,31 @@ def build_walls(plan: Partition, ways: list[Way]) -> list[Piece]:
     return pieces
 
 
-def _outer_sides(plan: Partition) -> Iterator[tuple[bool, int, int, int, int]]:
-    """(horizontal, coordinate, start, end, room) of every side of a room that faces the outside."""
-    for (horizontal, at), (below, above) in lines(plan.rooms).items():
-        if at in (0, plan.height if horizontal else plan.width):
-            for start, end, room in (*below, *above):
-                yield horizontal, at, start, end, room
+def _outer_piece(plan: Partition, side: Side, outer: list[Side]) -> Piece:
+    """Horizontal walls own the corners of the rectangle, vertical ones end at their faces."""
+    half = EXTERIOR_WALL // 2 if side.horizontal else -EXTERIOR_WALL // 2
+    limit = plan.width if side.horizontal else plan.height
+    row = [other for other in outer if other.horizontal == side.horizontal and other.at == side.at]
+
+    def longer(end: int) -> int:
+        if end in (0, limit):
+            return half
+        goes_on = any(end in (other.start, other.end) for other in row if other is not side)
+        # Else it is set back here, and ends where the wall across does.
+        return 0 if goes_on else INTERIOR_WALL // 2
+
+    start, end = side.start - longer(side.start), side.end + longer(side.end)
+    return Piece(side.horizontal, side.at, start, end, EXTERIOR_WALL, (side.room,), False)
 
 
-def _outer_piece(plan: Partition, horizontal: bool, at: int, start: int, end: int, room: int) -> Piece:
-    """Horizontal outer walls own the corners of the outline, vertical ones end at their faces."""
-    half = EXTERIOR_WALL // 2 if horizontal else -EXTERIOR_WALL // 2
-    limit = plan.width if horizontal else plan.height
-    start = start - half if start == 0 else start
-    end = end + half if end == limit else end
-    return Piece(horizontal, at, start, end, EXTERIOR_WALL, (room,), False)
-
-
-def _shortening(plan: Partition, contact: Contact, end: int, along: dict[bool, dict[Node, int]]) -> int:
+def _shortening(plan: Partition, line: Contact | Side, end: int, along: dict[bool, dict[Node, int]]) -> int:
     """By how much a wall ends before (or, if negative, after) the junction at one of its ends."""
-    if end in (0, plan.width if contact.horizontal else plan.height):
+    if end in (0, plan.width if line.horizontal else plan.height):
         return EXTERIOR_WALL // 2
-    node = (end, contact.at) if contact.horizontal else (contact.at, end)
-    passes = along[contact.horizontal][node] == 2
-    across = along[not contact.horizontal].get(node, 0)
-    if contact.horizontal:
+    node = (end, line.at) if line.horizontal else (line.at, end)
+    passes = along[line.horizontal][node] == 2
+    across = along[not line.horizontal].get(node, 0)
+    if line.horizontal:
         if passes:
             return 0
         return INTERIOR_WALL // 2 if across == 2 else -INTERIOR_WALL // 2
@@ -102,12 +111,23 @@ def _shortening(plan: Partition, contact: Contact, end: int, along: dict[bool, d
 
 def place_windows(plan: Partition, brief: Brief, dice: Random) -> list[Pane]:
     """Windows on outer walls of habitable rooms: always on the longest one, sometimes on others."""
+    return windows_along(border(plan.rooms), brief.types, dice)
+
+
+def windows_along(sides: Iterable[Side], types: Sequence[RoomType], dice: Random) -> list[Pane]:
+    """The same for any outer walls.
+
+    Args:
+        sides: what faces the outside.
+        types: types of the rooms.
+        dice: the source of chance.
+    """
     panes: list[Pane] = []
     lit: set[int] = set()
-    for horizontal, at, start, end, room in sorted(_outer_sides(plan), key=lambda side: side[2] - side[3]):
+    for horizontal, at, start, end, room, _ in sorted(sides, key=lambda side: side.start - side.end):
         low, high = start + _WINDOW_MARGIN, end - _WINDOW_MARGIN
         skipped = room in lit and dice.random() > _SECOND_SIDE_SHARE
-        if brief.types[room] not in HABITABLE or high - low < _WINDOW_WIDTHS[0] or skipped:
+        if types[room] not in HABITABLE or high - low < _WINDOW_WIDTHS[0] or skipped:
             continue
         lit.add(room)
         number = max(1, round((high - low) / _WALL_PER_WINDOW))

@@ -1,10 +1,12 @@
 """What rooms hold when a template does not say, and how full they are."""
 
+from math import sqrt
 from typing import Literal
 
 from ....schemas.worlds.world import RoomType
 from .catalogue import RULES as RULES
 from .rules import KITCHEN_RUN as KITCHEN_RUN
+from .rules import SEATS
 from .rules import Rule as Rule
 
 Density = Literal["Sparse", "Moderate", "Dense"]
@@ -41,8 +43,31 @@ _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Bookcases", "Ottomans"),
 }
 
-COVERAGE: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.2, "Dense": 0.34}
-"""Share of the floor up to which further pieces are added."""
+_LARGE: dict[RoomType, tuple[float, tuple[str, ...]]] = {
+    "Living": (45.0, ("DiningTables", "DiningChairs", "Desks", "DeskChairs", "Bookcases")),
+    "Kitchen": (20.0, ("DiningTables", "DiningChairs")),
+}
+"""From how many square metres on a room has a corner to dine in, to work in."""
+
+INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
+    "Bathroom": ("Toilets",),
+    "Bedroom": ("Beds",),
+    "Kitchen": ("Ovens",),
+    "Living": SEATS,
+}
+"""What a room is not worth its name without; one of several kinds is enough."""
+
+_SHARES: dict[RoomType, tuple[float, float, float]] = {
+    "Bathroom": (0.19, 0.30, 14.0),
+    "Bedroom": (0.20, 0.34, 30.0),
+    "Closet": (0.20, 0.27, 12.0),
+    "Dining": (0.20, 0.30, 16.0),
+    "Hallway": (0.16, 0.23, 10.0),
+    "Kitchen": (0.20, 0.29, 14.0),
+    "Living": (0.20, 0.31, 24.0),
+}
+"""Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
+hold when people and robots pass. Larger rooms are emptier, as the root of their area."""
 
 COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense": 0.5}
 """Share of the floor after which only kinds still missing are added."""
@@ -53,12 +78,22 @@ MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
 DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 
 
-def usual_types(room_type: RoomType, density: Density) -> tuple[str, ...]:
-    """What a room of this type holds when the template leaves it open."""
+def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> float:
+    """Share of the floor up to which pieces are added; nothing is added to a sparse room."""
+    moderate, dense, full_m2 = _SHARES[room_type]
+    share = {"Sparse": 0.0, "Moderate": moderate, "Dense": dense}[density]
+    return share * min(1.0, sqrt(full_m2 / floor_m2))
+
+
+def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) -> tuple[str, ...]:
+    """What a room of this type and size holds when the template leaves it open."""
     essential = _ESSENTIAL[room_type]
     if density == "Sparse":
         return essential
     usual = essential + _USUAL[room_type]
+    from_m2, more = _LARGE.get(room_type, (0.0, ()))
+    if floor_m2 >= from_m2:
+        usual += more
     return usual if density == "Moderate" else usual + _LAVISH[room_type]
 
 

@@ -47,7 +47,7 @@ CATALOGUE: dict[str, Kind] = {
     "MediaStorage": Kind(
         cabinets.media_storage,
         styles("wide", (1.7, 0.42, 1.22), "oak", "walnut", "white") + styles("narrow", (1.2, 0.42, 1.05), "oak"),
-        Rule(prefer="middle", front_m=0.75, hides_window=True),
+        Rule(prefer="middle", front_m=0.75, hides_window=True, one_a_room=True),
         "drawers",
     ),
     "Sofas": Kind(
@@ -72,19 +72,19 @@ CATALOGUE: dict[str, Kind] = {
         styles("tall", (0.6, 0.66, 1.85), "steel", "white")
         + styles("wide", (0.75, 0.7, 1.8), "steel")
         + styles("side-by-side", (0.9, 0.7, 1.78), "steel", "black"),
-        Rule(prefer="corner", front_m=0.9, relation="run", near=KITCHEN_RUN),
+        Rule(prefer="corner", front_m=0.9, relation="run", near=KITCHEN_RUN, one_a_room=True),
         "fridge",
     ),
     "Ovens": Kind(
         fixtures.oven,
         styles("cooker", (0.6, 0.62, 0.9), "steel", "white", "black") + styles("range", (0.9, 0.62, 0.9), "steel"),
-        Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
+        Rule(front_m=0.9, relation="run", near=KITCHEN_RUN, one_a_room=True),
         "hob",
     ),
     "DishWashers": Kind(
         fixtures.dishwasher,
         styles("built-in", (0.6, 0.62, 0.88), "steel", "white", "black"),
-        Rule(front_m=0.9, relation="run", near=KITCHEN_RUN),
+        Rule(front_m=0.9, relation="run", near=KITCHEN_RUN, one_a_room=True),
         "dish_washer",
     ),
     "Storage": Kind(
@@ -168,7 +168,7 @@ CATALOGUE: dict[str, Kind] = {
     "KitchenIslandsAndCarts": Kind(
         tables.kitchen_island,
         styles("island", (1.4, 0.8, 0.92), "navy", "sage", "white") + styles("cart", (0.95, 0.55, 0.9), "white", "oak"),
-        Rule(spot="open", around_m=0.9),
+        Rule(spot="open", around_m=0.9, one_a_room=True),
         "island",
     ),
     "ConsoleTables": Kind(

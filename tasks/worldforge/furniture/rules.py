@@ -43,6 +43,8 @@ class Rule:
     """Pieces wanted at first in sparse, moderate and dense rooms."""
     limit: int = 1
     """At most so many per 30 m2."""
+    one_a_room: bool = False
+    """Whether larger rooms get no more of them: a hall is not watched from ten screens."""
 
 
 KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")

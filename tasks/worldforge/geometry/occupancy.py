@@ -1,7 +1,8 @@
 """The occupancy grid of a world: what a robot's lidar and its planner see of walls and furniture.
 
 Rows count from south to north, columns from west to east; cell `[0, 0]` begins at the grid's origin.
-The grid speaks of the slice of the world between `ROBOT_LOW_M` and `ROBOT_HIGH_M` above the floor.
+The grid speaks of the slice of the world between `ROBOT_LOW_M` and the robot's height, mostly `ROBOT_HIGH_M`, above
+the floor.
 `write_map` writes the pair of files that Nav2's map server reads.
 """
 
@@ -70,7 +71,10 @@ class OccupancyGrid:
 
 
 def occupancy_grid(
-    floorplan: Floorplan, furniture: Iterable[Furniture] = (), polygons: Iterable[Sequence[Point]] = ()
+    floorplan: Floorplan,
+    furniture: Iterable[Furniture] = (),
+    polygons: Iterable[Sequence[Point]] = (),
+    high_m: float = ROBOT_HIGH_M,
 ) -> OccupancyGrid:
     """Draws walls and obstacles into a grid.
 
@@ -82,6 +86,7 @@ def occupancy_grid(
         furniture: obstacles as oriented rectangles.
         polygons: further obstacles as convex polygons, counter-clockwise, at the robot's height; for
             furniture that a robot can drive under, pass its legs here and leave it out of `furniture`.
+        high_m: how high the robot is.
     """
     half = max(wall.thickness_m for wall in floorplan.walls) / 2
     xs, ys = zip(*floorplan.footprint, strict=True)
@@ -93,14 +98,14 @@ def occupancy_grid(
     # Dividing keeps multiples of 5 cm exact to the last bit.
     origin = (first_x / round(1 / RESOLUTION_M), first_y / round(1 / RESOLUTION_M))
     grid = OccupancyGrid(origin, np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
-    outline = [(min(xs) - half, min(ys) - half), (max(xs) + half, min(ys) - half)]
-    outline += [(max(xs) + half, max(ys) + half), (min(xs) - half, max(ys) + half)]
-    _fill(grid, grid.known, outline)
+    for room in floorplan.rooms:  # what is neither room nor wall lies outside, also inside the outline
+        grid.known[room_cells(grid, room)] = True
     for wall in floorplan.walls:
-        if wall.bottom_m < ROBOT_HIGH_M:
+        _fill(grid, grid.known, wall_corners(wall))
+        if wall.bottom_m < high_m:
             _fill(grid, grid.occupied, wall_corners(wall))
     for item in furniture:
-        if item.base_m < ROBOT_HIGH_M and item.base_m + item.height_m > ROBOT_LOW_M:
+        if item.base_m < high_m and item.base_m + item.height_m > ROBOT_LOW_M:
             _fill(grid, grid.occupied, furniture_corners(item))
     for polygon in polygons:
         _fill(grid, grid.occupied, polygon)
@@ -242,8 +247,14 @@ def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
     return inside
 
 
-def write_map(grid: OccupancyGrid, folder: Path) -> None:
-    """Writes `map.pgm` and `map.yaml` as Nav2's map server reads them (mode trinary)."""
+def write_map(grid: OccupancyGrid, folder: Path, said: str | None = None) -> None:
+    """Writes `map.pgm` and `map.yaml` as Nav2's map server reads them (mode trinary).
+
+    Args:
+        grid: the map.
+        folder: where to.
+        said: what `map.yaml` says of it, as a comment.
+    """
     pixels = np.full(grid.occupied.shape, UNKNOWN_PIXEL, np.uint8)
     pixels[grid.free] = FREE_PIXEL
     pixels[grid.occupied] = OCCUPIED_PIXEL
@@ -252,6 +263,7 @@ def write_map(grid: OccupancyGrid, folder: Path) -> None:
     # An unknown pixel is occupied with probability (255 - 205) / 255 = 0.1961; that must not be below
     # free_thresh, or the map server would read unknown as free.
     lines = [
+        *([f"# {said}"] if said else []),
         "image: map.pgm",
         "mode: trinary",
         f"resolution: {grid.resolution_m}",

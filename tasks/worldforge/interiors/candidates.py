@@ -4,12 +4,19 @@ from collections.abc import Iterator
 from random import Random
 
 from ....schemas.worlds.world import Furniture
+from ..furniture.catalogue import parts_of
 from ..geometry.boxes import Pose, pose_of
 from ..geometry.parts import Style
 from .placement import WALL_GAP_M, RoomSpace, Side
 
 TUCK_M = 0.13
 """How far chairs are pushed under their table."""
+
+_LEG_GAP_M = 0.01
+"""Between a chair that is pushed in and a leg of the table."""
+
+_SEAT_M = 0.5
+"""What begins above this is no leg: seats go under it."""
 
 FLUSH_M = 0.004
 """Between pieces that stand edge to edge."""
@@ -124,17 +131,38 @@ def gathered(table: Furniture, style: Style, gap_m: float, dice: Random) -> list
 
 
 def around(table: Furniture, style: Style) -> list[Pose]:
-    """Chairs at a table, pushed in a little: in pairs along its sides from the middle, then at its ends."""
-    reach = table.depth_m / 2 + style.depth_m / 2 - TUCK_M
-    seats = max(1, int(table.width_m / (style.width_m + 0.12)))
-    shifts = sorted(((i + 0.5) * table.width_m / seats - table.width_m / 2 for i in range(seats)), key=abs)
+    """Chairs at a table, pushed in between its legs: in pairs along its sides from the middle, then at its ends."""
     pose = pose_of(table)
+    seats = max(1, int(table.width_m / (style.width_m + 0.12)))
+    tuck, farthest = _between_legs(table, style, at_end=False)
+    reach = table.depth_m / 2 + style.depth_m / 2 - tuck
+    shifts = sorted(((i + 0.5) * table.width_m / seats - table.width_m / 2 for i in range(seats)), key=abs)
     poses: list[Pose] = []
-    for index, shift in enumerate(shifts):
+    for index, wished in enumerate(shifts):
+        shift = max(-farthest, min(wished, farthest))
         poses.append(pose.moved(reach, shift, 2, 1.0 - 0.1 * index))
         poses.append(pose.moved(-reach, shift, 0, 1.0 - 0.1 * index))
-    ends = table.width_m / 2 + style.depth_m / 2 - TUCK_M
+    tuck, _ = _between_legs(table, style, at_end=True)
+    ends = table.width_m / 2 + style.depth_m / 2 - tuck
     return [*poses, pose.moved(0.0, ends, 3), pose.moved(0.0, -ends, 1)]
+
+
+def _between_legs(table: Furniture, style: Style, *, at_end: bool) -> tuple[float, float]:
+    """How far a chair can be pushed under a table, and how far off the middle of that side it then stands at most."""
+    along, across = (0, 1) if at_end else (1, 0)
+    size = (table.depth_m, table.width_m)
+    free = size[along] / 2
+    for part in parts_of(table):
+        low = part.center[2] - part.size[2] / 2
+        if (
+            part.solid
+            and low < _SEAT_M
+            and abs(part.center[across]) + part.size[across] / 2 > size[across] / 2 - TUCK_M
+        ):
+            free = min(free, abs(part.center[along]) - part.size[along] / 2 - _LEG_GAP_M)
+    farthest = free - style.width_m / 2
+    # A chair too wide for the legs stands before them.
+    return (TUCK_M, farthest) if farthest >= 0 else (0.0, max(0.0, (size[along] - style.width_m) / 2))
 
 
 def at_desk(desk: Furniture, style: Style) -> list[Pose]:

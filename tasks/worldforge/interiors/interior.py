@@ -10,12 +10,12 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.targets import choose_sets, why_unused
-from ..furniture.arrangement import COVERAGE, KITCHEN_RUN, Density, usual_types
+from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, Density, usual_types
 from ..materials.surfaces import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
-from .seating import arrange_seating
+from .seating import GROUP, arrange_groups, arrange_seating
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 
@@ -52,11 +52,22 @@ def furnish(
     for room in rooms:
         index = chosen.get(room.name)
         arrangement = None if index is None else arrangements[index]
+        kinds, before = _kinds(arrangement, room), names.copy()
         work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
-        kinds = _kinds(arrangement, room)
         _furnish_room(work, kinds)
-        things = scatter(work, ceil((MOST_LOOSE - loose) / (len(rooms) - len(done)))) if kinds else []
-        loose += len(things)
+        if lacking := _lacking(work, kinds):
+            # What had no room beside everything else comes first now.
+            names.clear()
+            names.update(before)
+            work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
+            work.begin_with(lacking)
+            work.furnish(kinds)
+        asked = None if arrangement is None else arrangement.LooseObjects
+        if asked is not None:
+            things = scatter(work, asked, fill=True)
+        else:
+            things = scatter(work, ceil((MOST_LOOSE - loose) / (len(rooms) - len(done)))) if kinds else []
+            loose += len(things)
         furniture += [*work.items, *things]
         done[room.name] = work
     for index in range(len(arrangements)):
@@ -70,7 +81,16 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
     elif {"MediaStorage", "Sofas"} <= set(kinds):
         arrange_seating(work)
-    work.furnish(kinds)
+    work.place_each(kinds)
+    if work.room.type == "Living" and set(GROUP) <= set(kinds):
+        arrange_groups(work)
+    work.fill(kinds)
+
+
+def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
+    """Kinds without one of which a room is not what it is called; none when it has one, or none is asked for."""
+    needed = [kind for kind in INDISPENSABLE.get(work.room.type, ()) if kind in kinds]
+    return [] if any(work.placed(kind) for kind in needed) else needed
 
 
 def _density(arrangement: FurnitureArrangement | None) -> Density:
@@ -79,7 +99,7 @@ def _density(arrangement: FurnitureArrangement | None) -> Density:
 
 def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str]:
     if arrangement is None or arrangement.SampleSet is None:
-        return usual_types(room.type, _density(arrangement))
+        return usual_types(room.type, _density(arrangement), room.floor_m2)
     return arrangement.SampleSet.ModelTypes
 
 
@@ -88,11 +108,11 @@ def _preferences(
 ) -> list[Preference]:
     """Returns one preference per listed kind: satisfied when every room of the arrangement has it."""
     arrangement = arrangements[index]
-    if arrangement.SampleSet is None:
-        return []
     rooms = [work for name, work in done.items() if chosen.get(name) == index]
-    preferences = _density_preferences(arrangement, index, rooms) if arrangement.SampleSet.ModelTypes else []
-    for number, kind in enumerate(arrangement.SampleSet.ModelTypes):
+    kinds = None if arrangement.SampleSet is None else arrangement.SampleSet.ModelTypes
+    bare = kinds is not None and not kinds
+    preferences = [] if bare else _density_preferences(arrangement, index, rooms)
+    for number, kind in enumerate(kinds or ()):
         reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
         outcome = "missed" if reason else "satisfied"
         if not rooms:
@@ -111,13 +131,14 @@ def _preferences(
 def _density_preferences(
     arrangement: FurnitureArrangement, index: int, rooms: Sequence[RoomFurnishing]
 ) -> list[Preference]:
-    """The preferred density: satisfied when every room is about as full; nothing for a set without rooms."""
+    """The preferred density: satisfied when every room is about as full; nothing where none is wished for any room."""
     density = arrangement.DesiredSpatialDensity
-    preferred = COVERAGE[density]
     # A piece more or less is no different density.
-    short = [work for work in rooms if work.covered_share < 0.9 * preferred]
-    found = [f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {preferred:.0%}" for work in short]
-    if not rooms:
+    short = [work for work in rooms if work.covered_share < 0.9 * work.wished_share]
+    found = [
+        f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {work.wished_share:.0%}" for work in short
+    ]
+    if not rooms or "DesiredSpatialDensity" not in arrangement.model_fields_set:
         return []
     return [
         Preference(

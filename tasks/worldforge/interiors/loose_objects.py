@@ -24,6 +24,18 @@ _ON_TOP: dict[str, tuple[str, ...]] = {
     "KitchenIslandsAndCarts": ("Plate", "Cup"),
     "Nightstands": ("Book", "Cup"),
 }
+_ON_MORE_TOPS: dict[str, tuple[str, ...]] = {
+    **_ON_TOP,
+    "ConsoleTables": ("Book", "Cup"),
+    "DiningTables": ("Cup", "Plate", "Book"),
+    "Dressers": ("Book", "Cup"),
+    "SideboardsAndBuffets": ("Plate", "Cup"),
+    "Storage": ("Cup", "Plate"),
+}
+"""Where a template asks for things to grasp."""
+
+_HIGHEST_TOP_M = 1.2
+_ROUNDS = 8
 _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Clothes", "Shoe", "ToyBlock", "Clothes"),
     "Bathroom": ("Clothes",),
@@ -53,12 +65,13 @@ _APART_M = 0.02
 """Between things on one table."""
 
 
-def scatter(furnished: RoomFurnishing, room_for: int) -> list[Furniture]:
+def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> list[Furniture]:
     """Adds loose objects to a furnished room.
 
     Args:
         furnished: the room with its furniture; the objects' places are taken in its space.
         room_for: how many objects the room may get.
+        fill: whether it gets as many, where there is place for them.
 
     Returns:
         The objects, all at rest: nothing leans, nothing overhangs.
@@ -70,10 +83,15 @@ def scatter(furnished: RoomFurnishing, room_for: int) -> list[Furniture]:
     for host in [item for item in furnished.items if item.model_type in _ON_TOP]:
         if len(objects) < room_for and furnished.dice.random() < chance:
             kind = furnished.dice.choice(_ON_TOP[host.model_type])
-            objects += _on_top(host, kind, furnished)
+            objects += _on_top(host, kind, furnished, objects)
     for _ in range(_ON_FLOOR_COUNTS[furnished.density]):
         if len(objects) < room_for:
             objects += _on_floor(furnished)
+    for _ in range(_ROUNDS if fill else 0):
+        for host in furnished.items:
+            if len(objects) < room_for and host.model_type in _ON_MORE_TOPS and host.height_m < _HIGHEST_TOP_M:
+                kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
+                objects += _on_top(host, kind, furnished, objects)
     return objects[:room_for]
 
 
@@ -112,8 +130,8 @@ def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:
     return (x - host.x) * c + (y - host.y) * s, (y - host.y) * c - (x - host.x) * s
 
 
-def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing) -> list[Furniture]:
-    """One object somewhere on a piece, beside what is drawn on it already."""
+def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[Furniture]) -> list[Furniture]:
+    """One object somewhere on a piece, beside what is drawn on it already and what lies there."""
     dice, style, parts = furnished.dice, _style(kind, furnished), parts_of(host)
     for _ in range(_TRIES):
         turn = dice.uniform(-0.3, 0.3)
@@ -126,6 +144,9 @@ def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing) -> list[Furni
         # Not on a shelf under the top, which would be no place for eyes or hands.
         if base is not None and base > 0.8 * host.height_m:
             spot = pose_of(host).moved(forward, left)
+            half = hypot(style.width_m, style.depth_m) / 2 + _APART_M
+            if any(hypot(o.x - spot.x, o.y - spot.y) < half + hypot(o.width_m, o.depth_m) / 2 for o in there):
+                continue
             return [_thing(kind, style, furnished, (spot.x, spot.y, host.yaw + turn), host.base_m + base)]
     return []
 

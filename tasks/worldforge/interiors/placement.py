@@ -29,11 +29,15 @@ _HALF_WAY_M = 0.3
 _HALF_HALLWAY_M = 0.4
 """The same in hallways. Cells stand for squares of 5 cm, so that at least 0.85 m stay clear there."""
 
+_LEAST_HALF_M = 0.25
+"""The same where open doors leave no more: what the robot needs, and a cell."""
+
 _ORIGIN_HALF_M = 0.56
 _DOOR_DEPTH_M = 0.8
 _OPENING_DEPTH_M = 0.5
 _WINDOW_DEPTH_M = 0.4
-_GATE_M = 0.45
+_GATE_M = 0.475
+"""From the middle of a wall to where its ways begin: the middle of a cell, as near as ways in hallways come."""
 
 
 class Side(NamedTuple):
@@ -87,11 +91,14 @@ class RoomSpace:
             self._keep += _clear_at(passage, room)
         self._glass = [_around(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
         self._zones: dict[str, list[Box]] = {}
-        half = _HALF_HALLWAY_M if room.type == "Hallway" else _HALF_WAY_M
         leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
-        self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
         gates = [_gate(room, passage.start, passage.end) for passage in passages]
-        self._ways.join([*gates, *([(0.0, 0.0)] if contains(room.polygon, 0.0, 0.0) else [])])
+        gates += [(0.0, 0.0)] if contains(room.polygon, 0.0, 0.0) else []
+        for half in (_HALF_HALLWAY_M, _HALF_WAY_M, _LEAST_HALF_M)[room.type != "Hallway" :]:
+            self._ways = Ways(self.bounds, half, [*walls, *leaves], outside)
+            self._ways.join(gates)
+            if self._ways.joined:
+                break
 
     def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
         """Whether a piece may cover a rectangle, its own clearances and the ways aside.

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 from ....schemas.worlds.world import Floorplan, Furniture, Room
 from ..furniture.arrangement import (
-    COVERAGE,
     COVERAGE_CAP,
     KITCHEN_RUN,
     MOST_PIECES,
@@ -19,6 +18,7 @@ from ..furniture.arrangement import (
     first_count,
     forms_for,
     front_of,
+    wished_share,
 )
 from ..furniture.catalogue import styles_of
 from ..geometry.boxes import Box, Pose, box_of, footprint
@@ -30,14 +30,17 @@ NewId = Callable[[str], str]
 """Gives a kind's next free id."""
 
 _SMALL_ROOM_M2 = 15.0
+_LARGE_ROOM_M2 = 45.0
 _WIDE_BED_M = 1.2
 _TRIES = 6
 _HALF_SEAT_M = 0.3
 _COMPANIONS = ("beside", "before", "gathered", "around", "desk")
 """Relations without which a second piece makes no sense: one chair may stand alone, not four."""
 
-_ATTENDANTS = {"Desks": "DeskChairs"}
-"""What every further piece of a kind is useless without."""
+_ATTENDANTS = {"Desks": ("DeskChairs", 1), "DiningTables": ("DiningChairs", 4)}
+"""What every further piece of a kind is useless without, and how many of them."""
+
+_WAITING = frozenset(kind for kind, _ in _ATTENDANTS.values())
 
 _TUCKED = ("around", "desk")
 _YAWS = (0.0, pi / 2, pi, -pi / 2)
@@ -60,6 +63,12 @@ _NO_GROUP = Group([])
 def _schemes() -> tuple[str, ...]:
     """All colour schemes of the catalogue."""
     return tuple(sorted({style.colors for kind in RULES for style in styles_of(kind)}))
+
+
+def _in_order(kinds: Sequence[str]) -> list[str]:
+    """Kinds in the order in which they are placed."""
+    wanted = set(kinds)
+    return [kind for kind in RULES if kind in wanted]
 
 
 @dataclass
@@ -93,17 +102,28 @@ class RoomFurnishing:
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
         return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
 
+    def begin_with(self, kinds: Sequence[str]) -> None:
+        """Places the first of some kinds that finds a place."""
+        for kind in kinds:
+            if not self._place(kind):
+                return
+
     def furnish(self, kinds: Sequence[str]) -> None:
         """Places each kind at least once where it fits, then repeats kinds up to the preferred density.
 
         What stands there already counts.
         """
-        listed = [kind for kind in RULES if kind in set(kinds)]
+        self.place_each(kinds)
+        self.fill(kinds)
+
+    def place_each(self, kinds: Sequence[str]) -> None:
+        """Places as many of each kind as a room has at first."""
+        listed = _in_order(kinds)
         for kind in listed:
             self._place_first(kind)
-            if kind in _ATTENDANTS and _ATTENDANTS[kind] in listed and self.placed(kind):
-                self._place_first(_ATTENDANTS[kind])
-        self._fill([kind for kind in listed if kind not in self.missed])
+            attendant, _ = _ATTENDANTS.get(kind, ("", 0))
+            if attendant in listed and self.placed(kind):
+                self._place_first(attendant)
 
     def placed(self, kind: str) -> list[Furniture]:
         """The pieces of a kind that are there."""
@@ -111,7 +131,7 @@ class RoomFurnishing:
 
     def _place_first(self, kind: str) -> None:
         for number in range(len(self.placed(kind)), first_count(kind, self.density)):
-            if number > 0 and self._full(COVERAGE_CAP):
+            if number > 0 and self._full(COVERAGE_CAP[self.density]):
                 return
             reason = self._place(kind)
             if reason:
@@ -119,24 +139,37 @@ class RoomFurnishing:
                     self.missed[kind] = reason
                 return
 
-    def _fill(self, kinds: list[str]) -> None:
-        scale = max(1.0, self.room.area_m2 / 30.0)
-        most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.area_m2 / 40.0))
-        left = [kind for kind in kinds if kind not in _ATTENDANTS.values()]
-        while left and not self._full(COVERAGE) and len(self.items) < most:
+    def fill(self, kinds: Sequence[str]) -> None:
+        """Repeats kinds up to the preferred density."""
+        most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.floor_m2 / 40.0))
+        left = [kind for kind in _in_order(kinds) if kind not in self.missed and kind not in _WAITING]
+        while left and not self._full(self.wished_share) and len(self.items) < most:
             kind = self.dice.choice(left)
-            if len(self.placed(kind)) >= RULES[kind].limit * scale or self._place(kind):
+            if len(self.placed(kind)) >= self._most_of(kind) or self._place(kind):
                 left.remove(kind)
-            elif kind in _ATTENDANTS and _ATTENDANTS[kind] in kinds:
-                self._place(_ATTENDANTS[kind])
+            elif kind in _ATTENDANTS:
+                attendant, number = _ATTENDANTS[kind]
+                for _ in range(number if attendant in kinds else 0):
+                    self._place(attendant)
+
+    def _most_of(self, kind: str) -> float:
+        """How many of a kind the room may have."""
+        rule = RULES[kind]
+        dines = kind != "DiningTables" or self.room.type != "Living"
+        return rule.limit * (1.0 if rule.one_a_room or not dines else max(1.0, self.room.floor_m2 / 30.0))
+
+    @property
+    def wished_share(self) -> float:
+        """Share of the floor that furniture should cover."""
+        return wished_share(self.room.type, self.density, self.room.floor_m2)
 
     @property
     def covered_share(self) -> float:
         """Share of the floor under furniture."""
-        return sum(item.width_m * item.depth_m for item in self.items) / self.room.area_m2
+        return sum(item.width_m * item.depth_m for item in self.items) / self.room.floor_m2
 
-    def _full(self, shares: dict[Density, float]) -> bool:
-        return self.covered_share >= shares[self.density]
+    def _full(self, share: float) -> bool:
+        return self.covered_share >= share
 
     def _place(self, kind: str) -> str:
         """Places one piece; returns why not, or an empty string."""
@@ -156,15 +189,18 @@ class RoomFurnishing:
         for style in sorted(styles_of(kind), key=lambda style: self._taste[style.colors]):
             by_form.setdefault(style.form, style)
         forms = forms_for(kind, self.room.type, list(by_form))
-        weight = 1.0 if self.room.area_m2 < _SMALL_ROOM_M2 else -1.0
+        weight = 1.0 if self.room.floor_m2 < _SMALL_ROOM_M2 else -1.0
         noise = {form: self.dice.random() for form in forms}
         sink = any(item.style.startswith("counter-sink") for item in self.items)
+        # Chairs of one table and nightstands of one bed are alike.
+        used = {item.style for item in self.items if item.model_type == kind} if RULES[kind].bound else set[str]()
 
         def rank(form: str) -> float:
             style = by_form[form]
             # A kitchen needs one sink, and then counters.
             repeated = (5.0 if sink else -5.0) * (form == "counter-sink")
-            return weight * 0.4 * style.width_m * style.depth_m + noise[form] + repeated
+            alike = -5.0 * (style.name in used)
+            return weight * 0.4 * style.width_m * style.depth_m + noise[form] + repeated + alike
 
         return [by_form[form] for form in sorted(forms, key=rank)]
 
@@ -321,7 +357,10 @@ class RoomFurnishing:
             return candidates.in_corners(self.space, style, self.dice)
         if rule.spot == "open":
             run = [item for item in self.items if item.model_type in KITCHEN_RUN]
-            return candidates.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
+            poses = candidates.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
+            # One dines in the middle of a dining room, and in a corner of a large living room.
+            aside = self.room.type == "Living" and self.room.floor_m2 >= _LARGE_ROOM_M2
+            return [pose._replace(score=-pose.score) for pose in poses] if aside else poses
         front, tall = front_of(kind, self.room.type), style.height_m > TALL_M or rule.hides_window
         return candidates.against_walls(self.space, style, front, rule.prefer, self.dice, tall=tall)
 

@@ -1,9 +1,11 @@
-"""Seating of a living room: a screen on one wall and a sofa that faces it, placed as a pair."""
+"""Seating of a living room: a screen on one wall and a sofa that faces it, placed as a pair; groups in large rooms."""
 
-from ..furniture.arrangement import RULES
+from math import hypot, inf
+
+from ..furniture.arrangement import RULES, Density
 from ..geometry.boxes import Box, Pose, footprint
 from ..geometry.parts import Style
-from .candidates import against_walls, facing
+from .candidates import against_walls, facing, in_the_open
 from .room_furnishing import RoomFurnishing
 
 _MOST_TRIES = 12
@@ -22,6 +24,52 @@ def arrange_seating(work: RoomFurnishing) -> None:
         for sofa in work.styles("Sofas"):
             if _place_pair(work, screen, sofa):
                 return
+
+
+GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
+"""What people who talk sit around and on."""
+
+_FLOOR_OF_GROUP_M2: dict[Density, float] = {"Sparse": inf, "Moderate": 70.0, "Dense": 45.0}
+_MOST_GROUPS = 4
+_TABLE_GAP_M, _CHAIR_GAP_M, _BETWEEN_CHAIRS_M = 0.4, 0.46, 0.2
+_AROUND_M = 0.7
+"""Free around a group: a robot passes."""
+
+_GROUP_TRIES = 300
+
+
+def arrange_groups(work: RoomFurnishing) -> None:
+    """Places further groups of a sofa, a table and two armchairs in a room that is large enough, as many as fit."""
+    for _ in range(min(_MOST_GROUPS, int(work.room.floor_m2 / _FLOOR_OF_GROUP_M2[work.density]))):
+        if not _place_group(work):
+            return
+
+
+def _place_group(work: RoomFurnishing) -> bool:
+    sofa, table, chair = (work.styles(kind)[0] for kind in GROUP)
+    to_table = sofa.depth_m / 2 + _TABLE_GAP_M + table.depth_m / 2
+    to_chairs = to_table + table.depth_m / 2 + _CHAIR_GAP_M + chair.depth_m / 2
+    aside = (chair.width_m + _BETWEEN_CHAIRS_M) / 2
+    half = max(sofa.width_m, table.width_m, 2 * aside + chair.width_m) / 2 + _AROUND_M
+    spots = in_the_open(work.space, work.dice, [])
+    some = work.dice.sample(spots, min(_GROUP_TRIES, len(spots)))
+    for spot in sorted(some, key=lambda spot: -_away(spot, work)):
+        if not work.space.admits(
+            spot.box(-sofa.depth_m / 2 - _AROUND_M, to_chairs + chair.depth_m / 2 + _AROUND_M, -half, half)
+        ):
+            continue
+        chairs = [("LivingRoomChairs", chair, spot.moved(to_chairs, side * aside, 2)) for side in (1, -1)]
+        group = [("Sofas", sofa, spot), ("CoffeeTables", table, spot.moved(to_table, 0.0, 2)), *chairs]
+        if work.space.stays_open(*(footprint(pose, style.width_m, style.depth_m) for _, style, pose in group)):
+            for kind, style, pose in group:
+                work.stand(kind, style, pose)
+            return True
+    return False
+
+
+def _away(spot: Pose, work: RoomFurnishing) -> float:
+    """How far a spot is from all furniture: groups spread over the room."""
+    return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
 
 
 def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:

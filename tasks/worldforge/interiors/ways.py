@@ -1,5 +1,6 @@
 """The ways through a room that stay open for a robot while furniture is put into it."""
 
+from collections import Counter
 from collections.abc import Sequence
 from math import ceil
 
@@ -12,6 +13,9 @@ from ..geometry.boxes import Box
 
 _CELL_M = 0.05
 _FOUR_NEIGHBOURS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])
+_GATE_REACH = 6
+"""How many cells beside a point a way to it may end, where a wall or an open door is too near to it."""
+
 _LARGEST_POCKETS = 0.06
 """Share of a room's ways that furniture may cut off, such as the gap behind a sofa."""
 
@@ -49,11 +53,27 @@ class Ways:
         rows, columns = self._free.shape
         for x, y in gates:
             row, column = int((y - self._y0) / _CELL_M) + 1, int((x - self._x0) / _CELL_M) + 1
-            self._gates.append((min(max(row, 1), rows - 2), min(max(column, 1), columns - 2)))
+            self._gates.append(self._nearest_free(min(max(row, 1), rows - 2), min(max(column, 1), columns - 2)))
         self._open = self._component(self._free)
         cells = int(np.count_nonzero(self._free))
         cut_off = 0 if self._open is None else cells - int(np.count_nonzero(self._open))
         self._most_lost = cut_off + _LARGEST_POCKETS * cells
+
+    @property
+    def joined(self) -> bool:
+        """Whether there are ways between all points that `join` named."""
+        return self._open is not None
+
+    def _nearest_free(self, row: int, column: int) -> tuple[int, int]:
+        """The free cell nearest to a cell, itself if it is free or none is near."""
+        if self._free[row, column]:
+            return row, column
+        south, west = max(row - _GATE_REACH, 0), max(column - _GATE_REACH, 0)
+        rows, columns = np.nonzero(self._free[south : row + _GATE_REACH + 1, west : column + _GATE_REACH + 1])
+        if not len(rows):
+            return row, column
+        best = int(((rows + south - row) ** 2 + (columns + west - column) ** 2).argmin())
+        return int(rows[best]) + south, int(columns[best]) + west
 
     def stays_open(self, *boxes: Box) -> bool:
         """Whether more blocks leave every gate reachable from every other, and no large pocket cut off."""
@@ -87,13 +107,25 @@ class Ways:
             self._open = self._component(self._free)
 
     def nearest(self, point: Point) -> Point:
-        """The middle of the open cell nearest to a point; the point itself where nothing is open."""
-        if self._open is None or not self._open.any():
+        """The middle of the open cell nearest to a point; the point itself where nothing is free.
+
+        Where there are no ways between all gates, those from the most gates count.
+        """
+        cells = self._best_part() if self._open is None else self._open
+        if not cells.any():
             return point
-        rows, columns = np.nonzero(self._open)
+        rows, columns = np.nonzero(cells)
         x, y = self._x0 + (columns - 0.5) * _CELL_M, self._y0 + (rows - 0.5) * _CELL_M
         best = int(np.argmin((x - point[0]) ** 2 + (y - point[1]) ** 2))
         return round(float(x[best]), 3), round(float(y[best]), 3)
+
+    def _best_part(self) -> NDArray[np.bool_]:
+        """The cells that hang together with most of the gates, or the largest part of all."""
+        labels = np.asarray(ndimage.label(self._free, _FOUR_NEIGHBOURS)[0])  # pyright: ignore[reportIndexIssue]
+        found = Counter(int(labels[gate]) for gate in self._gates if labels[gate])
+        if not found:
+            found = Counter(labels[labels > 0].tolist())
+        return labels == (found.most_common(1)[0][0] if found else -1)
 
     def _rim_is_whole(self, rows: slice, columns: slice) -> bool:
         """Whether the free cells around a block hang together along its rim.

@@ -3,4 +3,4 @@
 May import: `schemas`, `tasks.worldforge.floorplans`, `tasks.worldforge.geometry`.
 """
 
-__all__ = ["materials", "surfaces", "textures"]
+__all__ = ["materials", "sky", "surfaces", "textures"]

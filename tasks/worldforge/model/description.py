@@ -30,6 +30,8 @@ def describe(world: World) -> WorldDescription:
         passages=[_passage(passage) for passage in plan.passages],
         doors=[_door(passage.door, passage) for passage in plan.passages if passage.door],
         furniture=[_furniture(item) for item in world.furniture],
+        source=world.source,
+        variation=world.variation,
         proofs=_proofs(world),
     )
 

@@ -1,32 +1,51 @@
-"""Writes a world as MJCF: static geoms in the worldbody, sleep enabled.
+"""Writes a world as MJCF that every MuJoCo from 3.0 on reads: static geoms in the worldbody, loose objects, doors.
 
 | name | what |
 | --- | --- |
 | `floor_<room>_<n>` | slabs that everything stands on, each with the friction of its material |
 | `ground` | the plane below them, not drawn (group 3) |
-| `ceiling_<room>_<n>` | drawn only, in group 4, which cameras leave out by default |
+| `ceiling_<room>_<n>` | drawn only: seen from below if decorated, else in group 4, which cameras leave out |
 | `wall_<n>`, `wall_<n>_left`, `wall_<n>_right` | walls and lintels; two halves where the two faces differ |
-| `window_<n>_frame`, `window_<n>_glass` | drawn only |
+| `window_<n>_…` | drawn only |
+| `wall_<n>_…_seen` | decorated: drawn around windows in place of the wall that collides, then in group 3 |
+| `lamp_<n>`, `skirting_<n>`, `curtain_<n>_…`, `blind_<n>_…` | drawn only, in decorated models |
+| `cabinet_<id>_…`, `rug_<id>` | the same; `<id>` is the piece above or below |
+| `picture_<room>_<n>_…`, `mirror_…`, `clock_…`, `shelf_…`, `coats_…`, `towels_…` | the same, on walls |
+| `thing_<id>_<n>_<kind>`, `book_<id>_<shelf>_<row>_<n>` | the same; small things, `<id>` is what they stand on |
 | `<furniture id>.<part>` | parts of furniture; those for the eye only are in group 2 and never collide |
+| `<furniture id>.<part>_seen` | decorated: drawn in place of the part that collides, then in group 3 |
 | body `<furniture id>` | a loose object |
 | `doorframe_<passage>_…` | frames of doors, drawn only |
 | body and joint `door-<n>` | a leaf on hinges, with its geoms `door-<n>.<part>`; at 0 it is closed |
 | cameras `top`, `iso` | the whole plan |
 
-A robot is attached with a prefix of its own, which no name here has.
+A robot is attached with a prefix of its own, which no name here has. That loose objects and doors may sleep until
+something touches them is not in the file, as MuJoCo before 3.4 refuses it: the program that runs the world says so.
 """
 
 from collections.abc import Iterator
-from math import cos, hypot, radians, sin, sqrt, tan
+from math import cos, hypot, radians, sin, tan
 
+from ....schemas.worlds.appearance import APPEARANCES, DAY
 from ....schemas.worlds.polygons import contains
-from ....schemas.worlds.world import Furniture, Room, Wall, Window, World
+from ....schemas.worlds.world import Furniture, Room, Wall, World
+from ..decor.decor import Decoration, decorate
+from ..decor.faces import WINDOW_HEAD_M as WINDOW_HEAD_M
+from ..decor.faces import WINDOW_SILL_M as WINDOW_SILL_M
+from ..decor.faces import walls_of_windows, windows_in
+from ..decor.lights import light_lines, material_lines, reach_m
+from ..decor.openings import LAID, wall_halves
 from ..doors.model import door_lines
 from ..furniture.solids import Solid, solids_of
 from ..geometry.parts import Axis
 from ..interiors.placement import room_rects
 from ..materials.materials import FLOORS, surface_finish, surface_name
+from ..materials.sky import LAYOUT, SKY
 from ..materials.textures import texture_size_m
+from ..ornaments.forms import Shapes
+from ..ornaments.ornaments import ALONG_X, ALONG_Y, CYLINDER_QUAT, VISUAL
+from ..ornaments.ornaments import numbers as _numbers
+from ..ornaments.shaped import shaped
 
 TEXTURES_FOLDER = "textures"
 """Where a textured model has its pictures, beside itself."""
@@ -34,62 +53,91 @@ TEXTURES_FOLDER = "textures"
 SLAB_M = 0.1
 """Thickness of the floors, whose tops are at 0."""
 
-WINDOW_SILL_M = 0.9
-WINDOW_HEAD_M = 2.1
-
-_HALF = sqrt(0.5)
-# Local axes of a wall's box are along, up, through: textures are projected along the last.
-_ALONG_X = f"{_HALF:.6f} {_HALF:.6f} 0 0"
-_ALONG_Y = "0.5 0.5 0.5 0.5"
-_CYLINDER_QUAT = {"x": f"{_HALF:.6f} 0 {_HALF:.6f} 0", "y": f"{_HALF:.6f} {_HALF:.6f} 0 0", "z": ""}
 _FOVY_DEG = 45.0
 _ASPECT = 4 / 3
 _MASS_KG = {
     "Ball": 0.3, "Book": 0.5, "Carton": 1.2, "Clothes": 0.4, "Cup": 0.35, "Plate": 0.5, "Shoe": 0.35, "ToyBlock": 0.15,
 }  # fmt: skip
 
-_VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
+
+_HEAD = (
+    '<mujoco model="world">',
+    '  <compiler angle="radian" autolimits="true"/>',
+    '  <option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/>',
+)
+_GROUND = f'    <geom name="ground" type="plane" pos="0 0 {-SLAB_M:g}" size="0 0 1" group="3"/>'
 
 
 def world_mjcf(world: World, *, textured: bool = False) -> str:
-    """The world as MJCF text.
+    """The world as MJCF text, by day; `relit` of `schemas/worlds/appearance.py` lights it otherwise.
 
     Args:
         world: the world.
-        textured: whether floors and walls have pictures, `textures/<surface>.png` for each surface in
-            `surfaces`; without, they have plain colours and the text is complete in itself.
+        textured: whether it is decorated: floors and walls have pictures, `textures/<surface>.png` for each
+            surface in `surfaces`, and there is all that rooms have for the eye only, some of it in files of
+            `decorated_mjcf`; without, the text is complete in itself and has what physics needs. Both collide alike.
+    """
+    return decorated_mjcf(world)[0] if textured else _text(world, Decoration(), None)
+
+
+def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
+    """The decorated world as MJCF text, and the texts of the meshes that it names, by their paths beside it.
+
+    Args:
+        world: the world.
+    """
+    shapes = Shapes()
+    made = decorate(world, wall_faces, shapes)
+    return _text(world, made, shapes), made.files
+
+
+def proof_mjcf(world: World) -> str:
+    """What of a world collides, as MJCF: all that its proofs need, a third of its geoms.
+
+    Args:
+        world: the world.
     """
     plan = world.floorplan
-    lines = [
-        '<mujoco model="world">',
-        '  <compiler angle="radian" autolimits="true"/>',
-        '  <option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10">',
-        '    <flag sleep="enable"/>',
-        "  </option>",
-        *_visual(world),
-        "  <asset>",
-        '    <texture name="sky" type="skybox" builtin="gradient" width="64" height="384" '
-        'rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"/>',
-        *_materials(world, textured),
-        "  </asset>",
-        "  <worldbody>",
-        *_cameras(world),
-        f'    <geom name="ground" type="plane" pos="0 0 {-SLAB_M:g}" size="0 0 1" group="3"/>',
-    ]
+    lines = [*_HEAD, "  <asset>", *_materials(world, False), "  </asset>", "  <worldbody>", _GROUND]
     for index, room in enumerate(plan.rooms):
-        lines += _surfaces(index, room, plan.ceiling_height_m)
+        lines += _surfaces(index, room, None)
     for index, wall in enumerate(plan.walls):
-        lines += _wall(index, wall, world)
-    for index, window in enumerate(plan.windows):
-        lines += _window(index, window, world)
-    lines += door_lines(plan, _geom)
+        lines += _wall(index, wall, world, hidden=False)
+    lines += door_lines(plan, _geom, solid_only=True)
     for item in world.furniture:
-        lines += _loose(item) if item.movable else piece_geoms(item)
+        lines += _loose(item, None, solid_only=True) if item.movable else piece_geoms(item, solid_only=True)
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
-def _numbers(*values: float) -> str:
-    return " ".join(f"{round(value, 4) + 0.0:g}" for value in values)
+def _text(world: World, made: Decoration, shapes: Shapes | None) -> str:
+    plan, textured = world.floorplan, shapes is not None
+    pieces = [line for item in world.furniture for line in (_loose if item.movable else piece_geoms)(item, shapes)]
+    lines = [
+        *_HEAD,
+        *_visual(world),
+        "  <asset>",
+        _sky(textured),
+        *_materials(world, textured),
+        *(material_lines() if textured else ()),
+        *made.assets,
+        *(shapes.lines() if shapes else ()),
+        "  </asset>",
+        "  <worldbody>",
+        *_cameras(world),
+        *light_lines(world),
+        _GROUND,
+    ]
+    for index, room in enumerate(plan.rooms):
+        lines += _surfaces(index, room, None if textured else plan.ceiling_height_m)
+    for index, wall in enumerate(plan.walls):
+        lines += _wall(index, wall, world, hidden=textured and bool(windows_in(wall, world)))
+    if not textured:
+        for index, wall in sorted(walls_of_windows(world).items()):
+            lines += _window(index, wall, world)
+    lines += made.geoms
+    lines += door_lines(plan, _geom)
+    lines += pieces
+    return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
 def _extent(world: World) -> tuple[float, float, float, float]:
@@ -97,14 +145,23 @@ def _extent(world: World) -> tuple[float, float, float, float]:
     return min(xs), min(ys), max(xs), max(ys)
 
 
+def _sky(textured: bool) -> str:
+    look = 'builtin="gradient" width="64" height="384" rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"'
+    if textured:
+        look = f'file="{TEXTURES_FOLDER}/{SKY}.png" {LAYOUT}'
+    return f'    <texture name="{SKY}" type="skybox" {look}/>'
+
+
 def _visual(world: World) -> Iterator[str]:
+    lit = APPEARANCES[DAY]
     x0, y0, x1, y1 = _extent(world)
     height = world.floorplan.ceiling_height_m
     center = _numbers((x0 + x1) / 2, (y0 + y1) / 2, height / 2)
-    yield f'  <statistic center="{center}" extent="{_numbers(hypot(x1 - x0, y1 - y0) / 2)}" meansize="0.3"/>'
+    yield f'  <statistic center="{center}" extent="{_numbers(reach_m(world))}" meansize="0.3"/>'
     yield "  <visual>"
-    yield '    <headlight ambient="0.42 0.42 0.42" diffuse="0.38 0.38 0.38" specular="0 0 0"/>'
-    yield '    <map znear="0.005"/>'
+    ambient, ahead = _numbers(*lit.ambient), _numbers(*[lit.headlight] * 3)
+    yield f'    <headlight ambient="{ambient}" diffuse="{ahead}" specular="0 0 0"/>'
+    yield '    <map znear="0.005" zfar="12"/>'
     yield '    <global offwidth="1280" offheight="960"/>'
     yield "  </visual>"
 
@@ -123,8 +180,11 @@ def _materials(world: World, textured: bool) -> Iterator[str]:
             yield f'    <material name="{name}" rgba="{_numbers(*surface_finish(name).color)}" specular="0.1"/>'
             continue
         yield f'    <texture name="{name}" type="2d" file="{TEXTURES_FOLDER}/{name}.png"/>'
-        repeat = _numbers(1 / size_m[0], 1 / size_m[1])
+        # MuJoCo lays `texrepeat` pictures on two metres.
+        repeat = _numbers(2 / size_m[0], 2 / size_m[1])
         yield f'    <material name="{name}" texture="{name}" texrepeat="{repeat}" texuniform="true" specular="0.1"/>'
+        if name.startswith("wall_"):
+            yield f'    <material name="{name}{LAID}" texture="{name}" specular="0.1"/>'
 
 
 def _cameras(world: World) -> Iterator[str]:
@@ -137,12 +197,10 @@ def _cameras(world: World) -> Iterator[str]:
     pos = _numbers(x, y - distance * cos(tilt), distance * sin(tilt))
     axes = f"1 0 0 {_numbers(0, sin(tilt), cos(tilt))}"
     yield f'    <camera name="iso" pos="{pos}" xyaxes="{axes}" fovy="{_FOVY_DEG:g}"/>'
-    light = f'pos="{_numbers(x, y, height)}" dir="-0.3 0.4 -0.87" diffuse="0.4 0.4 0.38" specular="0 0 0"'
-    yield f'    <light name="sun" type="directional" castshadow="true" {light}/>'
 
 
-def _surfaces(index: int, room: Room, ceiling_m: float) -> Iterator[str]:
-    """The floor and the ceiling of a room.
+def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
+    """The floor of a room, and its ceiling where its height is given.
 
     Floors of neighbours meet under their walls and doorways, flush. MuJoCo takes the larger friction of two geoms that
     touch, so a wheel whose own is below the floor's grips as well as the floor lets it.
@@ -153,8 +211,10 @@ def _surfaces(index: int, room: Room, ceiling_m: float) -> Iterator[str]:
         slab = f'type="box" pos="{_numbers(*middle, -SLAB_M / 2)}" size="{_numbers(*half, SLAB_M / 2)}"'
         material = surface_name("floor", room)
         yield f'    <geom name="floor_{index}_{number}" {slab} material="{material}" friction="{grip}"/>'
+        if ceiling_m is None:
+            continue
         ceiling = f'type="box" pos="{_numbers(*middle, ceiling_m + 0.05)}" size="{_numbers(*half, 0.05)}"'
-        hidden = _VISUAL.replace('group="2"', 'group="4"')
+        hidden = VISUAL.replace('group="2"', 'group="4"')
         yield f'    <geom name="ceiling_{index}_{number}" {ceiling} rgba="0.96 0.95 0.93 1" {hidden}/>'
 
 
@@ -175,32 +235,22 @@ def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
     return face(-wall.thickness_m), face(wall.thickness_m)
 
 
-def _wall(index: int, wall: Wall, world: World) -> Iterator[str]:
+def _wall(index: int, wall: Wall, world: World, *, hidden: bool) -> Iterator[str]:
     height = world.floorplan.ceiling_height_m - wall.bottom_m
     (x0, y0), (x1, y1) = wall.start, wall.end
     along_x = abs(x1 - x0) >= abs(y1 - y0)
     x, y, z = (x0 + x1) / 2, (y0 + y1) / 2, wall.bottom_m + height / 2
     half_length = (abs(x1 - x0) + abs(y1 - y0)) / 2
-    quat = _ALONG_X if along_x else _ALONG_Y
-    right, left = wall_faces(wall, world)
-    if (x1 - x0) + (y1 - y0) < 0:
-        right, left = left, right
-
-    def piece(name: str, shift: float, half_thickness: float, material: str) -> str:
+    quat, group = ALONG_X if along_x else ALONG_Y, ' group="3"' if hidden else ""
+    for suffix, shift, half, material in wall_halves(wall, wall_faces(wall, world)):
         pos = _numbers(x, y + shift, z) if along_x else _numbers(x - shift, y, z)
-        size = _numbers(half_length, height / 2, half_thickness)
-        return f'    <geom name="{name}" type="box" pos="{pos}" quat="{quat}" size="{size}" material="{material}"/>'
-
-    if right == left:
-        yield piece(f"wall_{index}", 0.0, wall.thickness_m / 2, right)
-        return
-    quarter = wall.thickness_m / 4
-    yield piece(f"wall_{index}_right", -quarter, quarter, right)
-    yield piece(f"wall_{index}_left", quarter, quarter, left)
+        size = _numbers(half_length, height / 2, half)
+        shape = f'type="box" pos="{pos}" quat="{quat}" size="{size}" material="{material}"'
+        yield f'    <geom name="wall_{index}{suffix}" {shape}{group}/>'
 
 
-def _window(index: int, window: Window, world: World) -> Iterator[str]:
-    thickness = max(wall.thickness_m for wall in world.floorplan.walls if wall.exterior)
+def _window(index: int, wall: Wall, world: World) -> Iterator[str]:
+    window = world.floorplan.windows[index]
     (x0, y0), (x1, y1) = window.start, window.end
     head = min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
     z, half_z = (WINDOW_SILL_M + head) / 2, (head - WINDOW_SILL_M) / 2
@@ -210,27 +260,40 @@ def _window(index: int, window: Window, world: World) -> Iterator[str]:
         ("frame", 0.0, 0.008, "0.97 0.97 0.95 1"),
         ("glass", 0.06, 0.012, "0.68 0.83 0.9 1"),
     ):
-        through = thickness / 2 + bulge
+        through = wall.thickness_m / 2 + bulge
         size = (half - inset, through, half_z - inset) if along_x else (through, half - inset, half_z - inset)
         pos = _numbers((x0 + x1) / 2, (y0 + y1) / 2, z)
         shape = f'type="box" pos="{pos}" size="{_numbers(*size)}"'
-        yield f'    <geom name="window_{index}_{name}" {shape} rgba="{rgba}" {_VISUAL}/>'
+        yield f'    <geom name="window_{index}_{name}" {shape} rgba="{rgba}" {VISUAL}/>'
 
 
-def piece_geoms(item: Furniture) -> Iterator[str]:
-    """A piece of furniture as geoms of the body that it stands in."""
-    return (_geom(solid) for solid in solids_of(item))
+def piece_geoms(
+    item: Furniture, shapes: Shapes | None = None, physics: str = "", *, solid_only: bool = False
+) -> Iterator[str]:
+    """A piece of furniture as geoms of the body that it stands in.
+
+    Args:
+        item: the piece.
+        shapes: draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
+        physics: attributes of what collides.
+        solid_only: whether what is for the eye only is left out.
+    """
+    if shapes is None:
+        yield from (_geom(solid, physics) for solid in solids_of(item) if solid.solid or not solid_only)
+        return
+    for solid, seen in shaped(item, shapes):
+        if solid.solid or not seen:
+            yield _geom(solid, f'{physics} group="3"'.lstrip() if seen else physics)
+        yield from (ornament.line() for ornament in seen)
 
 
-def _loose(item: Furniture) -> Iterator[str]:
-    """A free body that sleeps until something touches it."""
+def _loose(item: Furniture, shapes: Shapes | None, *, solid_only: bool = False) -> Iterator[str]:
     pose = f'pos="{_numbers(item.x, item.y, item.base_m)}" euler="0 0 {_numbers(item.yaw)}"'
-    yield f'    <body name="{item.id}" {pose} sleep="init">'
+    yield f'    <body name="{item.id}" {pose}>'
     yield f'      <freejoint name="{item.id}"/>'
     resting = item.model_copy(update={"x": 0.0, "y": 0.0, "yaw": 0.0, "base_m": 0.0})
-    for solid in solids_of(resting):
-        mass = f'mass="{_MASS_KG[item.model_type]:g}" condim="4" friction="0.8 0.02 0.002"'
-        yield "  " + _geom(solid, mass)
+    mass = f'mass="{_MASS_KG[item.model_type]:g}" condim="4" friction="0.8 0.02 0.002"'
+    yield from ("  " + line for line in piece_geoms(resting, shapes, mass, solid_only=solid_only))
     yield "    </body>"
 
 
@@ -245,7 +308,7 @@ def _geom(solid: Solid, physics: str = "") -> str:
         size = _numbers(half_x, half_y, half_z)
     turn = f' quat="{quat}"' if quat else ""
     look = f'rgba="{_numbers(*solid.color)}"'
-    rest = physics if solid.solid else _VISUAL
+    rest = physics if solid.solid else VISUAL
     pos = _numbers(*solid.center)
     return f'    <geom name="{solid.name}" type="{kind}" pos="{pos}"{turn} size="{size}" {look} {rest}'.rstrip() + "/>"
 
@@ -254,4 +317,4 @@ def _cylinder(axis: Axis, half: tuple[float, float, float]) -> tuple[str, str]:
     """Size and rotation of a cylinder."""
     index = "xyz".index(axis)
     radius = half[(index + 1) % 3]
-    return _numbers(radius, half[index]), _CYLINDER_QUAT[axis]
+    return _numbers(radius, half[index]), CYLINDER_QUAT[axis]

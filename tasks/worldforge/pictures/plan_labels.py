@@ -43,7 +43,7 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
     """
     room_box = widest_box(room)
     across, up = (room_box[2] - room_box[0]) * scale, (room_box[3] - room_box[1]) * scale
-    area = f"{room.area_m2:.1f} m²"
+    area = f"{room.floor_m2:.1f} m²"
     wanted = max(len(room.name) * NAME_PX, len(area) * AREA_PX) * _GLYPH_WIDTH + 2 * _PADDING_PX
     upwards = wanted > across and up > across
     length = min(wanted, up if upwards else across)
@@ -72,7 +72,7 @@ def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> P
         return round(sum(u * v for u, v in zip(across[step[0]], up[step[1]], strict=True)), 3)
 
     steps = sorted(product(_STEPS, _STEPS), key=lambda step: abs(step[0] - 0.5) + abs(step[1] - 0.5))
-    x, y = min(steps, key=covered)
+    x, y = next((step for step in steps if not covered(step)), None) or min(steps, key=covered)
     return columns[x], rows[y]
 
 

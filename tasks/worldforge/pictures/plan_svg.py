@@ -15,6 +15,7 @@ from math import degrees, hypot
 from re import sub
 
 from ....schemas.worlds.world import Floorplan, Furniture, Passage, Point, Room, Wall, Window, World
+from ..decor.faces import walls_of_windows
 from .plan_doors import DARK_DOOR_STYLE, DOOR_STYLE, door_svg
 from .plan_labels import AREA_PX, NAME_PX, place_label
 from .plan_symbols import number, symbol
@@ -105,7 +106,7 @@ def floorplan_svg(world: World) -> str:
         *(_floor(room) for room in plan.rooms),
         *(_furniture(item) for item in world.furniture),
         *(_wall(wall) for wall in plan.walls),
-        *(_window(window, _thickness(plan)) for window in plan.windows),
+        *(_window(plan.windows[number], wall.thickness_m) for number, wall in sorted(walls_of_windows(world).items())),
         *(_passage(passage) for passage in plan.passages),
         _origin_mark(),
         *(_label(room, world.furniture, sheet.scale) for room in plan.rooms),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image as PilImage
 
 from ....schemas.worlds.world import Wall, Window, World
+from ..decor.faces import walls_of_windows
 from ..doors.model import cut_door_solids
 from ..furniture.solids import Solid, solids_of, turn
 from ..geometry.parts import Color, Vector, rgb
@@ -95,15 +96,19 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
         floor_color = palette.add_floor(surface_name("floor", room))
         for x0, y0, x1, y1 in room_rects(room):
             raster.parallelogram((x0, y0, 0.0), (x1 - x0, 0, 0), (0, y1 - y0, 0), floor_color)
-    x0, y0, _, _ = _extent(world)
     for wall in world.floorplan.walls:
         if wall.bottom_m < _CUT_M:
-            # The two outer walls before the camera would hide what stands behind them.
-            near = max(wall.start[0], wall.end[0]) <= x0 or max(wall.start[1], wall.end[1]) <= y0
-            blocks += [_draw_wall(wall, _NEAR_CUT_M if near else _CUT_M, world, raster, palette)]
-    for window in world.floorplan.windows:
-        _draw_window(window, world, raster, palette)
+            blocks += [_draw_wall(wall, _top_m(wall, world), world, raster, palette)]
+    for number, wall in sorted(walls_of_windows(world).items()):
+        _draw_window(world.floorplan.windows[number], wall, world, raster, palette)
     return blocks
+
+
+def _top_m(wall: Wall, world: World) -> float:
+    """Where a wall is cut: outer ones with the outside south or west of them would hide what stands behind them."""
+    right, left = wall_faces(wall, world)
+    forward = wall.end[0] > wall.start[0] or wall.end[1] < wall.start[1]  # south or west of it lies to its right
+    return _NEAR_CUT_M if wall.exterior and (right if forward else left) == _OUTSIDE else _CUT_M
 
 
 def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: Palette) -> Block:
@@ -122,16 +127,14 @@ def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: 
     return (*low, *high, top_m)
 
 
-def _draw_window(window: Window, world: World, raster: Raster, palette: Palette) -> None:
-    half = max(wall.thickness_m for wall in world.floorplan.walls if wall.exterior) / 2 + 0.012
+def _draw_window(window: Window, wall: Wall, world: World, raster: Raster, palette: Palette) -> None:
+    half = wall.thickness_m / 2 + 0.012
     x0, x1 = sorted((window.start[0], window.end[0]))
     y0, y1 = sorted((window.start[1], window.end[1]))
-    x_near, y_near, _, _ = _extent(world)
     along_x = x1 - x0 > y1 - y0
     low = (x0, y0 - half) if along_x else (x0 - half, y0)
     high = (x1, y1 + half) if along_x else (x1 + half, y1)
-    near = x1 <= x_near or y1 <= y_near
-    top = (_NEAR_CUT_M if near else _CUT_M) + 0.012
+    top = _top_m(wall, world) + 0.012
     _draw_box(raster, palette, (*low, top - 0.35), (*high, top), _GLASS, {})
 
 

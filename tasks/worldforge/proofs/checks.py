@@ -5,24 +5,19 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from ....schemas.worlds.checks import PreferenceCount, RoomMeasures, RoomWay, WorldChecks
 from ....schemas.worlds.world import Floorplan, Passage, Room, World
 from ..doors.leaves import FULLY_OPEN_PERCENT, leaf_outlines
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
-from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, ORIGIN_RADIUS_M
-
-_WATCHED_S = 0.5
-"""Seconds at the begin of the settle in which nothing falls asleep, so that what tips over slowly has begun to."""
-
-_SLEEP_TOLERANCE = 5e-4
-"""From then on, what is slower than this may fall asleep: cylinders on tables tremble at a third of it for ever. In the
-rest of the settle a body that slow moves less than a millimetre."""
+from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M, SETTLE_S
+from .overlaps import find_overlaps
+from .settling import drift_m, measure_stability
 
 _WALL_FLOOR_M = 0.4
 """A wall that begins above this leaves a way below it."""
@@ -35,38 +30,44 @@ _ORIGIN = (0.0, 0.0)
 
 def check_world(
     world: World,
-    mjcf: str,
+    mjcf: str | Path,
     grid: OccupancyGrid,
     *,
     robot_radius_m: float = 0.2,
     settle_s: float | None = None,
+    pushed: bool = False,
 ) -> WorldChecks:
     """Measures a world.
 
     Args:
         world: the world.
-        mjcf: its model, from `world_mjcf`.
+        mjcf: its model, from `proof_mjcf`, or the file in its bundle.
         grid: its map, from `occupancy_grid`, with all doors fully open, since a robot can push them.
         robot_radius_m: radius of the disc that has to reach every room from the origin.
         settle_s: how long to let physics run, with every body awake at first; None leaves that out.
+        pushed: whether loose objects are pushed, too, which takes twenty times longer.
 
     Raises:
         ValueError: when MuJoCo does not accept the model.
     """
     plan = world.floorplan
-    model = _awake(mjcf)
+    load = mujoco.MjModel.from_xml_path if isinstance(mjcf, Path) else mujoco.MjModel.from_xml_string
+    model = load(str(mjcf))
+    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)  # earlier generators let loose objects sleep
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
-    deep = -np.asarray(data.contact.dist)
+    mujoco.mj_kinematics(model, data)
+    overlaps = find_overlaps(model, data)
+    deep = [overlap for overlap in overlaps if overlap.depth_m > MAX_PENETRATION_M]
     ways = [_way(passage, plan) for passage in plan.passages]
-    drift = _drift(model, data, settle_s) if settle_s is not None else None
+    drift = drift_m(model, settle_s) if settle_s is not None else None
     return WorldChecks(
         robot_radius_m=robot_radius_m,
         **_reach(plan.rooms, grid, robot_radius_m),
         closed_off_rooms=_closed_off(world, robot_radius_m),
         origin_clear=_origin_clear(grid),
-        max_penetration_m=round(max(0.0, float(deep.max(initial=0.0))), 6),
-        penetrations=int(np.count_nonzero(deep > MAX_PENETRATION_M)),
+        max_penetration_m=round(overlaps[0].depth_m, 6) if overlaps else 0.0,
+        penetrations=len(deep),
+        penetrating=[overlap.parts for overlap in deep[:MOST_TOLD]],
         geoms=int(model.ngeom),
         narrowest_passage_m=min((way.clear_width_m for way in ways), default=None),
         room_graph=ways,
@@ -76,34 +77,24 @@ def check_world(
         settle_s=settle_s,
         settled_share=None if drift is None else round(float(np.mean(drift < MAX_DRIFT_M)) if len(drift) else 1.0, 4),
         max_drift_m=None if drift is None else round(float(drift.max(initial=0.0)), 6),
+        stability=measure_stability(model, world.interior_seed) if pushed else None,
     )
 
 
-def _awake(mjcf: str) -> mujoco.MjModel:
-    """The model with every body awake.
+def prove(world: World, model_file: Path, *, pushed: bool) -> WorldChecks:
+    """Measures a world of a bundle anew, whichever generator made it.
 
-    Asleep, bodies have no contacts and never move: a floating or half-sunk book would pass.
+    Args:
+        world: the world.
+        model_file: its MJCF, in the bundle.
+        pushed: whether loose objects are pushed, too.
+
+    Raises:
+        ValueError: when MuJoCo does not accept the model.
     """
-    model = mujoco.MjModel.from_xml_string(mjcf)
-    model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    return model
-
-
-def _drift(model: mujoco.MjModel, data: mujoco.MjData, settle_s: float) -> NDArray[np.float64]:
-    """How far each free body's middle moves; steps the data, which are at time 0.
-
-    What has come to rest falls asleep after a while; that makes the settle several times faster.
-    """
-    bodies = np.asarray(model.jnt_bodyid)
-    before = data.xipos[bodies].copy()
-    watched_s = min(_WATCHED_S, settle_s)
-    mujoco.mj_step(model, data, nstep=round(watched_s / model.opt.timestep))
-    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_SLEEP)
-    model.opt.sleep_tolerance = _SLEEP_TOLERANCE
-    model.tree_sleep_policy[:] = int(mujoco.mjtSleepPolicy.mjSLEEP_AUTO_ALLOWED)
-    mujoco.mj_step(model, data, nstep=round((settle_s - watched_s) / model.opt.timestep))
-    mujoco.mj_kinematics(model, data)
-    return np.linalg.norm(data.xipos[bodies] - before, axis=1)
+    # A robot can push doors open: what it reaches then is what counts.
+    grid = occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan, fully_open=True))
+    return check_world(world, model_file, grid, settle_s=SETTLE_S, pushed=pushed)
 
 
 def _reach(rooms: Sequence[Room], grid: OccupancyGrid, radius_m: float) -> dict[str, Any]:
@@ -138,7 +129,7 @@ def _measures(room: Room, fitting_cells: int, reached: int) -> RoomMeasures:
     ratio = room.aspect_ratio or 1.0
     return RoomMeasures(
         name=room.name,
-        area_error=round(room.area_m2 / room.desired_area_m2 - 1, 4) + 0.0,
+        area_error=round(room.floor_m2 / room.desired_area_m2 - 1, 4) + 0.0,
         aspect_ratio=ratio,
         aspect_error=round(ratio / room.desired_aspect_ratio - 1, 4) + 0.0,
         fitting_cells=fitting_cells,

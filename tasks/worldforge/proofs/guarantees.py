@@ -6,7 +6,7 @@ Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from ....schemas.worlds.checks import RoomMeasures, WorldChecks
+from ....schemas.worlds.checks import RoomMeasures, StabilityChecks, WorldChecks
 from ....schemas.worlds.world import World
 
 MAX_PENETRATION_M = 0.005
@@ -15,6 +15,12 @@ MIN_PASSAGE_M = 0.8
 MAX_DRIFT_M = 0.01
 ORIGIN_RADIUS_M = 0.5
 SETTLE_S = 2.0
+MAX_MOVED_M = 0.02
+"""After a push."""
+MAX_SUNK_M = 0.01
+"""After a push."""
+MOST_TOLD = 10
+"""Overlaps that are named."""
 
 Verdict = Literal["holds", "broken", "not measured", ""]
 
@@ -38,14 +44,25 @@ def violations(checks: WorldChecks) -> list[str]:
     if not checks.origin_clear:
         found.append(f"the cylinder of {2 * ORIGIN_RADIUS_M:g} m diameter at the origin is not clear")
     if checks.max_penetration_m > MAX_PENETRATION_M:
-        found.append(f"bodies overlap by {checks.max_penetration_m} m at the start, more than {MAX_PENETRATION_M} m")
+        parts = f": {' and '.join(checks.penetrating[0])}" if checks.penetrating else ""
+        found.append(f"parts overlap by {checks.max_penetration_m} m, more than {MAX_PENETRATION_M} m{parts}")
     if checks.narrowest_passage_m is not None and checks.narrowest_passage_m < MIN_PASSAGE_M:
         found.append(f"a passage is {checks.narrowest_passage_m} m wide, not {MIN_PASSAGE_M} m")
     if unjoined := rooms_apart(checks):
         found.append(f"no way between rooms leads to {', '.join(unjoined)}")
     if checks.settled_share is not None and checks.settled_share < 1.0:
         found.append(f"only {checks.settled_share:.0%} of the free bodies stay within {MAX_DRIFT_M} m")
+    if checks.stability is not None and not _is_stable(checks.stability):
+        found.append(f"{checks.stability.furthest}, pushed a little, {_pushed_way(checks.stability)}")
     return found
+
+
+def _is_stable(stability: StabilityChecks) -> bool:
+    return stability.max_moved_m <= MAX_MOVED_M and stability.max_sunk_m <= MAX_SUNK_M
+
+
+def _pushed_way(stability: StabilityChecks) -> str:
+    return f"moves {_mm(stability.max_moved_m)}, at most {_mm(stability.max_sunk_m)} down"
 
 
 def rooms_apart(checks: WorldChecks) -> list[str]:
@@ -103,7 +120,11 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
     deep = (
         f"{checks.penetrations} deeper than {1e3 * MAX_PENETRATION_M:g} mm, the deepest {_mm(checks.max_penetration_m)}"
     )
-    yield ProofLine("Penetrations at time 0", deep, _verdict(checks.max_penetration_m <= MAX_PENETRATION_M))
+    apart = _verdict(checks.max_penetration_m <= MAX_PENETRATION_M)
+    if checks.penetrating is None:
+        deep += "; between parts that never move, an earlier generator did not look"
+        apart = "not measured" if apart == "holds" else apart
+    yield ProofLine("Penetrations at time 0", deep, apart)
     name = f"Free bodies that move less than {1e3 * MAX_DRIFT_M:g} mm"
     if checks.settled_share is None:
         yield ProofLine(name, "the settle was not run", "not measured")
@@ -111,6 +132,10 @@ def _physics_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         span = "" if checks.settle_s is None else f" of {checks.free_bodies} in {checks.settle_s:g} s"
         furthest = "" if checks.max_drift_m is None else f", the furthest {_mm(checks.max_drift_m)}"
         yield ProofLine(name, f"{checks.settled_share:.0%}{span}{furthest}", _verdict(checks.settled_share >= 1.0))
+    if checks.stability is not None:
+        pushed = checks.stability
+        value = f"the furthest of {pushed.pushes} x {pushed.pushed_s:g} s {_pushed_way(pushed)}"
+        yield ProofLine(f"Loose objects pushed by {pushed.push_mps:g} m/s", value, _verdict(_is_stable(pushed)))
     if checks.wishes is not None:
         count = checks.wishes
         granted = f"{count.satisfied} granted, {count.missed} missed, {count.contradictory} contradictory"

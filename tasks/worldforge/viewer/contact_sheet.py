@@ -81,7 +81,7 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
         arn=arn,
         verdict="not checked" if world.checks is None else "broken" if broken else "holds",
         rooms=tuple(room.original_name or room.name for room in plan.rooms),
-        area_m2=sum(room.area_m2 for room in plan.rooms),
+        area_m2=sum(room.floor_m2 for room in plan.rooms),
         pieces=len(world.furniture),
         missed_preferences=sum(preference.outcome != "satisfied" for preference in (*plan.wishes, *world.wishes)),
         problems=broken,

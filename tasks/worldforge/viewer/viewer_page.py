@@ -70,7 +70,7 @@ def _lines(world: World) -> list[str]:
     rooms = world.floorplan.rooms
     loose = sum(item.movable for item in world.furniture)
     return [
-        f"{len(rooms)} rooms, {sum(room.area_m2 for room in rooms):.1f} m²",
+        f"{len(rooms)} rooms, {sum(room.floor_m2 for room in rooms):.1f} m²",
         f"{len(world.furniture) - loose} pieces of furniture, {loose} loose objects",
     ]
 
@@ -86,7 +86,7 @@ def _room(room: Room) -> dict[str, Any]:
     xs, ys = zip(*room.polygon, strict=True)
     return {
         "name": room.original_name or room.name,
-        "area_m2": room.area_m2,
+        "area_m2": room.floor_m2,
         "x": room.goal[0],
         "y": room.goal[1],
         "west": min(xs),

@@ -9,12 +9,14 @@ import os
 import signal
 import socket
 import sqlite3
+import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 LIBC = ctypes.CDLL(None, use_errno=True)
+ADD_KEY, BPF, PERF_EVENT_OPEN, USERFAULTFD, IO_URING_SETUP, CLONE, CLONE3 = 248, 321, 298, 323, 425, 56, 435
 NEW_USER, PTRACE_ATTACH, PTRACE_DETACH = 0x10000000, 16, 17
 KEYCTL, KEYCTL_SEARCH, SESSION_KEYRING = 250, 10, -3
 
@@ -101,6 +103,35 @@ def key(name: str) -> bool:
     return called(LIBC.syscall(KEYCTL, KEYCTL_SEARCH, SESSION_KEYRING, b"user", name.encode(), 0)) > 0
 
 
+def own_key(name: str) -> bool:
+    """A key of the kernel, whose code for them had many mistakes."""
+    return called(LIBC.syscall(ADD_KEY, b"user", f"{name}-own".encode(), b"x", 1, SESSION_KEYRING)) > 0
+
+
+def opened(descriptor: int) -> bool:
+    os.close(called(descriptor))
+    return True
+
+
+def counters(_: Any) -> bool:
+    """Counts this process's instructions; software counters are there also on virtual machines."""
+    attributes = ctypes.create_string_buffer(struct.pack("IIQ", 1, 128, 0) + bytes(24) + struct.pack("Q", 0x61), 128)
+    return opened(LIBC.syscall(PERF_EVENT_OPEN, attributes, 0, -1, -1, 0))
+
+
+def bpf_map(_: Any) -> bool:
+    return opened(LIBC.syscall(BPF, 0, ctypes.create_string_buffer(struct.pack("IIII", 2, 4, 4, 1), 128), 128))
+
+
+def cloned(number: int, *arguments: Any) -> bool:
+    """A child in a user namespace of its own; the call keeps Python's lock, which the child needs to leave."""
+    pid = ctypes.PyDLL(None, use_errno=True).syscall(number, *arguments)
+    if pid == 0:
+        os._exit(0)
+    os.waitpid(called(pid), 0)
+    return True
+
+
 ATTACKS: dict[str, Callable[[Any], Any]] = {
     "environ": lambda pid: b"SECRET_KEY" in Path(f"/proc/{pid}/environ").read_bytes(),
     "working directory": lambda pid: os.listdir(f"/proc/{pid}/cwd") is not None,
@@ -120,7 +151,14 @@ ATTACKS: dict[str, Callable[[Any], Any]] = {
     "abstract socket": lambda name: connect(socket.AF_UNIX, "\0" + name),
     "socket": lambda path: connect(socket.AF_UNIX, path),
     "user namespace": lambda _: in_a_fork(lambda: called(LIBC.unshare(NEW_USER))),
+    "clone": lambda _: cloned(CLONE, NEW_USER | signal.SIGCHLD, None, None, None, None),
+    "clone3": lambda _: cloned(CLONE3, struct.pack("QQQQQ", NEW_USER, 0, 0, 0, signal.SIGCHLD) + bytes(24), 64),
     "keyring": key,
+    "own key": own_key,
+    "user faults": lambda _: opened(LIBC.syscall(USERFAULTFD, os.O_CLOEXEC | 1)),  # of its own accesses only
+    "io_uring": lambda _: opened(LIBC.syscall(IO_URING_SETUP, 1, ctypes.create_string_buffer(256))),
+    "performance counters": counters,
+    "bpf": bpf_map,
     # of root only
     "mount": lambda folder: in_a_fork(
         lambda: called(LIBC.unshare(0x20000)) or called(LIBC.mount(b"none", folder.encode(), b"tmpfs", 0, None))

@@ -1,22 +1,41 @@
-"""Schemas of forms: choices are choices, whether optional or not."""
+"""Schemas of forms: what is optional is shown at once, and the default of a choice is chosen."""
 
 from prefect_robomaker.deployments.deploying.forms import form_schema
 from prefect_robomaker.flows.robots import CreateRobot
+from prefect_robomaker.flows.simulation_job_batches import StartSimulationJobBatch
 from prefect_robomaker.flows.simulation_jobs import CreateSimulationJob
 
 
-def test_optional_choices_are_shown_at_once_and_sent_only_when_made() -> None:
+def test_optional_choices_are_shown_at_once_with_their_default_chosen() -> None:
     schema = form_schema(CreateSimulationJob)
     video = schema["properties"]["video"]
 
-    assert (video["type"], video["enum"]) == ("string", ["none", "on-failure", "always"])
+    assert (video["type"], video["enum"], video["default"]) == ("string", ["none", "on-failure", "always"], "none")
     assert video["description"].startswith("Extension: whether a video is made")
-    assert "default" not in video
-    assert "video" not in schema["required"]
+    assert schema["properties"]["failureBehavior"]["default"] == "Fail"
+    assert schema["required"] == ["maxJobDurationInSeconds", "iamRole"]
 
 
-def test_what_is_no_choice_stays() -> None:
+def test_optional_numbers_texts_and_lists_are_shown_at_once_and_are_empty() -> None:
     properties = form_schema(CreateSimulationJob)["properties"]
 
-    assert properties["seed"]["anyOf"][-1] == {"type": "null"}
-    assert form_schema(CreateRobot)["properties"]["architecture"]["enum"] == ["X86_64", "ARM64", "ARMHF"]
+    shown = {name: properties[name].get("type") for name in ("seed", "clientRequestToken", "robotApplications")}
+    assert shown == {"seed": "integer", "clientRequestToken": "string", "robotApplications": "array"}
+    assert not [name for name in shown if "default" in properties[name]]
+    assert properties["compute"]["anyOf"][-1] == {"type": "null"}
+
+
+def test_what_is_within_is_shown_so_too_by_the_names_of_members() -> None:
+    definitions = form_schema(StartSimulationJobBatch)["definitions"]
+    job, source = definitions["SimulationJobRequest"]["properties"], definitions["DataSourceConfig"]["properties"]
+
+    assert (job["video"]["default"], job["seed"]["type"], source["type"]["default"]) == ("none", "integer", "File")
+    assert job["useDefaultApplications"]["anyOf"][-1] == {"type": "null"}
+    assert job["iamRole"]["title"] == "iamRole"
+
+
+def test_what_is_required_has_no_default() -> None:
+    architecture = form_schema(CreateRobot)["properties"]["architecture"]
+
+    assert architecture["enum"] == ["X86_64", "ARM64", "ARMHF"]
+    assert "default" not in architecture

@@ -237,6 +237,9 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(
         page.send("Input.insertText", text="60")
         focus(page, "iamRole")
         page.send("Input.insertText", text=ROLE)
+        shown = f"{SELECT_VIDEO}.innerText + {choices_of('failureBehavior')}.innerText"
+        assert page.evaluate(shown) == "noneFail"  # the defaults
+        assert page.evaluate(f"{choices_of('seed')}.tagName") == "INPUT"
         page.evaluate(f"{SELECT_VIDEO}.click()")
         page.wait_for_text("none", "on-failure", "always")
         page.picture(tmp_path / "form.png", 400)
@@ -253,13 +256,20 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(
 
         (run,) = page.wait(ordered, "the run of the form")
     given = {name: value for name, value in run.parameters.items() if value not in (None, [], {})}
-    assert given == {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "video": "on-failure"}
+    defaults = {"failureBehavior": "Fail"}
+    assert given == {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "video": "on-failure", **defaults}
 
 
-def test_the_form_of_a_batch_describes_its_parameters(browser: Browser, form: Any) -> None:
+def test_the_form_of_a_batch_describes_its_parameters(browser: Browser, form: Any, tmp_path: Path) -> None:
     _, address = form("StartSimulationJobBatch")
     with browser.page(address) as page:
         text = page.wait_for_text("createSimulationJobRequests", "batchPolicy (Optional)", "tags (Optional)")
+        click(page, "Add item", "button")
+        page.wait_for_text("iamRole (Optional)", "useDefaultApplications (Optional)")
+        assert page.evaluate(f"{SELECT_VIDEO}.innerText") == "none"
+        for width in (400, 1280):
+            page.picture(tmp_path / f"batch-{width}.png", width)
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
     assert "The jobs, 1 to 1000, in order." in text
     assert "Limits of the batch." in text

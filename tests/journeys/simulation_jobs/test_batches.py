@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.documents.simulation_job_batches import BatchProgress, FailedRequest
 from prefect_robomaker.schemas.lifecycles import ACTIVE
 from prefect_robomaker.schemas.wire.errors import InternalServerException
 from prefect_robomaker.tasks.catalog import Resource
@@ -70,6 +71,29 @@ def test_requests_that_cannot_become_jobs_fail_and_the_others_run(
     assert failed["failureCode"] == "ResourceNotFound"
     assert "no-such-robot" in failed["failureReason"]
     assert failed["request"]["robotApplications"][0]["application"] == "no-such-robot"
+
+
+def test_stored_requests_that_an_older_release_took_are_read_and_the_others_run(
+    service: Service, order: Order, prefect_server: str
+) -> None:
+    request = {"createSimulationJobRequests": [order(), order(), order()], "batchPolicy": {"maxConcurrency": 2}}
+    arn = call("StartSimulationJobBatch", request, service)["arn"]
+    stored = service.catalog.get(arn).document["request"]
+    requests = stored["createSimulationJobRequests"]
+    # Trials of programs were once refused only when their job was prepared.
+    requests[1]["trials"] = {"seeds": 3}
+    requests[1]["simulationApplications"][0]["launchConfig"] |= {"command": ["bin/arena"]}
+    service.catalog.update(arn, lambda document: {**document, "request": stored})
+
+    batch = registry()["StartSimulationJobBatch"].perform(arn, service)
+
+    assert batch["status"] == "Completed"
+    assert [job["status"] for job in batch["createdRequests"]] == ["Completed", "Failed", "Completed"]
+    # One that could not even become a job is told as it was stored.
+    failed = {"1": FailedRequest(failure_code="InvalidInput", failure_reason="", failed_at="2026-01-01T00:00:00+00:00")}
+    service.catalog.update(arn, BatchProgress(failed=failed, failed_count=1))
+    [told] = call("DescribeSimulationJobBatch", {"batch": arn}, service)["failedRequests"]
+    assert told["request"]["trials"]["seeds"] == 3
 
 
 def test_jobs_that_fail_do_not_fail_the_batch(order: Order, run_batch: Callable[..., dict[str, Any]]) -> None:

@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Callable
+from hashlib import sha256
 from typing import Any
 
 import pytest
@@ -12,6 +13,7 @@ from helpers.processes import wait_for, working_below
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, ResourceNotFoundException
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.runtime.limits.logs import STDOUT_LOG
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
@@ -54,7 +56,7 @@ def test_a_job_without_a_job_worker_ends_at_once(service: Service, order: Order)
     assert call("DescribeSimulationJob", {"job": arn}, service) == job
 
 
-@pytest.mark.parametrize(("duration_s", "variables"), [(1, LONG), (60, {"DURATION_S": "0.2"})])
+@pytest.mark.parametrize(("duration_s", "variables"), [(1, LONG), (60, {"DURATION_S": "0.2", "VERDICT": "PASS"})])
 def test_a_cancel_that_was_answered_in_the_moment_of_the_end_counts(
     service: Service, order: Order, monkeypatch: pytest.MonkeyPatch, duration_s: int, variables: dict[str, str]
 ) -> None:
@@ -80,6 +82,46 @@ def test_a_cancel_that_was_answered_in_the_moment_of_the_end_counts(
     assert service.catalog.get(arn).document["verdict"] is None
 
 
+@pytest.mark.parametrize(
+    ("method", "when", "verdict", "says"),
+    [
+        ("put_files", "before", "NONE", "Canceled"),
+        ("put_files", "after", "NONE", "Canceled"),
+        ("put_bytes", "before", "PASS", "Completed"),  # the manifest is on its way
+        ("put_bytes", "after", "PASS", "Completed"),
+    ],
+)
+def test_a_cancel_that_was_answered_while_outputs_are_stored_counts(
+    service: Service, order: Order, monkeypatch: pytest.MonkeyPatch, method: str, when: str, verdict: str, says: str
+) -> None:
+    arn = call("CreateSimulationJob", order({"DURATION_S": "0.2", "VERDICT": "PASS"}), service)["arn"]
+    store = getattr(service.store, method)
+
+    def cancelled_meanwhile(*arguments: Any, **options: Any) -> Any:
+        answer = store(*arguments, **options) if when == "after" else None
+        assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Terminating"
+        assert call("CancelSimulationJob", {"job": arn}, service) == {}
+        return answer or store(*arguments, **options)
+
+    monkeypatch.setattr(service.store, method, cancelled_meanwhile)
+    job_runs.perform_job(arn, service)
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    assert (job["status"], job.get("failureCode")) == ("Canceled", None)
+    place = place_of(service, arn)
+    manifest = read_manifest(service.store, **place)
+    assert manifest.about["status"] == says
+    stored = {
+        file.path: service.store.get_bytes(place["bucket"], f"{place['prefix']}/{file.path}") for file in manifest.files
+    }
+    assert {path: sha256(content).hexdigest() for path, content in stored.items()} == {
+        file.path: file.sha256 for file in manifest.files
+    }
+    assert json.loads(stored["result.json"])["verdict"] == verdict
+    assert service.catalog.get(arn).document["verdict"] is None
+    assert not list((service.settings.home / "jobs").iterdir())
+
+
 def test_cancelling_a_job_that_has_ended_changes_nothing(service: Service, order: Order) -> None:
     arn = call("CreateSimulationJob", order(), service)["arn"]
     job_runs.perform_job(arn, service)
@@ -97,7 +139,7 @@ def test_what_a_dead_worker_run_left_is_stored_without_a_manifest(
     arn = call("CreateSimulationJob", order(LONG), service)["arn"]
     with perform_elsewhere(arn) as worker:
         await_status(arn, "Running")
-        wait_for(lambda: working_below(service.settings.home), "the run")
+        wait_for(lambda: any(log.stat().st_size for log in service.settings.home.rglob(STDOUT_LOG)), "its first words")
         worker.kill()
         wait_for(lambda: not working_below(service.settings.home), "the end of the run")
     time.sleep(2.1)  # the job worker's lease

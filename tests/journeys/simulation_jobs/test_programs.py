@@ -17,6 +17,7 @@ from prefect_robomaker.deployments.service_model.installation import DATA_PATH
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
 Ending = dict[str, Any]
@@ -203,13 +204,19 @@ robomaker.cancel_simulation_job(job=job)"
         ("kill -SEGV $$", "SimulationApplicationCrash", ("SIGSEGV",)),
     ],
 )
-def test_a_command_that_fails_fails_the_job(
-    order_command: Order, run: Any, script: str, code: str, words: tuple[str, ...]
+def test_a_command_that_fails_fails_the_job_and_leaves_whole_outputs(
+    service: Service, order_command: Order, run: Any, script: str, code: str, words: tuple[str, ...]
 ) -> None:
-    job = run(order_command(script))
+    job = run(order_command(f"echo out > $ROBOMAKER_OUTPUT_DIR/out.txt; mkfifo $ROBOMAKER_OUTPUT_DIR/pipe; {script}"))
 
     assert (job["status"], job["failureCode"]) == ("Failed", code)
     assert all(word in job["failureReason"] for word in words), job["failureReason"]
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    listed = {file.path for file in read_manifest(service.store, **place).files}
+    assert listed >= {"result.json", "provenance.json", "out.txt", "logs/simulation.stderr.log"}
+    assert "pipe" not in listed
+    told = service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/uploads.log").decode()
+    assert "'pipe' is not stored" in told
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ from helpers.processes import wait_for, working_below
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageFullError
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.runtime.limits.logs import STDOUT_LOG
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
@@ -51,7 +52,8 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
     arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=6), service)["arn"]
     with perform_elsewhere(arn) as worker:
         first = await_status(arn, "Running")
-        old = wait_for(lambda: working_below(service.settings.home), "the first run")
+        wait_for(lambda: any(log.stat().st_size for log in service.settings.home.rglob(STDOUT_LOG)), "its first words")
+        old = working_below(service.settings.home)
         change_applications(service, tmp_path / "changed", "agent watches", "agent guards")
         time.sleep(2)
 

@@ -263,3 +263,19 @@ def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(servi
     digests = [row["state_digest"] for row in rows]
     assert digests[:20] == digests[20:]
     assert (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins") == 41
+
+
+def test_secret_parameters_are_in_nothing_that_a_job_leaves(service: Service, swing: Simulate) -> None:
+    values = ["hunter2-a", "hunter2-b"]
+    trials = {"seeds": 1, "parameters": {"X_TOKEN": values}, "record": [0, 1]}
+
+    job = swing(seed=3, job={"trials": trials}, **SOME_FAIL)
+
+    rows = rows_of(service, job)
+    assert [row["parameter.X_TOKEN"] for row in rows] == ["(secret)", "(secret 2)"]
+    summary = TrialsSummary.of(result_of(service, job))
+    assert summary is not None
+    assert [each.parameters["X_TOKEN"] for each in summary.combinations] == ["(secret)", "(secret 2)"]
+    left = [path for path in outputs_of(service, job).rglob("*") if path.is_file()]
+    assert len([path for path in left if path.name == "provenance.json"]) == 3
+    assert [path.name for path in left if any(value.encode() in path.read_bytes() for value in values)] == []

@@ -109,7 +109,7 @@ def test_names_of_what_is_compared_by_content_change_nothing(
 ) -> None:
     request = copy.deepcopy(document.request)
     request["robotApplications"][0] |= {"application": name, "applicationVersion": "2"}
-    request |= {"tags": {"robomaker:seed": "1"}, "clientRequestToken": name, "iamRole": name, "seed": 5}
+    request |= {"tags": {"robomaker:seed": "1"}, "clientRequestToken": name, "seed": 5}
     renamed = document.model_copy(update={"request": request})
 
     assert ReuseInputs.of(renamed, made_of).key == ReuseInputs.of(document, made_of).key
@@ -131,6 +131,18 @@ def test_changes_in_words(member: str, value: Any, words: str) -> None:
     inputs = ReuseInputs.of(document, MadeOf(world="w", versions={"mujoco": "3.17.0"}))
 
     assert inputs.model_copy(update={member: value}).changes_since(inputs) == [words]
+
+
+def test_changes_of_secrets_are_told_without_them() -> None:
+    def inputs(**variables: str) -> ReuseInputs:
+        launch = {"launchConfig": {"environmentVariables": variables}}
+        return ReuseInputs.of(SimulationJobDocument(request={"robotApplications": [launch]}, seed=3), MadeOf())
+
+    [changed] = inputs(X_TOKEN="new").changes_since(inputs(X_TOKEN="old"))
+    [added] = inputs(A="1", X_TOKEN="new").changes_since(inputs(A="1"))
+
+    assert changed.endswith("environmentVariables.X_TOKEN: the secret has changed")
+    assert added.endswith('environmentVariables.X_TOKEN: absent is now "(secret)"')
 
 
 def test_many_changes_are_cut_short() -> None:

@@ -24,6 +24,26 @@ def test_jobs_are_told_apart_by_what_differs() -> None:
     assert variants([request(seed=1), request(arn, seed=2)]) == ["robot=scout, seed=1", "robot=my-nav, seed=2"]
 
 
+def test_values_of_secrets_are_not_told() -> None:
+    assert variants([request(X_TOKEN="a", SPEED="1"), request(X_TOKEN="b", SPEED="2")]) == ["SPEED=1", "SPEED=2"]
+
+
+def test_of_many_settings_those_are_named_that_set_a_job_apart() -> None:
+    common = {"A": "1", "B": "1", "C": "1"}
+    requests = [
+        request("pusher", seed=1, **common, LIMIT="0.1"),
+        request("pusher", seed=2, **common),
+        request("pusher", seed=3, **common, LIMIT="0.1"),
+        request("walker", seed=4, D="2"),
+    ]
+
+    told = variants(requests)
+
+    assert len(set(told)) == len(requests)
+    assert told[0].endswith("LIMIT=0.1, seed=1")
+    assert told[3] == "robot=walker, seed=4, D=2"
+
+
 def test_worlds_and_tokens_are_told_elsewhere() -> None:
     worlds = [[{"world": "a"}], [{"world": "b"}]]
     requests = [

@@ -1,11 +1,21 @@
-"""Plans without the secrets in them."""
+"""Plans and requests without the secrets in them."""
+
+import json
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.variables import HIDDEN, secret_names, without_secrets
+from prefect_robomaker.schemas.runs.trials import TRIALS_VARIABLE, Trials
+from prefect_robomaker.schemas.runs.variables import (
+    HIDDEN,
+    SECRETS_VARIABLE,
+    hide_secrets,
+    secret_names,
+    without_secrets,
+)
 
 
 @pytest.mark.parametrize(
@@ -35,3 +45,64 @@ def test_nothing_else_changes(variables: dict[str, str]) -> None:
     after = without_secrets(plan).environment
     assert after.keys() == variables.keys()
     assert all(after[name] in (HIDDEN, "") for name in hidden)
+
+
+def test_requests_without_their_secrets() -> None:
+    names = "MARKED"
+
+    def batch(marked: str, token: str) -> dict[str, Any]:
+        robot = {"environmentVariables": {"MARKED": marked, SECRETS_VARIABLE: names, "X_TOKEN": token}}
+        simulation = {"environmentVariables": {"MARKED": marked, "EMPTY_TOKEN": "", "SPEED": "2"}}
+        return {
+            "createSimulationJobRequests": [
+                {"robotApplications": [{"application": "TOKEN", "launchConfig": robot}], "tags": {"X_TOKEN": "a"}},
+                {"simulationApplications": [{"launchConfig": simulation}]},
+            ]
+        }
+
+    assert hide_secrets(batch("hunter", "2")) == batch(HIDDEN, HIDDEN)
+    open_request = {"robotApplications": [{"launchConfig": {"environmentVariables": {"SPEED": "2"}}}]}
+    assert hide_secrets(open_request) is open_request
+
+
+def test_parameters_of_trials_are_hidden_like_variables() -> None:
+    """As many values as before, which differ, so that what has them can be read again."""
+
+    def request(mine: list[str], tokens: list[str]) -> dict[str, Any]:
+        trials = {"seeds": 2, "parameters": {"MINE": mine, "X_TOKEN": tokens, "SPEED": ["1", "2"]}}
+        variables = {SECRETS_VARIABLE: "MINE", "X_TOKEN": tokens[0], TRIALS_VARIABLE: json.dumps(trials)}
+        return {"robotApplications": [{"launchConfig": {"environmentVariables": variables}}], "trials": trials}
+
+    hidden = hide_secrets(request(["hunter"], ["a", "b", "c"]))
+
+    assert hidden == request([HIDDEN], [HIDDEN, "(secret 2)", "(secret 3)"])
+    assert Trials.model_validate(hidden["trials"]).count == 12
+    assert hide_secrets(hidden) == hidden
+
+
+def test_the_launch_variable_of_trials_alone_and_texts_that_are_none() -> None:
+    def launch(text: str) -> dict[str, Any]:
+        return {"environmentVariables": {TRIALS_VARIABLE: text, "X_TOKEN": HIDDEN}}
+
+    trials = '{"seeds": 1, "parameters": {"X_PASSWORD": ["hunter2"]}}'
+    assert hide_secrets(launch(trials)) == launch(trials.replace("hunter2", HIDDEN))
+    for text in ("", "{", "[]", "[" * 10_000, '{"parameters": 3}'):
+        assert hide_secrets(launch(text)) == launch(text)
+
+
+def test_plans_have_no_secret_parameters() -> None:
+    trials = Trials(seeds=1, parameters={"MINE": ["1", "2"], "X_TOKEN": ["3"], "SPEED": ["4"]})
+    marked = "MINE"
+    plan = RunPlan.model_construct(
+        environment={SECRETS_VARIABLE: marked},
+        robot_application=None,
+        simulation_application=None,
+        programs=[],
+        trials=trials,
+    )
+
+    shown = without_secrets(plan).trials
+
+    assert shown is not None
+    assert shown.parameters == {"MINE": [HIDDEN, "(secret 2)"], "X_TOKEN": [HIDDEN], "SPEED": ["4"]}
+    assert shown.seeds == 1

@@ -159,6 +159,21 @@ def test_a_seed_can_be_put_in_place_of_all_others() -> None:
     assert "seed" not in resolve_input(spec.steps["template"], outputs)
 
 
+def test_a_copy_for_others_has_no_secrets_and_runs() -> None:
+    """One without secrets is what was written, with comments and all."""
+    assert load_spec(GOOD, "s.yaml").text_for_others == GOOD
+    variables = '{NUMBER: "${{ index }} of many", X_TOKEN: hunter2, ROBOMAKER_SECRETS: MINE, MINE: "häß-lich"}'
+    secret = GOOD.replace('{NUMBER: "${{ index }} of many"}', variables) + "# the token is hunter2\n"
+
+    copy = load_spec(secret, "s.yaml").text_for_others
+
+    assert "hunter2" not in copy
+    assert "häß" not in copy
+    shown = load_spec(copy.replace("(secret)", "hunter2"), "s.yaml")
+    assert shown.order == load_spec(GOOD, "s.yaml").order
+    assert plain(parse(copy, "s.yaml"))["steps"]["worlds"] == plain(parse(GOOD, "s.yaml"))["steps"]["worlds"]
+
+
 # What is wrong
 
 

@@ -328,6 +328,16 @@ def test_a_cancel_request_is_seen(catalog: Catalog, make_resource: MakeResource)
     assert catalog.transition(arn, "prepare").status == "Preparing"
 
 
+def test_a_job_that_is_to_be_cancelled_cannot_complete_any_more(catalog: Catalog, make_resource: MakeResource) -> None:
+    arn = catalog.create(make_resource(1, status="Terminating"), token=None).arn
+    catalog.request_cancel(arn)
+
+    with pytest.raises(StateConflictError, match="is to be cancelled; 'complete' cannot happen any more"):
+        catalog.transition(arn, "complete")
+
+    assert catalog.transition(arn, "cancel").status == "Canceled"
+
+
 def test_what_has_ended_cannot_be_cancelled(catalog: Catalog, make_resource: MakeResource) -> None:
     arn = catalog.create(make_resource(1, status="Completed"), token=None).arn
 
@@ -442,5 +452,5 @@ def test_a_catalog_of_a_newer_program_is_refused(url: str, clock: Any) -> None:
         connection.execute(text("INSERT INTO schema_version (version) VALUES (99)"))
     engine.dispose()
 
-    with pytest.raises(ConfigurationError, match="has version 99, this program knows 5; update this program"):
+    with pytest.raises(ConfigurationError, match="has version 99, this program knows 6; update this program"):
         Catalog.open(url, clock=clock)

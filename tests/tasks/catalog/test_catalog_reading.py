@@ -45,3 +45,26 @@ def test_children_of_several_parents_are_counted_at_once(catalog: Catalog, make_
 
     assert catalog.count_each(parents, "simulation-job") == {parents[0]: 2, parents[1]: 1}
     assert catalog.count_each([], "simulation-job") == {}
+
+
+def test_the_newest_that_stand_somehow_are_found_by_kind(catalog: Catalog, make_resource: MakeResource) -> None:
+    batch = catalog.create(make_resource(1, kind=BATCH, document={"count": 3}), token=None)
+    alone = [catalog.create(make_resource(number), token=None).arn for number in (2, 3, 4)]
+    catalog.create(make_resource(5, parent=batch.arn), token=None)
+    catalog.create(make_resource(6, status="Completed"), token=None)
+    catalog.create(make_resource(7, kind="world", parent="arn:aws:a:b:c:fleet/d", status="Pending"), token=None)
+    wanted = {BATCH: ["Pending"], "simulation-job": ["Pending", "Running"], "world": ["Pending"]}
+
+    found = catalog.newest(wanted, not_below=BATCH, limit=2, members=["count"])
+
+    assert [each.arn for each in found if each.kind == "simulation-job"] == [alone[2], alone[1]]
+    assert [each.document for each in found if each.kind != "simulation-job"] == [{}, {"count": 3}]
+
+
+def test_some_members_of_several_are_read(catalog: Catalog, make_resource: MakeResource) -> None:
+    document: dict[str, Any] = {"a": 0, "b": False, "c": {"d": ['"']}, "e": None, "it's": "x"}
+    arn = catalog.create(make_resource(1, document=document), token=None).arn
+
+    for members in ([], ["a"], ["b", "c", "e", "it's", "none"]):
+        wanted = {name: document[name] for name in members if document.get(name) is not None}
+        assert catalog.get_many([arn, "arn:none"], members)[arn].document == wanted

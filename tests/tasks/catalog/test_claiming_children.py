@@ -80,10 +80,11 @@ def test_many_workers_at_once_never_hold_more_than_allowed_and_no_job_twice(
                 most[0] = max(most[0], held[0])
                 given.append(arn)
             time.sleep(0.02)  # so that the others ask meanwhile
-            for event in ("prepare", "start", "finish", "complete"):
+            for event in ("prepare", "start", "finish"):
                 catalog.transition(arn, event, owner=owner)
-            with lock:
+            with lock:  # before it ends, since another may be claimed as soon as it has
                 held[0] -= 1
+            catalog.transition(arn, "complete", owner=owner)
             catalog.release(arn, owner)
 
     threads = [threading.Thread(target=work, args=(worker,)) for worker in range(6)]

@@ -2,11 +2,14 @@
 
 import threading
 from collections.abc import Callable
+from dataclasses import replace
 
 import pytest
 
+from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.execution.task_pool import run_tasks
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
 
 AS_EACH_AND_AS_ONE = pytest.mark.parametrize("summary", [None, lambda: "so it went"], ids=["each", "one"])
 JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/batch-0000"
@@ -59,7 +62,15 @@ def test_an_interruption_asks_for_the_jobs_end_and_is_raised_once_its_parts_have
     asked = threading.Event()
     begun: list[int] = []
     ended: list[int] = []
-    monkeypatch.setattr(type(service.catalog), "request_cancel", lambda _self, _arn: asked.set())
+    tries = iter((False, True))  # the catalog is away at first
+    service = replace(service, timing=Timing(after_outage_s=0.01))
+
+    def request_cancel(_catalog: object, _arn: str) -> None:
+        if not next(tries):
+            raise ServiceUnavailableException("the catalog does not answer")
+        asked.set()
+
+    monkeypatch.setattr(type(service.catalog), "request_cancel", request_cancel)
 
     def part(index: int) -> None:
         begun.append(index)

@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -89,3 +90,25 @@ def test_what_an_engine_did_not_remove_in_time_is_removed_later(
     remove_abandoned_containers(service)
     assert fake.containers() == []
     assert not job["folder"].parent.exists()
+
+
+def test_jobs_that_end_meanwhile_do_not_hide_the_others(service: Service, caplog: pytest.LogCaptureFixture) -> None:
+    jobs, over = service.settings.home / "jobs", threading.Event()
+
+    def come_and_go() -> None:
+        while not over.is_set():
+            for number in range(30):
+                (jobs / f"sim-{number}" / "run").mkdir(parents=True)
+            for number in range(30):
+                (jobs / f"sim-{number}" / "run").rmdir()
+                (jobs / f"sim-{number}").rmdir()
+
+    others = threading.Thread(target=come_and_go)
+    others.start()
+    try:
+        for _ in range(200):
+            remove_abandoned_containers(service)
+    finally:
+        over.set()
+        others.join()
+    assert not caplog.records

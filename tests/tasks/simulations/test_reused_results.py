@@ -1,11 +1,13 @@
 """Results that jobs take over: of jobs with the same inputs that ended by themselves, and of no others."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.swing_fixtures import upload_swinger
+from helpers.roles import roles_file
+from helpers.swing_fixtures import ROLE, upload_swinger
 
 from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
@@ -16,6 +18,7 @@ from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_job_batches import perform_simulation_job_batch
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import thin, unpublish
+from prefect_robomaker.tasks.storage.roles import open_roles
 
 Simulate = Callable[..., dict[str, Any]]
 
@@ -78,7 +81,7 @@ def test_other_inputs_are_run(swing: Simulate, reusing: Service, tmp_path: Path)
     without_seed = {name: value for name, value in request.items() if name != "seed"}
 
     assert order_again(reusing, first)["status"] == "Completed"
-    for changes in ({"seed": 4}, {"maxJobDurationInSeconds": 61}, {"video": "always"}):
+    for changes in ({"seed": 4}, {"maxJobDurationInSeconds": 61}, {"video": "always"}, {"iamRole": f"{ROLE}-b"}):
         assert order_again(reusing, first, **changes)["status"] == "Pending", changes
     assert call("CreateSimulationJob", without_seed, reusing)["status"] == "Pending"
     upload_swinger(reusing, tmp_path, b"another policy")
@@ -131,12 +134,28 @@ def test_results_without_their_recordings_are_made_again(swing: Simulate, servic
     assert order_again(reusing, first)["status"] == "Pending"
 
 
+@pytest.mark.parametrize(
+    ("arn", "place", "status"),
+    [(ROLE, "robomaker/*", "Completed"), (ROLE, "other/*", "Pending"), (f"{ROLE}-b", "robomaker/*", "Pending")],
+    ids=["may read", "may not read", "is not there"],
+)
+def test_results_that_the_role_of_a_job_may_not_read_are_not_taken_over(
+    swing: Simulate, reusing: Service, tmp_path: Path, arn: str, place: str, status: str
+) -> None:
+    first = swing(TIME_LIMIT_S="1")
+    path = roles_file(tmp_path, f'arn = "{arn}"\nread = ["{place}"]\n')
+    settings = reusing.settings.model_copy(update={"roles_file": path})
+    confined = replace(reusing, settings=settings, roles=open_roles(settings, reusing.store, {}))
+
+    assert order_again(confined, first)["status"] == status
+
+
 @pytest.mark.slow
 def test_a_batch_runs_only_what_is_not_there(
     swing: Simulate, service: Service, reusing: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = swing(TIME_LIMIT_S="1")
-    request = {name: value for name, value in document(service, first).request.items() if name != "iamRole"}
+    request = document(service, first).request
     orders = [request, {**request, "seed": 9}, request, {**request, "maxJobDurationInSeconds": 61}]
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": orders}, reusing)
     begun: list[int] = []

@@ -400,6 +400,7 @@ def test_a_download_that_never_succeeds_leaves_nothing(s3: S3Store, s3_server: S
         ("BadGateway", 502, StorageUnavailableError),
         ("GatewayTimeout", 504, StorageUnavailableError),
         ("RequestTimeout", 400, StorageUnavailableError),
+        ("RequestTimeTooSkewed", 403, StorageUnavailableError),
         ("InvalidAccessKeyId", 403, CredentialsRefusedError),
         ("MethodNotAllowed", 405, StorageError),
     ],

@@ -68,7 +68,7 @@ def bundles(make_body: MakeBody, tmp_path_factory: pytest.TempPathFactory) -> di
     dressed = parse_template_body(json.dumps(wished))
     made = {1: (dressed, 1, 2), 2: (dressed, 1, 3), 10: (make_body(), 4, 5)}
     for number, order in made.items():
-        write_bundle(generate_world(*order, settle=False), folder / str(number), preview=False)
+        write_bundle(generate_world(*order, settle=False), folder / str(number))
     return {f"generation_82856b0yq33y_world_{number}": folder / str(number) for number in made}
 
 

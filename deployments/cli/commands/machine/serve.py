@@ -5,7 +5,7 @@ Prints what to set so that clients find it. Access keys: ROBOMAKER_ACCESS_KEYS_F
 
 import argparse
 
-from ...arguments import add_output
+from ...arguments import add_open, add_output
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -32,6 +32,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--log-requests", action="store_true", help="write a line for each request to standard error")
     parser.add_argument("--audit-log", metavar="FILE", help="add a line of JSON for each call: who, what, how it ended")
     add_output(parser, "text", "json")
+    add_open(parser, "show the console in a browser, once it answers")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -55,7 +55,7 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.dry_run:
             return _told(report, arguments)
         _told(report, arguments)
-        if not (report.removed or report.flow_runs.count):
+        if not (report.removed or report.flow_runs.count or report.flow_runs.freed_bytes):
             return 0
         sys.stderr.write("Remove them? [y/N] ")
         sys.stderr.flush()

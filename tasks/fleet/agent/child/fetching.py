@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import http.client
-import os
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,6 @@ from urllib.parse import quote
 
 from ..deployment import File
 from ..errors import StepFailed, TryLater, disk_failure
-from ..journal import sync_folder
 from ..server import connect
 from ..settings import Connection
 
@@ -86,7 +84,7 @@ def refusal(status: int, path: str) -> StepFailed | TryLater:
 
 
 def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int], None] | None = None) -> None:
-    """Fetches a file, unless it is there.
+    """Fetches a file, unless it is there. A power loss may damage it: what is found is verified again.
 
     Args:
         source: where it comes from.
@@ -98,21 +96,33 @@ def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int],
         StepFailed: it is not the file that was signed, is not there, or does not fit on the disk.
         TryLater: the connection was cut; what has come is kept.
     """
-    if path.exists():
-        return
     part = path.with_name(f"{path.name}.part")
     try:
+        if path.exists():
+            if _sha256(path) == file.sha256:
+                return
+            path.unlink()
         path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            _receive(source, file, part, progress or (lambda _done, _all: None))
-        except OSError:
-            part.unlink()  # the agent's journal needs the space
-            raise
-        _verify(file, part)
+        _complete(source, file, part, progress or (lambda _done, _all: None))
         part.replace(path)
-        sync_folder(path.parent)
     except OSError as error:
         raise disk_failure(error, f"storing {file.address}") from error
+
+
+def _complete(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
+    """Fetches what is missing of a file; once more from its beginning where the rest did not fit to what was there."""
+    was_begun = part.exists()
+    try:
+        _receive(source, file, part, progress)
+    except OSError:
+        part.unlink()  # the agent's journal needs the space
+        raise
+    found = _sha256(part)
+    if found != file.sha256:
+        part.unlink()
+        if not was_begun:
+            raise StepFailed("EtagMismatch", f"{file.address} has SHA-256 {found}, {file.sha256} was signed")
+        _complete(source, file, part, progress)
 
 
 def _receive(source: Source, file: File, part: Path, progress: Callable[[int, int], None]) -> None:
@@ -131,7 +141,6 @@ def _receive(source: Source, file: File, part: Path, progress: Callable[[int, in
                 target.write(chunk)
                 progress(done, file.length)
         target.flush()
-        os.fsync(target.fileno())
         size = target.tell()
     if done > file.length or size > file.length:
         part.unlink()
@@ -147,11 +156,9 @@ def _open(source: Source, file: File, start: int) -> Part:
         raise refusal(error.status, file.address) from error
 
 
-def _verify(file: File, part: Path) -> None:
+def _sha256(path: Path) -> str:
     digest = hashlib.sha256()
-    with part.open("rb") as content:
+    with path.open("rb") as content:
         while chunk := content.read(1 << 20):
             digest.update(chunk)
-    if digest.hexdigest() != file.sha256:
-        part.unlink()
-        raise StepFailed("EtagMismatch", f"{file.address} has SHA-256 {digest.hexdigest()}, {file.sha256} was signed")
+    return digest.hexdigest()

@@ -11,7 +11,7 @@ import json
 from collections.abc import Iterator, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import Callable
+from typing import Any, Callable
 from urllib.parse import quote
 
 from tuf.api.exceptions import (
@@ -24,9 +24,11 @@ from tuf.api.exceptions import (
 from tuf.ngclient import Updater
 from tuf.ngclient.fetcher import FetcherInterface
 
-from ..deployment import Deployment, File, Order, Version, application_of, parse_document
+from ..deployment import Deployment, Document, File, Order, Version, application_of, parse_document
 from ..errors import StepFailed, TryLater, disk_failure
+from ..journal import sync_file
 from ..states import Trusted
+from .attested import MOST_ATTESTATIONS, Attested
 from .fetching import HttpStatus, Source, fetch, refusal
 
 MAX_DOCUMENT_BYTES = 1 << 20
@@ -115,30 +117,48 @@ class Repository:
         return updater
 
     def _deployment(self, updater: Updater, order: Order, architecture: str) -> Deployment:
-        target = _found(updater, order.target)
-        if target.length > MAX_DOCUMENT_BYTES:
-            raise StepFailed("RobotDeploymentAborted", f"{order.target} has {target.length} bytes, which is too long")
-        text = self._downloads / f"{target.sha256}.json"
-        fetch(self._source, target, text)
-        document = parse_document(text.read_bytes(), order.target, architecture)
+        document = parse_document(self._text(updater, order.target), order.target, architecture)
         bundle = _found(updater, document.bundle)
+        self._check_attested(updater, document, bundle)
         condition = None if document.condition is None else _found(updater, document.condition)
         if condition is not None:
-            fetch(self._source, condition, self._downloads / condition.sha256)
+            path = self._downloads / condition.sha256
+            fetch(self._source, condition, path)
+            sync_file(path)  # it is not fetched again once the journal says that it is to be asked
         version = Version(
             document.application, document.version, bundle.sha256, document.launch, document.job, order.tags
         )
         return Deployment(version, bundle, condition, document.number)
+
+    def _check_attested(self, updater: Updater, document: Document, bundle: File) -> None:
+        attested = Attested.of(self._signed("root"))
+        if attested.is_needed(document):
+            paths = document.attestations[:MOST_ATTESTATIONS]
+            attested.check(document, bundle.sha256, {path: self._text(updater, path) for path in paths})
+
+    def _text(self, updater: Updater, path: str) -> bytes:
+        """A small target."""
+        target = _found(updater, path)
+        if target.length > MAX_DOCUMENT_BYTES:
+            raise StepFailed("RobotDeploymentAborted", f"{path} has {target.length} bytes, which is too long")
+        text = self._downloads / f"{target.sha256}.json"
+        fetch(self._source, target, text)
+        return text.read_bytes()
+
+    def _signed(self, role: str) -> dict[str, Any]:
+        """What the newest metadata of a role says; TUF has accepted it."""
+        content: dict[str, Any] = json.loads((self._metadata / f"{quote(role, '')}.json").read_bytes())["signed"]
+        return content
 
     def _checked(self, roles: tuple[str, ...], floors: Mapping[str, int], newest_s: float) -> Trusted:
         """Holds the metadata that TUF accepted against what the journal remembers."""
         versions: dict[str, int] = {}
         believed = datetime.fromtimestamp(max(newest_s, self._now_s), timezone.utc)
         for role in roles:
-            path = self._metadata / f"{quote(role, '')}.json"
-            if not path.exists():
+            try:
+                signed = self._signed(role)
+            except FileNotFoundError:
                 continue
-            signed = json.loads(path.read_bytes())["signed"]
             versions[role] = signed["version"]
             if signed["version"] < floors.get(role, 0):
                 raise StepFailed(

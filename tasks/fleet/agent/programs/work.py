@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any, Callable
 
 from ..child.answers import events_of
+from ..child.forking import Child
 from ..states import Event, Failed, Passed, Phase
 
-_READ_BYTES = 1 << 16
 _SHOWN_BYTES = 300
 
 
@@ -21,37 +21,33 @@ class ChildWork:
     """A child that does a phase.
 
     Args:
-        process: started with its standard output as a pipe.
+        child: the child.
         phase: what it does.
     """
 
-    def __init__(self, process: Any, phase: Phase) -> None:
-        self._process = process
+    due_s = None  # it says itself when it is done
+
+    def __init__(self, child: Child, phase: Phase) -> None:
+        self._child = child
         self._phase = phase
         self._rest = b""
         self._has_answered = False
+        self._is_over = False
         self.percent: int | None = None
         """How much is done."""
 
         self.later: str | None = None
         """Why it has to be tried again later."""
 
-        self.due_s: float | None = None
-        """It says itself when it is done."""
-
-        os.set_blocking(process.stdout.fileno(), False)
-
     @property
     def pipe(self) -> int | None:
         """What can be waited for."""
-        return None if self._process.stdout.closed else self._process.stdout.fileno()
+        return None if self._is_over else self._child.pipe
 
     def poll(self) -> list[Event]:
         """What has happened since the last time."""
-        if self._process.stdout.closed:
-            return []
         events: list[Event] = []
-        while (chunk := self._read()) is not None:
+        while not self._is_over and (chunk := self._child.read()) is not None:
             if not chunk:
                 return [*events, *self._end()]
             *lines, self._rest = (self._rest + chunk).split(b"\n")
@@ -61,14 +57,9 @@ class ChildWork:
 
     def stop(self) -> None:
         """Ends the child."""
-        _kill(self._process)
-        self._process.stdout.close()
-
-    def _read(self) -> bytes | None:
-        try:
-            return os.read(self._process.stdout.fileno(), _READ_BYTES)
-        except BlockingIOError:
-            return None
+        if not self._is_over:
+            self._child.kill()
+            self._close()
 
     def _heard(self, content: dict[str, Any]) -> list[Event]:
         self.percent = content.get("progress", self.percent)
@@ -77,11 +68,15 @@ class ChildWork:
         return events_of(content, self._phase)
 
     def _end(self) -> list[Event]:
-        self._process.stdout.close()
-        code = self._process.wait()
+        code = self._child.end()
+        self._close()
         if self._has_answered:
             return []
         return [Failed(self._phase, "EnvironmentSetupError", f"the agent's child ended with code {code}; see its log")]
+
+    def _close(self) -> None:
+        self._is_over = True
+        self._child.close()
 
 
 class ScriptWork:

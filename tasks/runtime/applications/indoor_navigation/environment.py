@@ -13,6 +13,7 @@ from .....schemas.worlds.world import World
 from ...episode.context import SimulationContext
 from ...episode.results import EnvironmentReport
 from ...episode.resumable import ResumableEnvironment
+from ...rendering.views import FOLLOW
 from ...robots.lookup import find_robot
 from ...robots.robot import CONTROL_TIMESTEP_S, Robot
 from ...robots.scout import SCOUT
@@ -39,7 +40,8 @@ class IndoorNavigation(ResumableEnvironment):
         self.robot = robot
         """The robot in the world; agents that plan ask it for its limits."""
         if robot.video_camera is not None:
-            self.video_camera = f"{robot.prefix}{robot.video_camera}"
+            # The robot's own `follow` by its full name is a camera that tips over with it.
+            self.video_camera = FOLLOW if robot.video_camera == FOLLOW else f"{robot.prefix}{robot.video_camera}"
 
     @cached_property
     def tf_frames(self) -> dict[int, str]:

@@ -40,13 +40,21 @@ class Sleep(dm_env.Environment):
         return specs.Array((1,), float)
 
 
+class Judged(Sleep):
+    """The same, with a verdict."""
+
+    def run_result(self) -> dict[str, str]:
+        return {"verdict": os.environ["VERDICT"]}
+
+
 def make_environment(context: object) -> Sleep:
     variables = context.environment
     if "DO" in variables:
         exec(variables["DO"], {"context": context})
     if "SPAWN" in variables:
         subprocess.Popen(["sleep", "300"], start_new_session=True)
-    return Sleep(
+    kind = Judged if "VERDICT" in variables else Sleep
+    return kind(
         float(variables.get("DURATION_S", "0.1")), int(variables.get("FAIL_AT_STEP", "0")), "COMPUTES" in variables
     )
 

@@ -59,6 +59,13 @@ def test_a_verdict_counts_only_when_the_job_ended_by_itself() -> None:
     assert lines(shown)[1] == "night: broken, 1 of 1 verdicts pass, 2 broke, after 3 min 05 s"
 
 
+def test_the_final_block_leads_to_the_page_in_the_console() -> None:
+    page = "http://127.0.0.1:8057/console/runs/night-1"
+    shown = summary_lines(record(), ["robomaker", "run", "spec.yaml"], page=page)
+
+    assert f"  console  {page}" in ["".join(text for text, _ in line) for line in shown]
+
+
 def test_the_final_block() -> None:
     assert lines(record()) == [
         "",
@@ -105,8 +112,23 @@ def test_what_was_cut_short_has_no_verdict_and_long_reasons_are_cut() -> None:
         ["1", "sim-1", "Canceled"],
         ["2", "sim-2", "Failed", "it", "crashed:", "KeyError"],
     ]
-    assert shown[6].endswith("xxx…")
+    assert "xxx…xxx" in shown[6]
     assert len(shown[6]) < 300
+
+
+def test_a_crash_names_the_joint_however_long_the_words_before_are() -> None:
+    reason = (
+        "Simulation application trouble failed in environment.step(): dm_control.rl.control.PhysicsError: Physics "
+        "state is invalid. Warning(s) raised: mjWARN_BADQPOS, in step 10, at 0.018 s simulated, bad numbers at joint "
+        "'wrist_hinge' of body 'wrist' (engine.py, line 366)\nLast lines of logs/stderr.log:\n    self.physics.step()"
+    )
+    job = JobRecord(label="sim-1", status="Failed", failure_code="SimulationApplicationCrash", failure_reason=reason)
+
+    shown = lines(record(jobs=[job], steps=[]))[4]
+
+    assert "SimulationApplicationCrash: Simulation application trouble failed in environment.step()" in shown
+    assert "self.physics.step()" in shown
+    assert "joint 'wrist_hinge'" in shown
 
 
 def test_a_large_batch_does_not_flood_the_terminal() -> None:

@@ -5,6 +5,7 @@ import threading
 import time
 import uuid
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future
 from typing import Any
 
 import pytest
@@ -21,7 +22,7 @@ from prefect.futures import as_completed, wait
 from prefect.states import Cancelled, Completed, Failed
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.execution.mapping.runner import MapTaskRunner, in_words
+from prefect_robomaker.tasks.execution.mapping.runner import ItemFuture, MapTaskRunner, in_words
 
 pytestmark = pytest.mark.usefixtures("prefect_server")
 
@@ -133,6 +134,17 @@ def test_items_of_one_map_are_inputs_of_another_and_only_what_needs_a_failed_one
             second[1].result()
 
     in_flow(body, workers)
+
+
+def test_an_item_that_runs_is_of_the_task_run_of_its_map() -> None:
+    """Prefect asks its state for the task run, where the item is an input of another task."""
+    map_run = uuid.uuid4()
+    item = ItemFuture[int](map_run, Future())
+    assert item.state.is_pending()
+    assert item.state.state_details.task_run_id == map_run
+    item.wrapped_future.set_running_or_notify_cancel()
+    assert item.state.is_running()
+    assert item.state.state_details.task_run_id == map_run
 
 
 def test_what_a_map_waits_for_ends_before_its_items_begin() -> None:

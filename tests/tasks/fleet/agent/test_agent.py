@@ -1,3 +1,4 @@
+# pyright: reportPrivateImportUsage=false
 """An agent in a process of its own, at a real door: orders become applications that run, or are taken back."""
 
 import json
@@ -13,12 +14,13 @@ import pytest
 from helpers.agent_robot import Rover, rover
 from helpers.processes import wait_for, working_below
 from helpers.tuf_repository import bundle
+from securesystemslib.signer import CryptoSigner
 
 from prefect_robomaker.tasks.fleet.agent.failure_codes import NAMES
 
 from .conftest import deploy
 
-STEPS = ["Validating", "DownloadingExtracting", "ExecutingPreLaunch", "Launching", "ExecutingPostLaunch"]
+STEPS = ["Validating", "DownloadingExtracting", "Launching", "ExecutingPostLaunch"]
 
 
 def failure(robot: Rover, action_id: int) -> tuple[str, str]:
@@ -72,6 +74,21 @@ def test_an_old_deployment_is_not_carried_out_again(driving: Rover) -> None:
     assert "number 2" in reason
     assert robot.running == "2"
     assert robot.agent.journal["good"]["version"] == "2"
+
+
+def test_what_was_not_attested_stops_nothing_that_runs(driving: Rover) -> None:
+    """Who has all keys of the repository but root keys, and not that of attestations."""
+    repository = driving.server.repository
+    key = CryptoSigner.generate_ed25519().public_key
+    repository.attested = {"keys": {key.keyid: key.to_dict()}, "applications": ["*"]}
+    repository.new_root()
+
+    deploy(driving, 2)
+
+    code, reason = failure(driving, 2)
+    assert (code, reason.partition(":")[0]) == ("RobotDeploymentAborted", "AttestationError")
+    assert driving.running == "1"
+    assert not list((driving.agent.home / "versions" / "courier").glob("2-*"))
 
 
 def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> None:

@@ -30,9 +30,12 @@ from prefect_robomaker.tasks.fleet.agent.states import (
     wanted,
 )
 
+SCRIPTED = Launch("courier", "drive", before="before", after="after")
+BARE = Launch("courier", "drive")
 
-def version(number: int) -> Version:
-    return Version("courier", str(number), f"{number:064x}", Launch("courier", "drive"), f"job-{number}")
+
+def version(number: int, launch: Launch = SCRIPTED) -> Version:
+    return Version("courier", str(number), f"{number:064x}", launch, f"job-{number}")
 
 
 def deployment(number: int, *, has_condition: bool = False, newness: "int | None" = None) -> Deployment:
@@ -149,6 +152,25 @@ def test_every_order_comes_to_an_end(steps: list[tuple[str, bool, str]]) -> None
     assert robot.state.phase is Phase.IDLE
     assert robot.state.end is not None
     assert (robot.state.end.finished == "success") == (robot.state.good is not None)
+
+
+@pytest.mark.parametrize(
+    ("launch", "expected"),
+    [
+        (SCRIPTED, [Phase.PRE_LAUNCH, Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING]),
+        (replace(SCRIPTED, after=None), [Phase.PRE_LAUNCH, Phase.LAUNCHING, Phase.WATCHING]),
+        (replace(SCRIPTED, before=None), [Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING]),
+        (BARE, [Phase.LAUNCHING, Phase.WATCHING]),
+    ],
+)
+def test_phases_of_scripts_that_there_are_not_are_passed_over(launch: Launch, expected: list[Phase]) -> None:
+    asked = replace(deployment(2), version=version(2, launch))
+    state = state_in(Phase.DOWNLOADING, deployment=asked)
+    found: list[Phase] = []
+    while (state := advance(state, Passed(state.phase))).phase is not Phase.IDLE:
+        found.append(state.phase)
+
+    assert found == expected
 
 
 @pytest.mark.parametrize("phase", BEFORE_SWITCH)

@@ -4,8 +4,10 @@ from typing import Any
 
 import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, slow
+from helpers.tested_batches import Batches
 
 from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument, RobotInstallation
+from prefect_robomaker.tasks.fleet.attestations.required_batches import attestations_of
 from prefect_robomaker.tasks.fleet.control.rollbacks import TAG, roll_back
 from prefect_robomaker.tasks.fleet.control.tending import EndedRollouts
 from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
@@ -94,6 +96,28 @@ def test_robots_with_the_new_version_get_the_one_before(fleet: Fleet) -> None:
     assert fleet.yard.statuses()["r0"] == "InSync"
     fleet.yard.act()
     assert open_rollouts(fleet.yard.service) == []
+
+
+def test_a_job_that_brings_robots_back_has_the_attestation_of_the_job_before(fleet: Fleet) -> None:
+    """Agents may install nothing that was not attested, and the version before was."""
+    service, found = fleet.yard.service, fleet.yard.service.catalog.find
+    application = found("robot-application", "mine")
+    assert application is not None
+    batch = Batches(service, service.store.head("apps", "X86_64.tar.gz").etag, application="mine").batch()
+    first = fleet.deploy(1, **HALF, requiresBatch=batch)
+    assert fleet.yard.run(first)["status"] == "Succeeded"
+    fleet.has(1, first, 0, 2, 3)
+    fleet.behave(r2=bad, r3=bad)
+    failed = fleet.deploy(2, **HALF, onThresholdBreached="ROLLBACK")
+    fleet.yard.run(failed)
+    (back,) = fleet.made(failed)
+
+    attested = [attestations_of(service.catalog.get(job), service) for job in (first, failed, back)]
+    assert attested == [attested[2], (), attested[0]]
+    assert len(attested[2]) == 1
+
+    service.catalog.delete(first)
+    assert attestations_of(service.catalog.get(back), service) == ()
 
 
 ALWAYS = [{"startTime": "00:00", "durationInSeconds": 86400}]

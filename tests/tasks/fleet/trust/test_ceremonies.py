@@ -1,14 +1,23 @@
+# pyright: reportPrivateImportUsage=false
 """Roots: kept by several holders, renewed, and followed by robots from one to the next, at any moment."""
 
+from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
 import pytest
 from helpers.trusting_robots import MortalStore, Trust
+from securesystemslib.signer import CryptoSigner
 from tuf.api.exceptions import UnsignedMetadataError
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.fleet.trust.ceremonies import begin_apart, renew_root, rotate_applications
+from prefect_robomaker.tasks.fleet.trust.ceremonies import (
+    AttestedChange,
+    begin_apart,
+    renew_root,
+    rotate_applications,
+)
+from prefect_robomaker.tasks.fleet.trust.roots import Attested
 from prefect_robomaker.tasks.fleet.trust.standing import standings, warning_of
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
@@ -46,6 +55,34 @@ def test_root_keys_lie_elsewhere_and_enough_holders_sign(trust: Trust) -> None:
     trust.publish(BUNDLE, b"new")
     assert robot.content(BUNDLE) == b"new"
     assert second.exists()
+
+
+def test_holders_of_root_keys_say_whose_attestations_count(trust: Trust) -> None:
+    own, other = (CryptoSigner.generate_ed25519().public_key for _ in range(2))
+    publisher = replace(trust.publisher(), attestation_key=lambda: own)
+    begin_apart(publisher, 2, 2, trust.folder / "medium", AttestedChange(add=("courier",)))
+    holders = sorted((trust.folder / "medium").glob("*.pem"))
+    said = lambda: Attested.of(publisher.root().signed)  # noqa: E731
+    assert (list(said().keys), said().demands("courier"), said().demands("guard")) == ([own.keyid], True, False)
+
+    renew_root(publisher, [], holders[:1], None, AttestedChange((other,), ("*",), ("courier",)))
+    with pytest.raises(ConfigurationError, match="a root waits for signatures"):
+        renew_root(publisher, [], holders[:1], None, AttestedChange(add=("guard",)))
+    assert list(said().keys) == [own.keyid], "one holder is not enough"
+    renew_root(publisher, [], holders[1:], None)
+    renew_root(publisher, ["timestamp"], holders, None)
+
+    assert publisher.root().signed.version == 3
+    assert (list(said().keys), said().applications) == ([other.keyid], {"*"})
+
+
+def test_what_needs_an_attestation_names_a_key_also_in_an_old_repository(trust: Trust) -> None:
+    trust.publish(BUNDLE, b"old")
+    own = CryptoSigner.generate_ed25519().public_key
+    publisher = replace(trust.publisher(), attestation_key=lambda: own)
+    assert not Attested.of(publisher.root().signed).keys
+    renew_root(publisher, [], [], None, AttestedChange(add=("courier",)))
+    assert list(Attested.of(publisher.root().signed).keys) == [own.keyid]
 
 
 def test_an_old_robot_follows_all_roots_that_it_missed(trust: Trust) -> None:

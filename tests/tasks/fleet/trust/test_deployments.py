@@ -8,12 +8,16 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import archive, deployable
 from helpers.fleet_calls import LAUNCH, Fleets
+from helpers.tested_batches import Batches
 from helpers.trusting_robots import TrustingRobot
 
 from prefect_robomaker.schemas.wire.errors import DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.fleet.attestations.attestation_keys import attestation_key
+from prefect_robomaker.tasks.fleet.trust.ceremonies import AttestedChange, renew_root
 from prefect_robomaker.tasks.fleet.trust.deployments import publish
 from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of
+from prefect_robomaker.tasks.fleet.trust.roots import EVERY_APPLICATION
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.applications import find_application
 
@@ -50,7 +54,9 @@ def site(service: Service, tmp_path: Path) -> Site:
 def test_the_document_says_what_is_launched_and_names_what_is_downloaded(site: Site) -> None:
     job = site.job(deployable(site.fleets, "X86_64", "ARM64"), tags={"why": "test"})
 
-    made = site.publish(job, "X86_64", attestations=(b'{"payload": ""}',))
+    envelope = signed_by(attestation_key(site.service).public_key.keyid)
+
+    made = site.publish(job, "X86_64", attestations=(envelope,))
 
     robot, artifact = site.robot(), made["X86_64"]
     assert artifact.target == f"applications/mine/deployments/{job.id}.json"
@@ -65,14 +71,54 @@ def test_the_document_says_what_is_launched_and_names_what_is_downloaded(site: S
         "version": "1",
         "bundles": {"X86_64": f"applications/mine/bundles/{artifact.sha256}.tar.gz"},
         "condition": None,
+        "batch": None,
         "launch": LAUNCH,
         "tags": {"why": "test"},
     }
     content = robot.content(bundle) or b""
     assert content == site.service.store.get_bytes("apps", "X86_64.tar.gz")
     assert len(content) == artifact.size_bytes
-    assert robot.content(attestation) == b'{"payload": ""}'
+    assert robot.content(attestation) == envelope
     assert site.service.store.get_bytes(artifact.bucket, artifact.key) == content
+
+
+def signed_by(keyid: str) -> bytes:
+    """An envelope, as far as the service looks at one before it publishes it."""
+    return json.dumps({"payload": "", "signatures": [{"keyid": keyid}]}).encode()
+
+
+def test_what_agents_would_refuse_is_not_published(site: Site) -> None:
+    application, own = deployable(site.fleets, "X86_64"), attestation_key(site.service).public_key
+    batch = Batches(site.service, "etag").batch()
+    tested = site.job(application, deploymentConfig={"requiresBatch": batch})
+    with pytest.raises(DeploymentError, match="is signed by abc, and agents believe") as refused:
+        site.publish(tested, "X86_64", attestations=(signed_by("abc"),))
+    assert refused.value.failure_code == "MissingRobotDeploymentResource"
+    assert publisher_of(site.service).files.newest_timestamp() is None
+
+    site.fleets.cancel(tested.arn)
+    job = site.job(application, token="again")
+    site.publish(job, "X86_64")
+    site.publish(job, "X86_64", attestations=(signed_by("abc"),))  # robots that go back, where none is needed
+    for name in ("another", "mine", EVERY_APPLICATION):
+        renew_root(publisher_of(site.service), [], [], None, AttestedChange(add=(name,)))
+        if name == "another":
+            site.publish(job, "X86_64")
+            continue
+        with pytest.raises(DeploymentError, match="was not attested, and this deployment requires no batch"):
+            site.publish(job, "X86_64")
+        with pytest.raises(DeploymentError, match="is signed by abc, and agents believe"):
+            site.publish(job, "X86_64", attestations=(signed_by("abc"),))
+        site.publish(job, "X86_64", attestations=(signed_by(own.keyid),))
+        renew_root(publisher_of(site.service), [], [], None, AttestedChange(remove=(name,)))
+    site.publish(job, "X86_64")
+
+
+def test_the_document_says_which_batch_is_required(site: Site) -> None:
+    batch = Batches(site.service, "etag").batch()
+    job = site.job(deployable(site.fleets, "X86_64"), deploymentConfig={"requiresBatch": batch})
+    made = site.publish(job, "X86_64")
+    assert json.loads(site.robot().content(made["X86_64"].target) or b"")["batch"] == batch
 
 
 def test_a_second_run_of_the_job_publishes_nothing_new(site: Site) -> None:

@@ -16,6 +16,7 @@ from prefect_robomaker.tasks.fleet.views.following import Look, follow
 from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path, write_report
 from prefect_robomaker.tasks.fleet.views.standings import deployment_standing, fleet_standing
 from prefect_robomaker.tasks.fleet.views.tables import robot_rows
+from prefect_robomaker.tasks.jobs.deployment_runs import POLL_S
 from prefect_robomaker.tasks.service.service import Service
 
 HALF = {"concurrentDeploymentPercentage": 50, "failureThresholdPercentage": 60}
@@ -98,7 +99,7 @@ def test_how_a_fleet_stands(yard: Yard) -> None:
     assert [robot.robot for robot in standing.robots] == ["r0", "r1", "r2", "r3"]
     assert [robot.status for robot in standing.robots] == ["InSync", "Failed", "Deploying", "Deploying"]
     r0, r1, r2, r3 = standing.robots
-    assert (r0.kind, r0.last_seen) == ("updater", yard.now.replace(microsecond=0) - timedelta(seconds=4))
+    assert (r0.kind, r0.last_seen) == ("updater", yard.now.replace(microsecond=0) - timedelta(seconds=8 * POLL_S))
     assert (r1.kind, r1.failure_code, r1.failure_reason) == (None, "PreLaunchFileFailure", "no arm")
     assert r0.order is r1.order is None
     assert r2.order is not None

@@ -127,6 +127,8 @@ def test_what_was_deployed_is_told() -> None:
 
     for word in ("courier, version 2", "ab12" * 16, "drive.launch", "health.sh", "10.2 MB", "X86_64", "2 min"):
         assert word in text
+    assert "X_TOKEN=(secret)" in text
+    assert "hunter2" not in text
 
 
 @pytest.mark.parametrize("robots", [MOST_ROWS, MOST_ROWS + 1])

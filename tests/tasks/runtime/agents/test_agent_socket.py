@@ -2,12 +2,15 @@
 
 import os
 import socket
+import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
+from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.agents.agent_socket import AgentSocket, agent_socket_path, remove_agent_socket
 
@@ -49,6 +52,31 @@ def test_files_of_a_killed_run_do_not_block_the_next(make_plan: MakePlan, tmp_pa
     remove_agent_socket(plan)
     remove_agent_socket(plan)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be another user")
+@pytest.mark.parametrize("image", [None, "sha256:0"])
+def test_another_user_is_refused_unless_a_container_has_the_socket(
+    make_plan: MakePlan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, image: str | None
+) -> None:
+    robot = ProgramPlan(name="robot", role="robot", kind="application", argv=["robot"], folder=tmp_path, image_id=image)
+    listening = AgentSocket(make_plan(work_dir=tmp_path, programs=[robot]))
+    monkeypatch.chdir(listening.path.parent)  # where the other user does not come by the path
+    with socket.socket(socket.AF_UNIX) as foreign, socket.socket(socket.AF_UNIX) as own:
+        os.seteuid(65534)
+        try:
+            foreign.connect(listening.path.name)
+        finally:
+            os.seteuid(0)
+        own.connect(listening.path.name)
+        foreign.sendall(b"foreign")
+        own.sendall(b"own")
+        with listening.accept(time.monotonic() + 30, StopFlag()) as accepted:
+            assert accepted.recv(100) == (b"foreign" if image else b"own")
+        if image is None:
+            with pytest.raises(ConnectionResetError):
+                foreign.recv(100)
+    listening.close()
 
 
 @pytest.mark.parametrize("kind", ["link", "file"])

@@ -112,7 +112,7 @@ def test_scouts_program_drives_a_robot_of_menagerie(tmp_path: Path, make_context
             spec.validate(timestep.observation[name])
         timestep = environment.step(agent(timestep))
     assert environment.run_result().verdict == "PASS", environment.run_result().summary
-    assert environment.video_camera == "acme_cart/follow"
+    assert environment.video_camera == "follow"
 
 
 def test_scouts_program_refuses_a_robot_without_range_sensors(tmp_path: Path, make_context: Any) -> None:

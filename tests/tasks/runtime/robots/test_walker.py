@@ -114,7 +114,7 @@ def test_all_of_it_is_within_its_radius_while_it_walks(action: tuple[float, floa
 
 def test_visits_every_room_of_a_generated_flat(tmp_path: Path, make_context: Any) -> None:
     folder = tmp_path / "flat"
-    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(2, 0, 0)), folder, preview=False)
+    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(2, 0, 0)), folder)
     context = make_context()
     # As a job of the built-in application comes: the attribute is that of its module.
     robot = ApplicationPlan(role="robot", name="walker", attribute=f"{walker.__name__}.make_agent")

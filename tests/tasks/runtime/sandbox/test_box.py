@@ -2,7 +2,9 @@
 
 import socket
 import sys
+import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -71,6 +73,47 @@ with socket.create_server(("127.0.0.1", 9090)) as server, server.accept()[0] as 
 
     assert boxed.run(plan, ask).status == "Completed"
     assert b"from the box" in answers
+
+
+def test_a_local_network_has_the_object_store_and_nothing_else_of_this_machine(
+    boxed: Launcher, program: MakeProgram, plan_programs: Plan, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    code = """
+import socket, sys, threading
+def heard(port):
+    try:
+        with socket.create_connection(("127.0.0.1", port), 10) as client:
+            return client.recv(100).decode() or "nothing"
+    except OSError as error:
+        return type(error).__name__
+def serve(server):
+    server.accept()[0].sendall(b"own")
+own = socket.create_server(("127.0.0.1", 0))
+threading.Thread(target=serve, args=[own], daemon=True).start()
+print(*map(heard, [int(sys.argv[1]), int(sys.argv[2]), own.getsockname()[1]]))
+"""
+    with serving(b"store") as store, serving(b"other") as other:
+        monkeypatch.setenv("ROBOMAKER_SANDBOX_NETWORK", "local")
+        monkeypatch.setenv("ROBOMAKER_OBJECT_STORE", f"http://127.0.0.1:{store}")
+        plan = plan_programs(program("", argv=[sys.executable, "-c", code, str(store), str(other)]))
+        assert boxed.run(plan, never).status == "Completed"
+    assert said(plan) == "store ConnectionRefusedError own\n"
+
+
+@contextmanager
+def serving(greeting: bytes) -> Iterator[int]:
+    """A server of this machine, which greets the first that connects; its port."""
+
+    def greet() -> None:
+        with suppress(OSError), server.accept()[0] as client:
+            client.sendall(greeting)
+
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        thread = threading.Thread(target=greet, daemon=True)
+        thread.start()
+        yield server.getsockname()[1]
+        server.shutdown(socket.SHUT_RDWR)
+        thread.join(5)
 
 
 def test_a_signal_is_seen_as_in_no_box(boxed: Launcher, program: MakeProgram, plan_programs: Plan) -> None:

@@ -44,6 +44,22 @@ def test_require_refuses_what_cannot_be_confined() -> None:
     assert plan_box(settings(ROBOMAKER_SANDBOX="require"), Confinement("landlock", "no namespaces")).level == "landlock"
 
 
+@pytest.mark.parametrize(
+    ("store", "endpoint", "services"),
+    [
+        ("http://127.0.0.1:9000", "http://localhost:8057", [8057, 9000]),
+        ("https://localhost", None, [443]),
+        ("http://10.0.0.7:9000", "http://s3.example.com", []),
+        ("/data/objects", "http://127.0.0.1:port", []),
+    ],
+)
+def test_a_local_network_has_the_servers_of_this_machine(store: str, endpoint: str | None, services: list[int]) -> None:
+    chosen = settings(ROBOMAKER_SANDBOX_NETWORK="local", ROBOMAKER_OBJECT_STORE=store)
+    box = plan_box(chosen, Confinement("box"), endpoint=endpoint)
+    assert (box.network, box.services) == ("local", services)
+    assert plan_box(settings(ROBOMAKER_OBJECT_STORE=store), Confinement("box"), endpoint=endpoint).services == []
+
+
 def test_a_network_of_its_own_needs_a_box() -> None:
     alone = {"ROBOMAKER_SANDBOX_NETWORK": "none"}
     assert plan_box(settings(**alone), Confinement("box")).network == "none"

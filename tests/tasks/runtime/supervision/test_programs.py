@@ -36,7 +36,6 @@ def log_of(plan: RunPlan, name: str) -> str:
 
 def failure(outcome: RunOutcome) -> tuple[str | None, str]:
     assert outcome.status == "Failed"
-    assert not outcome.finished
     return outcome.failure_code, outcome.failure_reason or ""
 
 
@@ -107,10 +106,31 @@ class TestEnds:
     def test_any_other_end_is_a_crash(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, code: str, texts: list[str]
     ) -> None:
-        reason_code, reason = failure(launcher.run(plan_programs(program(code)), never))
+        plan = plan_programs(program(code))
+        outcome = launcher.run(plan, never)
+        reason_code, reason = failure(outcome)
         assert reason_code == "RobotApplicationCrash"
         assert reason.startswith("Robot application driver (program robot) ")
         assert all(text in reason for text in texts)
+        assert outcome.finished, "all that it wrote is there"
+        result = read_result(plan)
+        assert (result.verdict, result.ended_by) == ("ERROR", "application")
+        assert result.summary == reason.splitlines()[0]
+
+    @pytest.mark.parametrize(("verdict", "after"), [("PASS", "ERROR"), ("NONE", "ERROR"), ("FAIL", "FAIL")])
+    def test_a_crash_lets_no_result_pass(
+        self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, verdict: Any, after: str
+    ) -> None:
+        own = RunResult(
+            verdict=verdict, metrics={"laps": 2.0}, sim_time_s=3.0, wall_time_s=1.0, real_time_factor=3.0,
+            ended_by="environment", seed=1,
+        )  # fmt: skip
+        write = "import os; open(os.environ['ROBOMAKER_OUTPUT_DIR'] + '/result.json', 'w').write"
+        plan = plan_programs(program(f"{write}({own.model_dump_json()!r}); os._exit(1)"))
+
+        assert launcher.run(plan, never).status == "Failed"
+
+        assert (read_result(plan).verdict, read_result(plan).metrics) == (after, {"laps": 2.0})
 
     def test_the_crash_of_one_ends_the_other(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path

@@ -130,12 +130,12 @@ def test_settings_come_from_variables(make_plan: Callable[..., RunPlan]) -> None
     assert camera_recording(planned(make_plan)) is None
     assert camera_recording(planned(make_plan, CAMERA="aloft")) is None
     plan = planned(make_plan, CAMERA_HZ="2.5", CAMERA="aloft")
-    assert camera_recording(plan) == CameraRecording(2.5, "aloft")
+    assert camera_recording(plan) == CameraRecording(2.5, "aloft", seed=plan.seed)
     assert camera_recording(plan.model_copy(update={"record": False})) is None
     robot = ApplicationPlan(
         role="robot", name="r", attribute="a.b", environment_variables={"ROBOMAKER_RECORD_CAMERA_HZ": "1"}
     )
-    assert camera_recording(make_plan(robot_application=robot)) == CameraRecording(1.0)
+    assert camera_recording(make_plan(robot_application=robot)) == CameraRecording(1.0, seed=plan.seed)
 
 
 @pytest.mark.parametrize("text", ["", "0", "-1", "61", "nan", "often"])

@@ -3,6 +3,7 @@ import pytest
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.video.recorded_camera_settings import camera_recording
 from prefect_robomaker.tasks.runtime.video.video_settings import (
     DEFAULTS,
     VideoSettings,
@@ -45,7 +46,18 @@ def test_the_simulation_applications_variables_go_first(make_plan) -> None:
         "ROBOMAKER_VIDEO_FPS": "30", "ROBOMAKER_VIDEO_CAMERA": "top"
     })  # fmt: skip
     plan = make_plan(variables={"ROBOMAKER_VIDEO_FPS": "10"}, robot_application=robot)
-    assert settings_of(plan) == VideoSettings("top", None, 10)
+    assert settings_of(plan) == VideoSettings("top", None, 10, seed=plan.seed)
+
+
+def test_an_appearance_is_one_that_there_is(make_plan) -> None:
+    lit = make_plan(variables={"ROBOMAKER_APPEARANCE": "random", "ROBOMAKER_RECORD_CAMERA_HZ": "5"})
+    assert settings_of(lit).appearance == "random"
+    recorded = camera_recording(lit.model_copy(update={"record": True}))
+    assert recorded is not None
+    assert (recorded.appearance, recorded.seed) == ("random", lit.seed)
+    with pytest.raises(LaunchError, match=r"ROBOMAKER_APPEARANCE: appearance 'dusk'.*evening") as caught:
+        settings_of(make_plan(variables={"ROBOMAKER_APPEARANCE": "dusk"}))
+    assert caught.value.failure_code == "InvalidInput"
 
 
 def test_a_run_that_cannot_be_filmed_as_asked_is_not_started(launcher: Launcher, make_plan) -> None:

@@ -1,5 +1,6 @@
 """The caches of bundles: filled once, whole or not at all."""
 
+import fcntl
 import os
 import signal
 import subprocess
@@ -7,13 +8,19 @@ import sys
 import tarfile
 import threading
 import time
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.inputs.bundles import _once, application_bundle
+from prefect_robomaker.tasks.simulations.inputs.bundles import (
+    _once,
+    application_bundle,
+    last_used,
+    remove_unless_used,
+)
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 
@@ -42,6 +49,47 @@ def test_an_archive_is_unpacked_once_and_found_again(service: Service, source: d
     assert application_bundle(source, "Robot", service, is_pinned=False) == folder
     assert (folder / "mark").exists()
     assert left_in(service.folder("scratch")) == []
+
+
+def test_a_use_renews_the_time_of_a_copy(service: Service, source: dict[str, str]) -> None:
+    made = datetime.now(UTC) - timedelta(minutes=1)
+    folder = application_bundle(source, "Robot", service, is_pinned=False)
+    assert last_used(folder) > made
+
+    os.utime(folder, (0, 0))
+    application_bundle(source, "Robot", service, is_pinned=False)
+    assert last_used(folder) > made
+
+
+def test_a_copy_is_removed_whole_unless_it_is_used_or_filled(service: Service, source: dict[str, str]) -> None:
+    now = datetime.now(UTC)
+    folder = application_bundle(source, "Robot", service, is_pinned=False)
+    assert not remove_unless_used(folder, now - timedelta(minutes=1))
+    assert (folder / "package" / "__init__.py").exists()
+
+    os.utime(folder, (0, 0))
+    with (folder.parent / f".{folder.name}.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        assert not remove_unless_used(folder, now)
+    assert remove_unless_used(folder, now)
+    assert left_in(folder.parent) == []
+    assert (application_bundle(source, "Robot", service, is_pinned=False) / "package" / "__init__.py").exists()
+
+
+def test_a_use_that_comes_with_the_removal_keeps_the_copy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    copy = tmp_path / "copy"
+    (copy / "within").mkdir(parents=True)
+    os.utime(copy, (0, 0))
+    rename = Path.rename
+
+    def used_just_before(self: Path, target: Path) -> Path:
+        if copy.exists():
+            os.utime(copy)
+        return rename(self, target)
+
+    monkeypatch.setattr(Path, "rename", used_just_before)
+    assert not remove_unless_used(copy, datetime.now(UTC) - timedelta(days=1))
+    assert (copy / "within").is_dir()
 
 
 def test_of_several_at_once_one_fills(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from helpers.roles import role_with_keys, roles_file, user
 from helpers.s3_server import S3Server
 
+from prefect_robomaker.schemas.roles import Role
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import (
     CredentialsRefusedError,
@@ -18,6 +19,8 @@ from prefect_robomaker.schemas.wire.errors import (
 )
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import Roles, open_roles
+from prefect_robomaker.tasks.storage.roles.minio_users import MinioUsers
+from prefect_robomaker.tasks.storage.roles.policies import policy_of
 
 ARN = "arn:aws:iam::000000000000:role/nightly"
 JOB_A = "arn:aws:iam::000000000000:role/JobA"
@@ -108,6 +111,26 @@ def test_the_places_of_a_role_narrow_what_is_assumed(tmp_path: Path, role_server
 
     with pytest.raises(StorageAccessDeniedError):
         store.put_bytes("role-a", "a/x", b"x")
+
+
+def test_minio_lends_the_rights_of_a_user_and_places_narrow_them(tmp_path: Path, minio_server: S3Server) -> None:
+    bucket, name = f"roles-{uuid4().hex[:12]}", f"user-{uuid4().hex[:8]}"
+    minio_server.client("s3").create_bucket(Bucket=bucket)
+    users = MinioUsers(minio_server.endpoint, minio_server.environ())
+    users.ensure(name, policy_of(Role(arn=ARN, write=(f"{bucket}/a/*",))))
+    role = role_with_keys(ARN, users.new_key(name)) + 'assume_role = "itself"\n'
+    role += f'write = ["{bucket}/a/narrow/*", "{bucket}/b/*"]\n'
+    roles = opened(tmp_path, minio_server.environ(), role)
+
+    store = roles.store_of(ARN)
+    store.put_bytes(bucket, "a/narrow/x", b"x")
+
+    for key in ("a/x", "b/x"):
+        with pytest.raises(StorageAccessDeniedError):
+            store.put_bytes(bucket, key, b"x")
+    keys = roles.keys_of(ARN)
+    assert keys is not None
+    assert keys.session_token
 
 
 def test_a_role_that_the_server_does_not_know_cannot_be_assumed(tmp_path: Path, role_server: S3Server) -> None:

@@ -1,5 +1,6 @@
 """`robomaker storage init` on a real S3 server: users, policies, buckets, keys in the roles file; again and again."""
 
+import sys
 from pathlib import Path
 from uuid import uuid4
 
@@ -7,32 +8,42 @@ import pytest
 from helpers.roles import roles_file
 from helpers.s3_server import S3Server
 
+from prefect_robomaker.schemas.roles import Role
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAccessDeniedError
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import open_roles, read_roles_file
 from prefect_robomaker.tasks.storage.roles.initialisation import initialise, user_name, write_keys
+from prefect_robomaker.tasks.storage.roles.minio_users import MinioUsers
+from prefect_robomaker.tasks.storage.roles.policies import policy_of
 
 
-def users(server: S3Server) -> set[str]:
-    return {user["UserName"] for user in server.client("iam").list_users()["Users"]}
+@pytest.fixture(params=["s3_server", "minio_server"])
+def server(request: pytest.FixtureRequest) -> S3Server:
+    """A server with the interface of AWS IAM, and one with an interface of its own."""
+    return request.getfixturevalue(request.param)
 
 
-def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path: Path, s3_server: S3Server) -> None:
+def buckets(server: S3Server) -> set[str]:
+    return {each["Name"] for each in server.client("s3").list_buckets()["Buckets"]}
+
+
+def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path: Path, server: S3Server) -> None:
     word = uuid4().hex[:8]
     arn, bucket = f"arn:aws:iam::000000000000:role/{word}", f"init-{word}"
     path = roles_file(tmp_path, f'# the nightly one\narn = "{arn}"\nwrite = ["{bucket}/out/*"]\n')
-    environ = {**s3_server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
+    environ = {**server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
     settings = Settings.from_environment(environ)
     own = open_store(settings, environ)
     written = path.read_text()
 
     planned = [step.what for step in initialise(settings, own, environ, dry_run=True)]
     assert path.read_text() == written
-    assert user_name(arn) not in users(s3_server)
+    assert bucket not in buckets(server)
     made = [step.what for step in initialise(settings, own, environ)]
 
     assert made == planned
+    assert user_name(arn) in made[1]
     assert len(made) == 3
     [role] = read_roles_file(path)
     assert "# the nightly one" in path.read_text()
@@ -53,10 +64,10 @@ def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path:
         store.put_bytes(bucket, "out/x", b"x")
 
 
-def test_keys_of_ones_own_are_left_alone(tmp_path: Path, s3_server: S3Server) -> None:
+def test_keys_of_ones_own_are_left_alone(tmp_path: Path, server: S3Server) -> None:
     role = 'arn = "arn:aws:iam::1:role/own"\nread = ["own-keys/*"]\naccess_key_id = "A"\nsecret_access_key = "S"\n'
     path = roles_file(tmp_path, role)
-    environ = {**s3_server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
+    environ = {**server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
     settings = Settings.from_environment(environ)
 
     steps = [step.what for step in initialise(settings, open_store(settings, environ), environ)]
@@ -90,3 +101,20 @@ def test_without_a_roles_file_it_says_what_to_set(tmp_path: Path) -> None:
 
     with pytest.raises(ConfigurationError, match="ROBOMAKER_ROLES_FILE is not set"):
         list(initialise(settings, open_store(settings, {}), {}))
+
+
+def test_keys_that_may_not_make_users_are_refused_by_minio(tmp_path: Path, minio_server: S3Server) -> None:
+    admin, name = MinioUsers(minio_server.endpoint, minio_server.environ()), f"mere-{uuid4().hex[:8]}"
+    admin.ensure(name, policy_of(Role(arn="arn:aws:iam::1:role/a", read=("maps/*",))))
+    name, key = admin.new_key(name)
+    users = MinioUsers(minio_server.endpoint, {"AWS_ACCESS_KEY_ID": name, "AWS_SECRET_ACCESS_KEY": key})
+
+    with pytest.raises(StorageAccessDeniedError, match="cannot make a policy at"):
+        users.ensure("other", '{"Version": "2012-10-17", "Statement": []}')
+
+
+def test_minio_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "minio", None)
+
+    with pytest.raises(ConfigurationError, match=r"pip install 'prefect-robomaker\[minio\]'"):
+        MinioUsers("http://127.0.0.1:9", {})

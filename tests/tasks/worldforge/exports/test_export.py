@@ -12,8 +12,10 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from PIL import Image
 
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
+from prefect_robomaker.tasks.worldforge.bundle.plain_names import with_plain_names
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.exports.export_key import export_key
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, read_map
@@ -27,8 +29,12 @@ def test_every_file_of_every_bundle_is_where_clients_look(bundles: dict[str, Pat
     assert sorted(path.name for path in exported.iterdir()) == ["README.md", *PACKAGES, "index.json"]
     for name, bundle in bundles.items():
         assert (exported / WORLDS / name / f"{name}.world").is_file()
+        with Image.open(exported / WORLDS / name / "preview.png") as preview:  # no bundle has one any more
+            assert min(preview.size) > 300
         for path in (path for path in bundle.rglob("*") if path.is_file()):
-            assert (exported / WORLDS / name / path.relative_to(bundle)).read_bytes() == path.read_bytes()
+            copy = exported / WORLDS / name / path.relative_to(bundle)
+            anew = path.name in ("world.xml", "map.pgm", "map.yaml")
+            assert copy.is_file() if anew else copy.read_bytes() == path.read_bytes()
 
 
 def test_the_index_describes_exactly_what_is_inside(bundles: dict[str, Path], exported: Path) -> None:
@@ -52,7 +58,7 @@ def test_the_readme_code_loads_the_exported_world(
     shutil.copytree(exported, tmp_path / TOP)
     monkeypatch.chdir(tmp_path / TOP)
     Path("robot.xml").write_text("<mujoco><worldbody><body name='base'><geom size='.1'/></body></worldbody></mujoco>")
-    python = Path("README.md").read_text().partition("In Python:")[2].partition("## Nav2")[0]
+    python = Path("README.md").read_text().partition("In Python:")[2].partition("mujoco-warp does")[0]
     code = "\n".join(re.findall(r"^    (.*)$", python, re.MULTILINE))
     names: dict = {}
     exec(code, names)
@@ -67,9 +73,32 @@ def test_every_exported_mjcf_runs(bundles: dict[str, Path], exported: Path) -> N
         assert np.isfinite(data.qpos).all()
 
 
+def test_names_in_the_exported_mjcf_are_plain_and_lead_to_those_of_the_bundle(
+    bundles: dict[str, Path], exported: Path
+) -> None:
+    for name, bundle in bundles.items():
+        folder = exported / WORLDS / name
+        named = json.loads((folder / "names.json").read_text())
+        here, there = (mujoco.MjModel.from_xml_path(str(each / "world.xml")) for each in (folder, bundle))
+        names, originals = (model.names.decode().split("\0") for model in (here, there))
+        assert all(re.fullmatch(r"[A-Za-z0-9_]*", each) for each in names)
+        assert [named.get(each, each) for each in names[1:]] == originals[1:]
+        assert len(set(named.values())) == len(named) > 100
+        assert np.array_equal(here.geom_pos, there.geom_pos)
+        assert np.array_equal(here.geom_matid, there.geom_matid)
+        assert np.array_equal(here.jnt_range, there.jnt_range)
+
+
+def test_two_names_never_become_one() -> None:
+    mjcf = '<m><body name="a_b"/><body name="a.b"/><body name="a-b"/><x body1="a-b" body2="a_b" file="a.b"/></m>'
+    made = with_plain_names(mjcf)
+    assert made.names == {"a_b_2": "a.b", "a_b_3": "a-b"}
+    assert made.mjcf.endswith('<body name="a_b_3"/><x body1="a_b_3" body2="a_b" file="a.b"/></m>')
+
+
 def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, Path], exported: Path) -> None:
     """Whatever a robot would bump into is on the map, and the place it looks from is free."""
-    colliding = np.array([1, 1, 0, 0, 0, 0], np.uint8)  # other groups are for the eye only
+    colliding = np.array([1, 1, 0, 1, 0, 0], np.uint8)  # other groups are for the eye only
     for name in bundles:
         folder = exported / WORLDS / name
         grid = read_map(folder)
@@ -79,7 +108,8 @@ def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, P
         hits, missing = 0, []
         for room in read_world(folder).floorplan.rooms:
             for height in np.linspace(ROBOT_LOW_M + 0.02, ROBOT_HIGH_M - 0.02, 5):
-                for angle in np.linspace(-np.pi, np.pi, 90, endpoint=False):
+                # Not along diagonals of cells: a ray that only grazes a wall's corner ends in the free cell behind it.
+                for angle in np.linspace(-np.pi, np.pi, 90, endpoint=False) + 0.01:
                     start = np.array([*room.goal, height])
                     ray = np.array([np.cos(angle), np.sin(angle), 0.0])
                     distance = mujoco.mj_ray(model, data, start, ray, colliding, 1, -1, np.zeros(1, np.int32))

@@ -24,6 +24,8 @@ from prefect_robomaker.tasks.worldforge.exports.export_scene import Thing, make_
 from prefect_robomaker.tasks.worldforge.exports.sdf import model_files
 from prefect_robomaker.tasks.worldforge.exports.sdf_models import SharedModels
 from prefect_robomaker.tasks.worldforge.exports.sdf_world import sdf_world
+from prefect_robomaker.tasks.worldforge.interiors.placement import room_rects
+from prefect_robomaker.tasks.worldforge.materials.textures import texture_size_m
 
 MODELS = "aws_robomaker_worldforge_shared_models/models"
 WORLDS = "aws_robomaker_worldforge_worlds/worlds"
@@ -99,9 +101,11 @@ def settle(exported: Path, tmp_path_factory: pytest.TempPathFactory) -> Settle:
 
 
 @pytest.mark.deep
-def test_everything_settles_in_dart_where_mujoco_has_it(settle: Settle, exported: Path) -> None:
+def test_everything_settles_in_dart_where_mujoco_has_it(
+    settle: Settle, exported: Path, bundles: dict[str, Path]
+) -> None:
     for name in worlds_of(exported):
-        model = mujoco.MjModel.from_xml_path(str(exported / WORLDS / name / "world.xml"))
+        model = mujoco.MjModel.from_xml_path(str(bundles[name] / "world.xml"))
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_SLEEP)
         data = mujoco.MjData(model)
         while data.time < SETTLE_S:
@@ -143,6 +147,17 @@ def test_equal_furniture_is_stored_once_and_worlds_agree_on_its_name(bundles: di
         assert len([model for model in used if not model.startswith("door_")]) == len(kinds)
 
 
+def test_models_of_one_name_have_the_same_files_in_every_export(bundles: dict[str, Path]) -> None:
+    exports = [SharedModels() for _ in bundles]
+    for (name, bundle), models in zip(bundles.items(), exports, strict=True):
+        sdf_world(read_scene(bundle), name, models)
+    first, second = (models.files for models in exports[:2])
+    shared = first.keys() & second.keys()
+    assert any("meshes/" in path and "ellipsoid" not in path for name in shared for path in first[name])
+    for name in shared:
+        assert first[name] == second[name]
+
+
 def test_a_turned_piece_is_the_same_model(bundles: dict[str, Path]) -> None:
     """All yaws: the MJCF turns a piece by swapping its sizes, or by rotating it."""
     world = read_world(next(iter(bundles.values())))
@@ -182,7 +197,7 @@ def test_objects_weigh_what_they_weigh_in_mujoco(bundles: dict[str, Path]) -> No
     scene = read_scene(next(iter(bundles.values())))
     weighed = 0
     for thing in scene.things:
-        sdf = ET.fromstring(model_files(thing, "model", scene.model)["model.sdf"])
+        sdf = ET.fromstring(model_files(thing, "model", scene)["model.sdf"])
         assert sdf.findtext("model/static") == ("false" if thing.kind == "body" else "true")
         if thing.kind != "body":
             assert sdf.find("model/link/inertial") is None
@@ -199,7 +214,7 @@ def test_a_door_is_a_limited_hinge_at_its_corner(bundles: dict[str, Path]) -> No
     scene = read_scene(next(iter(bundles.values())))
     door = next(passage.door for passage in scene.world.floorplan.passages if passage.door)
     thing = body_of(scene.things, "door")
-    files = model_files(thing, "model", scene.model)
+    files = model_files(thing, "model", scene)
     joint = ET.fromstring(files["model.sdf"]).find("model/joint")
     assert joint is not None
     assert (joint.get("type"), joint.findtext("parent")) == ("revolute", "world")
@@ -212,7 +227,7 @@ def test_a_door_is_a_limited_hinge_at_its_corner(bundles: dict[str, Path]) -> No
 
 def test_the_floor_grips_as_in_mujoco_and_ceilings_face_down(bundles: dict[str, Path]) -> None:
     scene = read_scene(next(iter(bundles.values())))
-    building = ET.fromstring(model_files(scene.things[0], "model", scene.model)["model.sdf"])
+    building = ET.fromstring(model_files(scene.things[0], "model", scene)["model.sdf"])
     collisions = {element.get("name"): element for element in building.iter("collision")}
     floors = {(name or "").removesuffix("-collision"): element for name, element in collisions.items()}
     floors = {name: element for name, element in floors.items() if name.startswith(("floor_", "ground"))}
@@ -223,3 +238,44 @@ def test_the_floor_grips_as_in_mujoco_and_ceilings_face_down(bundles: dict[str, 
     ceilings = [element for element in building.iter("visual") if (element.get("name") or "").startswith("ceiling")]
     assert len(ceilings) >= len(scene.world.floorplan.rooms)
     assert {element.findtext("geometry/plane/normal") for element in ceilings} == {"0 0 -1"}
+
+
+def obj_lines(file: Path, start: str) -> np.ndarray:
+    rows = [line.split()[1:] for line in file.read_text().splitlines() if line.startswith(f"{start} ")]
+    return np.array(rows, float)
+
+
+def test_pictures_lie_in_the_archive_and_have_their_size_on_floors_and_walls(exported: Path) -> None:
+    for name in worlds_of(exported):
+        folder = exported / WORLDS / name
+        seen: dict[str, int] = {"floor": 0, "wall": 0}
+        boxes = []
+        for visual in ET.parse(folder / "model.sdf").getroot().iter("visual"):
+            address = visual.findtext("material/pbr/metal/albedo_map")
+            if address is None:
+                continue
+            mesh = visual.findtext("geometry/mesh/uri") or ""
+            assert address.startswith(f"model://{name}/textures/")
+            files = [exported / WORLDS / each.removeprefix("model://") for each in (address, mesh)]
+            assert all(file.is_file() for file in files), files
+            assert visual.findtext("material/diffuse") == "1 1 1 1"
+            look = (files[1].parent / files[1].read_text().split()[1]).read_text()
+            assert (files[1].parent / look.split()[-1]).resolve() == files[0].resolve()
+            spots, places = obj_lines(files[1], "v"), obj_lines(files[1], "vt")
+            size_m = texture_size_m(files[0].stem)
+            assert size_m is not None
+            # Each edge is as long on the picture, laid out in its size, as in the room.
+            corners = np.array([line.split()[1:] for line in files[1].read_text().splitlines() if line[:2] == "f "])
+            faces = np.array([[int(corner.partition("/")[0]) - 1 for corner in face] for face in corners])
+            for one, other in ((0, 1), (1, 2)):
+                long = np.linalg.norm(spots[faces[:, one]] - spots[faces[:, other]], axis=1)
+                laid = np.linalg.norm((places[faces[:, one]] - places[faces[:, other]]) * size_m, axis=1)
+                assert np.abs(long - laid).max() < 2e-3, mesh
+            seen[files[0].stem.partition("_")[0]] += 1
+            if (visual.get("name") or "").startswith("floor_"):
+                middle = np.array((visual.findtext("pose") or "").split()[:2], float)
+                boxes.append(np.concatenate([middle + spots[:, :2].min(axis=0), middle + spots[:, :2].max(axis=0)]))
+        assert min(seen.values()) >= 1, seen
+        rects = np.concatenate([room_rects(room) for room in read_world(folder).floorplan.rooms])
+        for box in boxes:
+            assert np.abs(rects - box).max(axis=1).min() < 1e-3, "a floor is as large as its room"

@@ -42,7 +42,7 @@ def test_a_plan_is_valid_when_doors_join_its_rooms() -> None:
     evaluator, trees = BatchEvaluator(brief(areas)), all_trees(4)
     footprint = np.full(trees.plans, np.log(4 / 3))
     cuts = cut(trees, np.tile(evaluator.areas, trees.plans), np.exp(footprint), exact=True)
-    nature = evaluator.evaluate(cuts, footprint, np.zeros((4, trees.plans)))
+    nature = evaluator.evaluate(cuts)
     for number in range(trees.plans):
         plan = as_partition(cuts, number)
         assert nature.valid[number] == (min(plan.arms) >= 44 and joined(plan))

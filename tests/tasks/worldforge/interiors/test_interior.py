@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furni
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import usual_types
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES
+from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
     furniture_corners,
     occupancy_grid,
@@ -108,7 +109,7 @@ def test_a_density_that_is_not_reached_is_told_with_what_was(make_body: MakeBody
     found = {wish.wish: wish for wish in wishes if wish.path.endswith("DesiredSpatialDensity")}
     assert found["Sparse furniture in lone sofa"].outcome == "satisfied"
     (bed,) = of_kind(furniture, "Beds")
-    area = next(room.area_m2 for room in plan.rooms if room.name == "Bedroom")
+    area = next(room.floor_m2 for room in plan.rooms if room.name == "Bedroom")
     share = bed.width_m * bed.depth_m / area
     assert found["Dense furniture in lone bed"].outcome == "missed"
     assert found["Dense furniture in lone bed"].reason.startswith(f"furniture covers {share:.0%} of Bedroom")
@@ -252,3 +253,62 @@ def test_materials_follow_the_template_and_every_listed_one_appears_where_rooms_
 def test_same_generator_state_same_interior(make_body: MakeBody) -> None:
     assert interior(make_body(), 5) == interior(make_body(), 5)
     assert interior(make_body(), 5)[1] != interior(make_body(), 6)[1]
+
+
+def test_chairs_of_one_table_are_alike(make_body: MakeBody) -> None:
+    seen = 0
+    for seed in range(6):
+        world = generate_world(make_body((("Dining", "Dining", 18.0),)), seed, seed, settle=False)
+        styles = [item.style for item in world.furniture if item.model_type == "DiningChairs"]
+        seen += len(styles)
+        assert len(set(styles)) <= 1
+    assert seen > 12
+
+
+def test_a_large_living_room_has_zones_and_one_screen(make_body: MakeBody) -> None:
+    rooms = (("Hall", "Living", 300.0), ("Kitchen", "Kitchen", 20.0))
+    for seed in SEEDS:
+        plan, furniture, _ = interior(make_body(rooms, furniture=[arrangement("all", None, RoomNames=["Hall"])]), seed)
+        found = Counter(item.model_type for item in furniture if item.room == "Hall")
+        assert found["MediaStorage"] == found["DiningTables"] == 1
+        assert found["Desks"] >= 1
+        assert found["Bookcases"] >= 1
+        assert found["CoffeeTables"] >= 4
+        assert found["Sofas"] >= 4
+        (table,) = [item for item in of_kind(furniture, "DiningTables") if item.room == "Hall"]
+        xs, ys = zip(*next(room for room in plan.rooms if room.name == "Hall").polygon, strict=True)
+        off = max(abs(table.x - np.mean(xs)) / np.ptp(xs), abs(table.y - np.mean(ys)) / np.ptp(ys))
+        assert off > 0.25  # one dines in a corner
+
+
+def test_a_density_is_a_share_of_the_floor_that_rooms_of_each_type_hold(make_body: MakeBody) -> None:
+    names = ["Living Room", "Kitchen", "Bedroom", "Bath"]
+    for density in ("Moderate", "Dense"):
+        wishes = [
+            wish
+            for seed in range(6)
+            for wish in interior(
+                make_body(furniture=[arrangement(n, None, density, RoomNames=[n]) for n in names]), seed
+            )[2]
+            if wish.path.endswith("DesiredSpatialDensity")
+        ]
+        assert len(wishes) == 24
+        assert sum(wish.outcome == "satisfied" for wish in wishes) >= 19, [wish.reason for wish in wishes]
+
+
+def test_a_density_that_is_not_asked_for_is_not_told(make_body: MakeBody) -> None:
+    _, _, wishes = interior(make_body(furniture=[{"Name": "all", "TargetSet": {"RoomNames": ["Kitchen"]}}]), 0)
+    assert not [wish for wish in wishes if wish.path.endswith("DesiredSpatialDensity")]
+
+
+def test_loose_objects_are_as_many_as_a_template_asks_for(make_body: MakeBody) -> None:
+    asked = arrangement("all", None, "Dense", RoomNames=["Living Room"]) | {"LooseObjects": 14}
+    none = arrangement("none", None, RoomNames=["Kitchen"]) | {"LooseObjects": 0}
+    world = generate_world(make_body(furniture=[asked, none]), 1, 2)
+    loose = Counter(item.room for item in world.furniture if item.movable)
+    assert (loose["Living Room"], loose["Kitchen"]) == (14, 0)
+    assert world.checks
+    assert (world.checks.settled_share, world.checks.penetrations) == (1.0, 0)
+    on_tops = [item for item in world.furniture if item.movable and item.base_m > 0]
+    for one, other in combinations(on_tops, 2):
+        assert np.hypot(one.x - other.x, one.y - other.y) >= min(one.width_m, other.width_m), (one.id, other.id)

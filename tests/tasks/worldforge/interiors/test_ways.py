@@ -62,3 +62,20 @@ def test_two_blocks_that_close_a_gap_together_are_refused_together() -> None:
     assert ways.stays_open(upper)
     assert ways.stays_open(lower)
     assert not ways.stays_open(upper, lower)
+
+
+def test_a_way_that_begins_too_near_to_a_wall_or_a_door_begins_beside_it() -> None:
+    ways = Ways(ROOM, HALF_M, WALLS, [])
+    ways.join([(0.5, 0.38), (3.62, 2.5)])
+    assert ways.joined
+    assert ways.stays_open((1.5, 0.1, 2.0, 0.5))
+
+
+def test_where_ways_do_not_meet_the_goal_is_on_the_side_of_most() -> None:
+    across: Box = (1.0, 0.0, 1.4, 3.0)
+    ways = Ways(ROOM, HALF_M, [*WALLS, across], [])
+    ways.join([(0.5, 0.5), (3.5, 2.5), (3.5, 0.5)])
+    assert not ways.joined
+    x, y = ways.nearest((1.2, 1.5))
+    assert x >= 1.4 + HALF_M
+    assert abs(y - 1.5) < CELL_M

@@ -9,7 +9,7 @@ import pytest
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.materials.materials import FLOORS
-from prefect_robomaker.tasks.worldforge.model.mjcf import surfaces, world_mjcf
+from prefect_robomaker.tasks.worldforge.model.mjcf import proof_mjcf, surfaces, world_mjcf
 
 from ..conftest import MakeBody
 
@@ -42,7 +42,7 @@ def test_simulation_options_are_those_that_were_chosen(model: mujoco.MjModel) ->
     assert model.opt.integrator == mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     assert model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
     assert model.opt.impratio == 10
-    assert model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP
+    assert model.opt.enableflags == 0
 
 
 def test_only_loose_objects_are_bodies(flat: World, model: mujoco.MjModel) -> None:
@@ -205,3 +205,15 @@ def test_floors_are_flush_and_leave_no_gap_in_doorways(flat: World, model: mujoc
             depth_m = mujoco.mj_ray(model, data, np.array([x, y, 0.01]), below, None, 1, -1, geom)
             assert depth_m == pytest.approx(0.01, abs=1e-6)
             assert model.geom(int(geom[0])).name.startswith("floor_")
+
+
+def test_the_model_for_proofs_has_all_that_collides_and_nothing_else(flat: World) -> None:
+    bare, whole = (mujoco.MjModel.from_xml_string(text) for text in (proof_mjcf(flat), world_mjcf(flat)))
+
+    def solids(model: mujoco.MjModel) -> dict[str, list[float]]:
+        indices = [index for index in range(model.ngeom) if model.geom_contype[index] or model.geom_conaffinity[index]]
+        return {model.geom(index).name: [*model.geom_size[index], *model.geom_pos[index]] for index in indices}
+
+    assert solids(bare) == solids(whole)
+    assert len(solids(bare)) == bare.ngeom < whole.ngeom / 2
+    assert bare.body_mass.tolist() == whole.body_mass.tolist()

@@ -7,14 +7,14 @@ import pytest
 from prefect_robomaker.schemas.worlds.world import Furniture, Room, World, WorldChecks
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
-from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
+from prefect_robomaker.tasks.worldforge.model.mjcf import proof_mjcf, world_mjcf
 from prefect_robomaker.tasks.worldforge.proofs.checks import check_world
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import SETTLE_S, proof_lines, violations
 
 
 def checked(world: World, settle_s: float | None = SETTLE_S) -> WorldChecks:
     grid = occupancy_grid(world.floorplan, world.furniture)
-    return check_world(world, world_mjcf(world), grid, settle_s=settle_s)
+    return check_world(world, proof_mjcf(world), grid, settle_s=settle_s)
 
 
 def with_piece(world: World, kind: str, x: float, y: float, **more: Any) -> World:
@@ -73,7 +73,7 @@ def test_a_floating_object_is_found_although_it_sleeps(flat: World) -> None:
 def test_bodies_that_overlap_are_found(flat: World) -> None:
     world = with_piece(flat, "Carton", 0.0, 0.0, base_m=-0.02, movable=True)
     assert checked(world).max_penetration_m == pytest.approx(0.02, abs=0.002)
-    assert any("overlap by 0.02" in problem for problem in violations(checked(world)))
+    assert any("parts overlap by 0.02" in problem for problem in violations(checked(world)))
 
 
 def test_a_passage_narrower_than_the_robot_is_found(flat: World) -> None:
@@ -111,7 +111,7 @@ def test_errors_of_area_and_aspect_ratio_are_told_as_numbers(flat: World) -> Non
     assert checks is not None
     for room, measures in zip(flat.floorplan.rooms, checks.rooms, strict=True):
         assert measures.name == room.name
-        assert room.desired_area_m2 * (1 + measures.area_error) == pytest.approx(room.area_m2, rel=1e-3)
+        assert room.desired_area_m2 * (1 + measures.area_error) == pytest.approx(room.floor_area_m2, rel=1e-3)
         assert room.desired_aspect_ratio * (1 + measures.aspect_error) == pytest.approx(measures.aspect_ratio, rel=1e-3)
         assert measures.reachable_share == pytest.approx(
             checks.reachable_cells[room.name] / measures.fitting_cells, abs=1e-4

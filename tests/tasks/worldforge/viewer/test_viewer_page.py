@@ -27,7 +27,7 @@ NO_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null</script>
 @pytest.fixture(scope="module")
 def html(flat: World, tmp_path_factory: pytest.TempPathFactory) -> str:
     folder = tmp_path_factory.mktemp("bundle") / "world"
-    write_bundle(flat, folder, preview=False)
+    write_bundle(flat, folder)
     return viewer_page(folder, "Flat </script><b>1")
 
 

@@ -1,3 +1,3 @@
-"""Look at generated worlds: show, view, sheet."""
+"""Look at worlds, prove, vary, light and draw them: show, view, sheet, prove, vary, relight, import."""
 
 __all__: list[str] = []

@@ -93,8 +93,9 @@ _TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checke
 
 def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
     from ......schemas.worlds.world import World
-    from ......tasks.worldforge.bundle.bundle import PREVIEW_FILE, WORLD_FILE
+    from ......tasks.worldforge.bundle.bundle import WORLD_FILE
     from ......tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
+    from ......tasks.worlds.previews import preview_of
 
     name = resource.id.rpartition("/")[2]
     bundle = WorldDocument.of(resource).bundle
@@ -102,7 +103,7 @@ def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
         if bundle is None:
             raise StorageError(f"{resource.arn} has no stored bundle")
         world = World.model_validate_json(service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}"))
-        preview = service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{PREVIEW_FILE}")
+        preview = preview_of(resource, service)
     except (StorageError, ValueError) as error:
         return SheetWorld(name=name, arn=resource.arn, verdict="gone", problems=(str(error).splitlines()[0],))
     return sheet_world(name, resource.arn, world, preview)

@@ -1,6 +1,7 @@
 """`robomaker serve`: jobs that clients order are carried out, and nothing is left behind or done twice."""
 
 import contextlib
+import http.client
 import os
 import signal
 import socket
@@ -134,6 +135,21 @@ def test_clients_have_to_sign_when_there_are_access_keys(serve: Serve, tmp_path:
             served.call("ListWorlds", {})
         assert "AWS_ACCESS_KEY_ID" not in served.facts["environment"]
         assert "others can read the access keys" in served.log.read_text()
+
+
+def test_a_trusted_proxy_says_that_visitors_come_by_https(serve: Serve, tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    keys.write_text("[default]\naws_access_key_id = AKID\naws_secret_access_key = word\n")
+    proxied = {"ROBOMAKER_ACCESS_KEYS_FILE": str(keys), "ROBOMAKER_TRUSTED_PROXIES": "127.0.0.1"}
+    with serve("--execute", "none", **proxied) as served:
+        cookies = []
+        for headers in ({}, {"X-Forwarded-Proto": "https"}):
+            connection = http.client.HTTPConnection(urlsplit(served.url).netloc, timeout=30)
+            connection.request("POST", "/console/login", "key=AKID&secret=word", headers)
+            cookies.append(connection.getresponse().headers["set-cookie"])
+            connection.close()
+
+    assert ["; secure" in cookie.lower() for cookie in cookies] == [False, True]
 
 
 def test_what_cannot_be_served_is_told_in_one_line(robomaker: Any, monkeypatch: pytest.MonkeyPatch, home: Path) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import pytest
 from helpers.small_flat import BODY
 
@@ -20,7 +21,7 @@ from prefect_robomaker.tasks.worldforge.generator import generate_world
 def bundle(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The bundle of a world of two rooms."""
     folder = tmp_path_factory.mktemp("worlds") / "small-flat"
-    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), 1, 2), folder, preview=False)
+    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), 1, 2), folder)
     return folder
 
 
@@ -61,7 +62,7 @@ def test_a_broken_world_is_not_called_proven(robomaker, bundle: Path, tmp_path: 
     shown = robomaker("world", "show", folder).out
     assert shown.startswith("broken: guarantees are broken\n")
     assert "✗ Penetrations at time 0" in shown
-    assert "bodies overlap by 0.02 m" in shown
+    assert "parts overlap by 0.02 m" in shown
     assert "pool" in shown
     assert "no water" in shown
     assert "\x1b" not in shown
@@ -74,7 +75,29 @@ def test_pictures_are_put_where_they_are_wanted(robomaker, bundle: Path, tmp_pat
     assert sorted(facts["pictures"]) == sorted(str(path) for path in folder.iterdir())
 
 
-@pytest.mark.parametrize("action", ["show", "view"])
+def test_prove_measures_anew_and_changes_nothing(robomaker, bundle: Path, tmp_path: Path) -> None:
+    before = content_hash(bundle)
+    proven = robomaker("world", "prove", bundle, "--pushed", "-o", "json")
+    assert (proven.code, proven.err) == (0, "")
+    said = json.loads(proven.out)
+    kept = json.loads((bundle / "world.json").read_text())["checks"]
+    as_kept = {"stability": None, "geoms": kept["geoms"]}  # `world.xml` also has what only decorates
+    assert said["checks"] | as_kept == kept
+    assert said["checks"]["stability"]["pushes"] == 8
+    assert content_hash(bundle) == before
+
+    folder = shutil.copytree(bundle, tmp_path / "moved")
+    model = (folder / "world.xml").read_text()
+    place = next(line for line in model.splitlines() if "<body name=" in line)
+    lifted = place.replace(place.split('"')[3], "0 0 1")
+    (folder / "world.xml").write_text(model.replace(place, lifted))
+    proven = robomaker("world", "prove", folder)
+    assert proven.code == 1
+    assert proven.out.startswith("moved: guarantees are broken\n")
+    assert "✗ Free bodies that move less than 10 mm" in proven.out
+
+
+@pytest.mark.parametrize("action", ["show", "view", "prove"])
 def test_what_is_no_world_is_one_clear_error(robomaker, action: str, tmp_path: Path) -> None:
     (tmp_path / "garbled").mkdir()
     (tmp_path / "garbled" / "world.json").write_text('{"floorplan": 1}')
@@ -146,3 +169,54 @@ def test_a_jobs_sheet_and_its_worlds(
     wrong = robomaker("world", "sheet", first)
     assert wrong.code == 2
     assert "has to name a world-generation-job" in wrong.err
+
+
+def test_relight_writes_a_model_that_moves_as_the_world_does(robomaker, bundle: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "night"
+    written = robomaker("world", "relight", bundle, "night", folder)
+    assert (written.code, written.out, written.err) == (0, f"{folder / 'world.xml'}\n", "")
+    assert (folder / "world.xml").read_text() != (bundle / "world.xml").read_text()
+    for beside in ("textures", "meshes"):
+        names = [{path.name for path in (each / beside).glob("*")} for each in (bundle, folder)]
+        assert names[0] == names[1]
+    models = [mujoco.MjModel.from_xml_path(str(each / "world.xml")) for each in (bundle, folder)]
+    states = []
+    for model in models:
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=100)
+        states.append(data.qpos.tobytes())
+    assert states[0] == states[1]
+    assert models[1].vis.headlight.ambient.max() < 0.8 * models[0].vis.headlight.ambient.min()
+
+
+def test_relight_refuses_what_it_cannot_do(robomaker, bundle: Path, tmp_path: Path) -> None:
+    refused = robomaker("world", "relight", bundle, "dusk", tmp_path / "dusk")
+    assert refused.code != 0
+    assert "'dusk'" in refused.err
+    assert "evening" in refused.err
+    assert not (tmp_path / "dusk").exists()
+    again = robomaker("world", "relight", bundle, "night", tmp_path)
+    assert again.code != 0
+    assert "exists already" in again.err
+
+
+def test_map_is_of_what_a_robot_of_the_height_meets(robomaker, bundle: Path, tmp_path: Path) -> None:
+    written = robomaker("world", "map", bundle, tmp_path / "low", "--robot-height", "0.2")
+    assert (written.code, written.out, written.err) == (0, f"{tmp_path / 'low' / 'map.yaml'}\n", "")
+    assert "a robot 0.2 m high" in (tmp_path / "low" / "map.yaml").read_text()
+    assert robomaker("world", "map", bundle, tmp_path / "usual").code == 0
+    low, usual = ((tmp_path / each / "map.pgm").read_bytes() for each in ("low", "usual"))
+    assert low.count(0) < usual.count(0)
+
+    again = robomaker("world", "map", bundle, tmp_path / "low")
+    assert (again.code, "exists already" in again.err) == (2, True)
+    high = robomaker("world", "map", bundle, tmp_path / "high", "--robot-height", "3")
+    assert (high.code, "--robot-height: a robot 3 m high: 0.05 to 2 m" in high.err) == (2, True)
+    assert not (tmp_path / "high").exists()
+
+
+def test_prove_refuses_a_world_of_an_export(robomaker, bundle: Path, tmp_path: Path) -> None:
+    shutil.copytree(bundle, tmp_path / "exported")
+    (tmp_path / "exported" / "names.json").write_text("{}")
+    refused = robomaker("world", "prove", tmp_path / "exported")
+    assert (refused.code, "is a world of an export" in refused.err) == (2, True)

@@ -1,5 +1,8 @@
 """gc: what it says, asks, and refuses."""
 
+import re
+import sqlite3
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -43,6 +46,27 @@ def test_yes_removes_without_asking(robomaker: Any, old_run: Path) -> None:
     assert [(item.id, item.action) for item in report.items] == [("night-1", "remove")]
     assert not old_run.exists()
     assert robomaker("gc", "--older-than", "30d", "--yes").out.splitlines()[-1] == "Nothing to remove."
+
+
+def test_it_says_how_large_the_database_of_prefect_is_and_what_it_gives_back(robomaker: Any, home: Path) -> None:
+    path = home / "prefect" / "prefect.db"
+    path.parent.mkdir(parents=True)
+    with closing(sqlite3.connect(path)) as database, database:
+        database.execute("CREATE TABLE log (text)")
+        database.executemany("INSERT INTO log VALUES (?)", [("x" * 4000,) for _ in range(500)])
+        database.execute("DELETE FROM log")
+    size = path.stat().st_size
+
+    looked = robomaker("gc", "--older-than", "30d", "--dry-run")
+    assert "the database of the local Prefect server has 2.1 MB, of which 2.0 MB are given back\n" in looked.out
+    assert "Would free 2.0 MB in 0 objects: free space of Prefect's database.\n" in looked.out
+    assert path.stat().st_size == size
+    told = robomaker("gc", "--older-than", "30d", "--yes")
+
+    assert re.search(
+        r"the database of the local Prefect server has [\d.]+ (kB|bytes), 2.0 MB less than before", told.out
+    )
+    assert path.stat().st_size < 100_000
 
 
 def test_what_stays_is_told_with_its_reason(robomaker: Any, old_run: Path) -> None:

@@ -1,6 +1,7 @@
 """Fetching a file: what was signed, and nothing else, has its name in the end."""
 
 import hashlib
+import resource
 from pathlib import Path
 
 import pytest
@@ -70,13 +71,26 @@ def test_a_server_that_cannot_now_is_asked_later(status: int, tmp_path: Path) ->
         fetch(refuse, FILE, tmp_path / "x")
 
 
-def test_a_disk_that_is_full_is_told_and_given_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def full(_descriptor: int) -> None:
-        raise OSError(28, "No space left on device")
+@pytest.mark.parametrize("name", ["x", "x.part"])
+def test_what_a_power_loss_damaged_is_fetched_anew(name: str, tmp_path: Path) -> None:
+    """Neither is synced: a file may be as long as it was, and have zeros for what did not reach the disk."""
+    (tmp_path / name).write_bytes(bytes(len(CONTENT)))
+    store = Store(CONTENT)
 
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(StepFailed, match="the disk is full: storing applications/courier/bundles/x") as caught:
-        fetch(Store(CONTENT), FILE, tmp_path / "x")
+    fetch(store, FILE, tmp_path / "x")
+
+    assert (tmp_path / "x").read_bytes() == CONTENT
+    assert store.starts == [0]
+
+
+def test_a_disk_that_is_full_is_told_and_given_back(tmp_path: Path) -> None:
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(CONTENT) // 2, limits[1]))
+    try:
+        with pytest.raises(StepFailed, match="the disk is full: storing applications/courier/bundles/x") as caught:
+            fetch(Store(CONTENT), FILE, tmp_path / "x")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
     assert caught.value.code == "EnvironmentSetupError"
     assert list(tmp_path.iterdir()) == []

@@ -5,7 +5,6 @@ import json
 import random
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 
@@ -13,58 +12,11 @@ import pytest
 from helpers.tuf_repository import APPLICATION, ROLE, TufRepository, bundle
 from securesystemslib.signer import CryptoSigner
 
-from prefect_robomaker.tasks.fleet.agent.child.fetching import HttpStatus, Part, fetch
-from prefect_robomaker.tasks.fleet.agent.child.trust import Repository
-from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, Order
-from prefect_robomaker.tasks.fleet.agent.errors import StepFailed, TryLater
-from prefect_robomaker.tasks.fleet.agent.states import State, Trusted, advance
+from prefect_robomaker.tasks.fleet.agent.child.fetching import HttpStatus, Part
+from prefect_robomaker.tasks.fleet.agent.errors import TryLater
+from prefect_robomaker.tasks.fleet.agent.states import State
 
-FRESH_S = 1_700_000_000.0
-
-
-@dataclass
-class Robot:
-    """A robot in this process, at a repository in a folder."""
-
-    folder: Path
-    repository: TufRepository
-    root: bytes
-    state: State = field(default_factory=State)
-    now_s: float = FRESH_S
-
-    def read(self, path: str, start: int) -> Part:
-        """Reads a file of the repository."""
-        file = self.repository.folder / path
-        if not file.is_file():
-            raise HttpStatus(404)
-        return Part(start, iter([file.read_bytes()[start:]]))
-
-    def _saw(self, trusted: Trusted) -> None:
-        self.state = advance(self.state, trusted)
-
-    def resolve(self, target: str) -> Deployment:
-        """Asks what an order is."""
-        repository = Repository(self.read, self.root, self.folder / "metadata", self.folder / "downloads", self.now_s)
-        return repository.resolve(Order(1, target), self.state.floors, self.state.newest_s, "X86_64", self._saw)
-
-    def install(self, target: str) -> bytes:
-        """The bundle that would be installed."""
-        deployment = self.resolve(target)
-        path = self.folder / "downloads" / deployment.bundle.sha256
-        fetch(self.read, deployment.bundle, path)
-        return path.read_bytes()
-
-
-@pytest.fixture
-def robot(tmp_path: Path) -> Robot:
-    repository = TufRepository(tmp_path / "repository")
-    return Robot(tmp_path / "robot", repository, repository.first_root)
-
-
-def refused(robot: Robot, target: str) -> StepFailed:
-    with pytest.raises(StepFailed) as caught:
-        robot.install(target)
-    return caught.value
+from .conftest import FRESH_S, Robot, refused
 
 
 def edit(path: Path, change: Callable[[bytes], bytes]) -> None:

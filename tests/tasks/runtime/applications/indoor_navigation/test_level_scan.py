@@ -64,7 +64,7 @@ def free_places(folder: Path, rng: np.random.Generator, count: int) -> Iterator[
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_agrees_with_mujoco_in_generated_worlds_while_the_robot_rocks(seed: int, tmp_path: Path) -> None:
     folder = tmp_path / "world"
-    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(seed, 0, 0)), folder, preview=False)
+    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(seed, 0, 0)), folder)
     physics, rng = assemble(folder / "world.xml"), np.random.default_rng(seed)
     finder = finder_in(physics)
     for x, y in free_places(folder, rng, 60):

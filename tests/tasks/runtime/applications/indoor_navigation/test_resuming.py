@@ -20,7 +20,7 @@ BUILT_INS = "prefect_robomaker.tasks.runtime.applications"
 @pytest.fixture(scope="module")
 def world(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("worlds") / "small-flat"
-    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), 1, 2), folder, preview=False)
+    write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), 1, 2), folder)
     return folder
 
 

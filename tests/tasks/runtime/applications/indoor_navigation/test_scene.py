@@ -1,3 +1,6 @@
+from pathlib import Path
+
+import mujoco
 import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
@@ -34,3 +37,30 @@ def test_names_are_there_when_somebody_asks_and_follow_the_data(make_context) ->
     physics.reload_from_xml_path(str(world))
     with pytest.raises(KeyError, match="scout/base"):
         physics.named.model.body_mass["scout/base"]
+
+
+PLAIN = """
+<mujoco><worldbody>
+  <geom type="box" size="5 5 .1" pos="0 0 -.1"/>
+  <body name="cup" pos="2 0 .1"><freejoint/><geom type="box" size=".1 .1 .1"/></body>
+  <body name="leaf" pos="-2 0 0"><joint name="leaf"/><geom type="box" size=".4 .02 1" pos=".4 0 1.1"/></body>
+</worldbody></mujoco>
+"""
+
+
+def test_what_is_loose_in_a_plain_world_sleeps_until_something_touches_it(tmp_path: Path) -> None:
+    (tmp_path / "world.xml").write_text(PLAIN)
+    physics = assemble(tmp_path / "world.xml")
+    model, data = physics.model.ptr, physics.data.ptr
+    assert model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP
+    for name in ("cup", "leaf"):
+        policy = model.tree_sleep_policy[model.body_treeid[model.body(name).id]]
+        assert policy == mujoco.mjtSleepPolicy.mjSLEEP_INIT
+    robot = model.tree_sleep_policy[model.body_treeid[model.body("scout/base").id]]
+    assert robot != mujoco.mjtSleepPolicy.mjSLEEP_INIT
+    physics.step(50)
+    bodies = model.geom_bodyid[data.contact.geom]
+    assert not np.isin(bodies, [model.body("cup").id, model.body("leaf").id]).any(), "asleep, it has no contacts"
+    data.qpos[model.joint("scout/base").qposadr[0]] = 1.78  # into the cup
+    physics.step(5)
+    assert np.isin(model.geom_bodyid[data.contact.geom], model.body("cup").id).any()

@@ -16,17 +16,34 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--threshold", type=int, default=2, metavar="M", help="how many of them have to sign a root (default: 2)"
     )
     parser.add_argument("--to", type=Path, required=True, metavar="FOLDER", help="where the root keys go")
+    parser.add_argument(
+        "--attestation-key",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a public key whose attestations agents believe (default: this machine's)",
+    )
+    parser.add_argument(
+        "--attested",
+        action="append",
+        default=[],
+        metavar="APPLICATION",
+        help="agents install nothing of it that was not attested; '*': of any",
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Makes the keys and the first root."""
     from .......schemas.settings import Settings
-    from .......tasks.fleet.trust.ceremonies import begin_apart
+    from .......tasks.fleet.attestations.attestation_keys import read_public_key
+    from .......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
     from .......tasks.fleet.trust.publishing import publisher_of
     from .......tasks.service.service import Service
 
     publisher = publisher_of(Service.open(Settings.from_environment(os.environ)))
-    begin_apart(publisher, arguments.root_keys, arguments.threshold, arguments.to)
+    change = AttestedChange(tuple(map(read_public_key, arguments.attestation_key)), tuple(arguments.attested))
+    begin_apart(publisher, arguments.root_keys, arguments.threshold, arguments.to, change)
     written = sorted(arguments.to.glob("root-*.pem"))
     sys.stdout.write("".join(f"{path}\n" for path in written))
     sys.stderr.write(

@@ -1,7 +1,8 @@
 """Sign a new root, alone or one holder after the other; robots follow from root to root.
 
-A root says whose signatures count, and is valid for a year. With `--rotate`, roles get new keys. Signatures gather in
-the data home until there are enough; then the root is published.
+A root says whose signatures count, and is valid for a year. With `--rotate`, roles get new keys. It also names the keys
+whose attestations agents believe, and the applications that need one. Signatures gather in the data home until there
+are enough; then the root is published.
 """
 
 import argparse
@@ -21,20 +22,41 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--rotate", action="append", default=[], choices=_ROLES, metavar="ROLE", help=f"one of {', '.join(_ROLES)}"
     )
     parser.add_argument("--to", type=Path, metavar="FOLDER", help="where new root keys go (default: the data home)")
+    parser.add_argument(
+        "--attestation-key",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a public key whose attestations agents believe from now on, in place of those before",
+    )
+    parser.add_argument(
+        "--attested",
+        action="append",
+        default=[],
+        metavar="APPLICATION",
+        help="agents install nothing of it that was not attested; '*': of any",
+    )
+    parser.add_argument(
+        "--not-attested", action="append", default=[], metavar="APPLICATION", help="takes back --attested"
+    )
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Signs, and publishes the root once there are enough signatures."""
     from .......schemas.settings import Settings
     from .......schemas.wire.errors import ConfigurationError
-    from .......tasks.fleet.trust.ceremonies import renew_root
+    from .......tasks.fleet.attestations.attestation_keys import read_public_key
+    from .......tasks.fleet.trust.ceremonies import AttestedChange, renew_root
     from .......tasks.fleet.trust.publishing import publisher_of
     from .......tasks.service.service import Service
 
     if arguments.to is not None and "root" not in arguments.rotate:
         raise ConfigurationError("--to is for new root keys; add --rotate root")
     publisher = publisher_of(Service.open(Settings.from_environment(os.environ)))
-    done = renew_root(publisher, tuple(dict.fromkeys(arguments.rotate)), arguments.key, arguments.to)
+    keys = tuple(map(read_public_key, arguments.attestation_key))
+    change = AttestedChange(keys, tuple(arguments.attested), tuple(arguments.not_attested))
+    done = renew_root(publisher, tuple(dict.fromkeys(arguments.rotate)), arguments.key, arguments.to, change)
     if done.missing:
         sys.stdout.write(
             f"Root {done.version} needs {done.missing} more signature{'s' if done.missing > 1 else ''}: the next "

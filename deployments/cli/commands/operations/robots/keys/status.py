@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from .....arguments import add_output
 
 if TYPE_CHECKING:
+    from .......tasks.fleet.trust.roots import Attested
     from .......tasks.fleet.trust.standing import RoleStanding
 
 _COLUMNS = ("role", "version", "expires", "keys")
@@ -25,15 +26,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints how the roles stand."""
     from .......schemas.settings import Settings
-    from .......tasks.fleet.trust.standing import standing_of
+    from .......tasks.fleet.trust.standing import attested_of, standing_of
     from .......tasks.service.service import Service
 
-    roles = standing_of(Service.open(Settings.from_environment(os.environ)))
+    service = Service.open(Settings.from_environment(os.environ))
+    roles, attested = standing_of(service), attested_of(service)
     if arguments.output == "json":
         found = [{**role._asdict(), "expires": role.expires.isoformat()} for role in roles]
-        sys.stdout.write(json.dumps({"schema_version": 1, "roles": found}, indent=2) + "\n")
+        believed = {"keys": sorted(attested.keys), "applications": sorted(attested.applications)}
+        sys.stdout.write(json.dumps({"schema_version": 1, "roles": found, "attested": believed}, indent=2) + "\n")
     else:
-        sys.stdout.write(_table(roles))
+        sys.stdout.write(_table(roles) + (_believed(attested) if roles else ""))
     warnings = [role.warning for role in roles if role.warning]
     sys.stderr.write("".join(f"warning: {warning}\n" for warning in warnings))
     return 1 if warnings else 0
@@ -47,6 +50,12 @@ def _table(roles: "list[RoleStanding]") -> str:
     return "".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n" for line in lines
     )
+
+
+def _believed(attested: "Attested") -> str:
+    keys = ", ".join(keyid[:16] for keyid in sorted(attested.keys)) or "no key: agents do not look at them"
+    needed = ", ".join(sorted(attested.applications)) or "none"
+    return f"attestations of {keys}; applications that need one: {needed}\n"
 
 
 def _cells(role: "RoleStanding") -> tuple[str, str, str, str]:

@@ -7,6 +7,8 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 from helpers.paths import REPOSITORY
 
 ROVER = '{"name": "rover", "architecture": "ARM64", "greengrassGroupId": "g"}'
@@ -59,6 +61,30 @@ def test_the_ceremony_of_the_guide(robomaker, rover, tmp_path: Path, monkeypatch
     }
     assert (roles["root"]["threshold"], len(roles["root"]["keyids"])) == (2, 3)
     assert [each["warning"] for each in roles.values()] == [""] * 4
+
+
+def test_the_root_says_whose_attestations_agents_believe(robomaker, rover, tmp_path: Path) -> None:
+    robomaker("robots", "enroll", "rover", "--agent")
+    (own,) = _attested(robomaker)["keys"]
+    assert f"attestations of {own[:16]}; applications that need one: none" in robomaker("robots", "keys", "status").out
+
+    assert robomaker("robots", "keys", "renew-root", "--attested", "courier", "--attested", "guard").code == 0
+    assert robomaker("robots", "keys", "renew-root", "--not-attested", "guard").code == 0
+    assert _attested(robomaker) == {"keys": [own], "applications": ["courier"]}
+
+    other = tmp_path / "other.pub"
+    private = Ed25519PrivateKey.generate()
+    other.write_bytes(private.public_key().public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo))
+    assert robomaker("robots", "keys", "renew-root", "--attestation-key", str(other)).code == 0
+    (new,) = _attested(robomaker)["keys"]
+    assert new != own
+    refused = robomaker("robots", "keys", "renew-root", "--attestation-key", str(tmp_path / "none"))
+    assert refused.code == 2
+    assert f"the public key {tmp_path / 'none'} cannot be read" in refused.err
+
+
+def _attested(robomaker) -> dict[str, list[str]]:
+    return json.loads(robomaker("robots", "keys", "status", "-o", "json").out)["attested"]
 
 
 def _files(word: str) -> str:

@@ -1,0 +1,54 @@
+"""Measure a world anew, and say which guarantees hold.
+
+Worlds of any generator are measured as new ones are. Nothing is changed, neither the world nor what it says of itself.
+Exit code 0: all guarantees hold; 1: some do not.
+"""
+
+import argparse
+import json
+import sys
+
+from ....arguments import add_output, add_world
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_world(parser)
+    parser.add_argument(
+        "--pushed",
+        action="store_true",
+        help="also push all loose objects a little, 8 times, and see for 30 s each time that they stay",
+    )
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Prints the proofs; the exit code says whether they hold."""
+    from dataclasses import replace
+
+    from ......schemas.exit_codes import OK, VERDICT_FAILED
+    from ......schemas.wire.errors import ConfigurationError
+    from ......tasks.worldforge.bundle.plain_names import NAMES_FILE
+    from ......tasks.worldforge.proofs.checks import prove
+    from ....inputs.worlds import find_world
+    from ....output.world_facts import world_facts
+    from ....output.world_text import print_proofs
+
+    found = find_world(arguments.world)
+    if (found.folder / NAMES_FILE).is_file():
+        raise ConfigurationError(
+            f"{found.folder} is a world of an export, in whose world.xml names do not tell what is a part of what; "
+            "the world's ARN or its bundle would be right"
+        )
+    try:
+        checks = prove(found.world, found.folder / "world.xml", pushed=arguments.pushed)
+    except ValueError as error:
+        raise ConfigurationError(f"{found.folder / 'world.xml'} is no model that MuJoCo accepts: {error}") from error
+    facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))
+    if arguments.output == "json":
+        proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
+        checked = {**proofs, "checks": checks.model_dump(mode="json")}
+        sys.stdout.write(json.dumps(checked, indent=2, ensure_ascii=False) + "\n")
+    else:
+        print_proofs(facts, sys.stdout)
+    return OK if facts["proven"] else VERDICT_FAILED

@@ -1,0 +1,100 @@
+"""Make a world that differs from another in one thing, for tests of robustness.
+
+The new world is stored beside the other one, says what differs, and is proved anew: it may break guarantees that the
+other one keeps, such as that a robot reaches every room.
+Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no such door or piece.
+"""
+
+import argparse
+import json
+import os
+import sys
+from typing import TYPE_CHECKING, get_args
+
+from ....arguments import add_output, add_world
+
+if TYPE_CHECKING:
+    from ......tasks.worldforge.variations import Move
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    from ......schemas.worlds.world import Light
+
+    add_world(parser)
+    parser.add_argument(
+        "--shut", metavar="DOOR", action="append", default=[], help="shut a door: its id, or its rooms, `Hall/Bedroom`"
+    )
+    parser.add_argument(
+        "--open",
+        metavar="DOOR[=PERCENT]",
+        action="append",
+        default=[],
+        type=_opened,
+        help="open a door, wholly or by some percent",
+    )
+    parser.add_argument(
+        "--move",
+        metavar="PIECE=EAST,NORTH[,TURN]",
+        action="append",
+        default=[],
+        type=_moved,
+        help="move a piece and what stands on it, in metres, and turn it counter-clockwise, in degrees",
+    )
+    parser.add_argument(
+        "--remove", metavar="PIECE", action="append", default=[], help="take a piece away, and what stands on it"
+    )
+    parser.add_argument("--light", choices=get_args(Light), help="how cameras see it; at night no lamp is on")
+    add_output(parser, "text", "json")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Makes and stores the world; the exit code says whether its guarantees hold."""
+    from ......schemas.exit_codes import OK, VERDICT_FAILED
+    from ......schemas.settings import Settings
+    from ......tasks.service.service import Service
+    from ......tasks.worldforge.variations import Wanted, vary
+    from ......tasks.worlds.keeping import keep_world
+    from ....inputs.worlds import find_world
+    from ....output.world_facts import world_facts
+    from ....output.world_text import print_kept
+
+    found = find_world(arguments.world)
+    doors = {**dict.fromkeys(arguments.shut, 0.0), **dict(arguments.open)}
+    wanted = Wanted(doors, dict(arguments.move), arguments.remove, arguments.light)
+    world = vary(found.world, wanted, found.content, found.arn)
+    service = Service.open(Settings.from_environment(os.environ))
+    facts = world_facts(find_world(keep_world(world, "variation", {}, service).arn))
+    if arguments.output == "json":
+        sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
+    else:
+        print_kept(facts, sys.stdout)
+    return OK if facts["proven"] else VERDICT_FAILED
+
+
+def _opened(text: str) -> tuple[str, float]:
+    name, _, percent = text.partition("=")
+    try:
+        number = float(percent or 100)
+    except ValueError:
+        number = -1.0
+    if not name or not 0 <= number <= 100:
+        raise argparse.ArgumentTypeError(f"{text!r}: a door such as door-2, or door-2=30 for 30 %, would be right")
+    return name, number
+
+
+def _moved(text: str) -> "tuple[str, Move]":
+    from math import isfinite
+
+    from ......tasks.worldforge.variations import Move
+
+    name, _, where = text.partition("=")
+    try:
+        numbers = [float(each) for each in where.split(",")]
+    except ValueError:
+        numbers = []
+    if not name or len(numbers) not in (2, 3) or not all(map(isfinite, numbers)):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a piece and metres to the east and north, Sofas_1=0.5,-0.2, would be right"
+        )
+    return name, Move(*numbers)

@@ -1,0 +1,16 @@
+"""The console: pages that show what runs, what failed, each job, and all worlds, at the address of `robomaker serve`.
+
+```
+request ── guard (Host, Origin) ── who is it (sessions) ── a page (overview, batches, jobs, worlds, runs)
+                                                             │ reads the catalog, renders a template
+                                                             ├── live: server-sent events with parts of the page
+                                                             └── acts: cancel, restart, by the endpoint's calls
+```
+
+Pages are rendered here, with the templates, style and script of reports; nothing is fetched from another server. A
+page is a module named after its subject; `console.py` lists their addresses.
+
+May import: `deployments.endpoint`, `deployments.web_guard`, and the rooms of `tasks` that read.
+"""
+
+__all__ = ["console"]

@@ -1,0 +1,274 @@
+"""Batches: the list of them, and the page of one, whose grid fills while its jobs end."""
+
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from functools import cached_property
+from typing import Any
+
+from markupsafe import Markup, escape
+from starlette.responses import Response
+
+from ...schemas.documents.simulation_job_batches import BatchInBrief, SimulationJobBatchDocument
+from ...schemas.lifecycles import is_terminal
+from ...tasks.catalog import Resource
+from .reading.job_lines import Known
+from .rendering import address, icon, render
+from .standing import JOB, RUNNING, WAITING, JobLine, Look, Rate, look_of_status, rate_of
+from .streams import Parts
+from .visit import Visit
+
+BATCH = "simulation-job-batch"
+_PAGE_LENGTH = 20
+"""Batches hold all their requests, and each costs milliseconds to read."""
+
+_MOST_SHOWN = 24
+"""How many failures a batch's page shows with their reasons."""
+
+_MOST_POSTERS = 12
+_LOOKED_AT = 200
+"""How many of the newest batches are looked at for those of a run."""
+
+_EVERY_S = 1.0
+_BROKEN = Look("broken", "not created")
+
+
+@dataclass(frozen=True)
+class BatchLine:
+    """One batch in a list."""
+
+    id: str
+    status: str
+    look: Look
+    total: int
+    done: int
+    """How many of its jobs have ended."""
+    spec_run: str
+    created_at: datetime
+    updated_at: datetime
+    tags: dict[str, str]
+
+
+@dataclass(frozen=True)
+class Tile:
+    """One request of a batch in its grid."""
+
+    number: int
+    look: Look
+    job: JobLine | None = None
+
+    @property
+    def title(self) -> str:
+        """What it says."""
+        return f"{self.job.id if self.job else f'request {self.number}'}: {self.look.value}"
+
+    @property
+    def html(self) -> str:
+        """What stands in the grid. No template: with one, a thousand take ten times as long."""
+        title = escape(self.title)
+        inside = f"{icon(self.look.icon)}<span>{self.number}</span>"
+        if self.job is None:
+            seen = f'<span class="tile {self.look.key}" title="{title}">{inside}'
+            return f'{seen}<span class="hidden"> {escape(self.look.value)}</span></span>'
+        link = address(JOB, self.job.id)
+        return f'<a class="tile {self.look.key}" href="{link}" title="{title}" aria-label="{title}">{inside}</a>'
+
+
+@dataclass(frozen=True)
+class BatchView:
+    """A batch's page."""
+
+    batch: Resource
+    look: Look
+    tiles: Sequence[Tile]
+    rate: Rate | None
+    left_s: float | None
+    """How long it will take at the pace so far; `None`: it has ended, or no job has."""
+    spec_run: str
+    concurrency: int
+    reason: str
+
+    @property
+    def grid(self) -> Markup:
+        """All tiles, each an item of a list."""
+        items = (f'<li id="tile-{tile.number}">{tile.html}</li>' for tile in self.tiles)
+        return Markup("".join(items))  # noqa: S704 - each text in it is escaped
+
+    @cached_property
+    def counts(self) -> dict[Look, int]:
+        """How many requests stand how, the most first."""
+        return dict(Counter(tile.look for tile in self.tiles).most_common())
+
+    @property
+    def shares(self) -> list[tuple[str, int]]:
+        """The same by classes of style."""
+        return [(look.key, count) for look, count in self.counts.items()]
+
+    @property
+    def ended(self) -> int:
+        """How many requests are done with."""
+        return sum(count for look, count in self.counts.items() if look not in (WAITING, RUNNING))
+
+    @cached_property
+    def failures(self) -> list[JobLine]:
+        """The jobs that failed or broke, latest first."""
+        found = [tile.job for tile in self.tiles if tile.job is not None and tile.job.is_failure]
+        return sorted(found, key=lambda job: job.updated_at, reverse=True)
+
+    @property
+    def may_run_again(self) -> bool:
+        """Whether the batch has ended and some of its jobs have no good result."""
+        return self.has_ended and any(tile.look.key not in ("passed", "unjudged") for tile in self.tiles)
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether nothing changes any more."""
+        return is_terminal(BATCH, self.batch.status)
+
+
+def show_all(visit: Visit) -> Response:
+    """The list of batches."""
+    filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
+    page = visit.listed(BATCH, filters, _PAGE_LENGTH, ())
+    lines = batch_lines(visit.seen(page.resources), visit)
+    return visit.page("batches.html.j2", lines=lines, next_token=page.next_token)
+
+
+def show(visit: Visit) -> Response:
+    """The page of one batch."""
+    batch = visit.find(BATCH, visit.request.path_params["id"], ())
+    view = _view(batch, visit)
+    return visit.page("batch.html.j2", **_parts_of(view, visit))
+
+
+def follow(visit: Visit) -> Response:
+    """What changes on it: only jobs that changed are read and sent."""
+    batch_id = visit.request.path_params["id"]
+    visit.find(BATCH, batch_id, ())
+    shown: dict[int, str] = {}
+    parts = Parts()
+    last: tuple[int, Known, int] | None = None
+
+    def look() -> Iterator[tuple[str, Any]]:
+        nonlocal last
+        batch = visit.find(BATCH, batch_id, ())
+        minute = int(time.monotonic() // 60)  # of what says how long ago something was
+        now = (batch.revision, visit.context.job_lines.of(batch.arn), minute)
+        if last is not None and (last[0], last[2]) == (now[0], now[2]) and last[1] is now[1]:
+            return
+        last = now
+        view = _view(batch, visit)
+        values = _parts_of(view, visit)
+        tiles = [tile for tile in view.tiles if shown.get(tile.number) != tile.title]
+        shown.update({tile.number: tile.title for tile in tiles})
+        if tiles:
+            yield "tiles", {f"tile-{tile.number}": tile.html for tile in tiles}
+        names = {"batch-head": "batch_head", "failures": "failures", "batch-acts": "batch_acts"}
+        yield from parts.news({name: render(f"{each}.html.j2", visit=visit, **values) for name, each in names.items()})
+        if view.has_ended:
+            yield "end", None
+
+    return visit.follow(look, _EVERY_S)
+
+
+def batch_lines(batches: Iterable[Resource], visit: Visit) -> list[BatchLine]:
+    """Batches for lists; each that goes on costs a count of its jobs."""
+    briefs = visit.context.briefs.of(batches)
+    return [_line(batch, brief, {} if _has_ended(batch) else _count(batch, visit)) for batch, brief in briefs]
+
+
+def batches_of_run(run_id: str, visit: Visit) -> list[BatchLine]:
+    """The batches that a run ordered, of the newest; a step of more than 1,000 requests has several."""
+    page = visit.service.catalog.list(BATCH, limit=_LOOKED_AT, members=())
+    briefs = visit.context.briefs.of(visit.seen(page.resources))
+    return batch_lines((batch for batch, brief in briefs if brief.spec_run == run_id), visit)
+
+
+def _count(batch: Resource, visit: Visit) -> dict[str, int]:
+    return visit.service.catalog.count_children(batch.arn, JOB)
+
+
+def _has_ended(batch: Resource) -> bool:
+    return is_terminal(BATCH, batch.status)
+
+
+def _line(batch: Resource, document: BatchInBrief, counts: dict[str, int]) -> BatchLine:
+    total = document.request_count or sum(counts.values())
+    done = total if _has_ended(batch) else sum(count for each, count in counts.items() if is_terminal(JOB, each))
+    return BatchLine(
+        id=batch.id,
+        status=batch.status,
+        look=_look(batch, document.verdicts, total),
+        total=total,
+        done=done,
+        spec_run=document.spec_run or "",
+        created_at=batch.created_at,
+        updated_at=batch.updated_at,
+        tags=dict(batch.tags),
+    )
+
+
+def _look(batch: Resource, verdicts: dict[str, int] | None, total: int) -> Look:
+    """How a batch stands; of one that came to its end, how its jobs did."""
+    if batch.status == "Completed" and verdicts is not None:
+        if verdicts.get("ERROR") or sum(verdicts.values()) < total:
+            return Look("broken", "some broke")
+        if verdicts.get("FAIL"):
+            return Look("failed", "some failed")
+    return look_of_status(BATCH, batch.status)
+
+
+def _jobs(visit: Visit, batch: str) -> list[JobLine]:
+    """The jobs of a batch that the visitor may see."""
+    known = visit.context.job_lines.of(batch).values()
+    if visit.sees_all:
+        return [line for _, line in known]
+    seen = {job.arn for job in visit.seen(job for job, _ in known)}
+    return [line for job, line in known if job.arn in seen]
+
+
+def _view(batch: Resource, visit: Visit) -> BatchView:
+    [(batch, document)] = visit.context.briefs.of([batch])
+    by_number = {job.number: job for job in _jobs(visit, batch.arn)}
+    failed = {int(place) + 1 for place in document.failed}
+    unseen = Look("canceled", "not shown, or never begun") if _has_ended(batch) else WAITING
+    requests = document.request_count
+    if requests is None:  # an earlier release stored it
+        requests = len(SimulationJobBatchDocument.of(visit.service.catalog.get(batch.arn)).requests)
+    tiles = [
+        Tile(number, job.look, job)
+        if (job := by_number.get(number)) is not None
+        else Tile(number, _BROKEN if number in failed else unseen)
+        for number in range(1, requests + 1)
+    ]
+    return BatchView(
+        batch=batch,
+        look=_look(batch, document.verdicts, requests),
+        tiles=tiles,
+        rate=rate_of(by_number.values()),
+        left_s=None if is_terminal(BATCH, batch.status) else _left_s(batch, list(by_number.values()), requests),
+        spec_run=document.spec_run or "",
+        concurrency=document.batch_policy.max_concurrency,
+        reason=document.failure_reason or "",
+    )
+
+
+def _left_s(batch: Resource, jobs: Sequence[JobLine], requests: int) -> float | None:
+    """What is left at the pace at which jobs have ended so far."""
+    ended = [job.updated_at for job in jobs if is_terminal(JOB, job.status)]
+    if not ended:
+        return None
+    took_s = (max(ended) - batch.created_at).total_seconds()
+    return took_s / len(ended) * (requests - len(ended))
+
+
+def _parts_of(view: BatchView, visit: Visit) -> dict[str, Any]:
+    failures = view.failures
+    return {
+        "view": view,
+        "failures": failures[:_MOST_SHOWN],
+        "more_failures": len(failures) - _MOST_SHOWN,
+        "posters": visit.context.posters.of(failures[:_MOST_POSTERS]),
+    }

@@ -1,0 +1,279 @@
+"""The console as an ASGI application beside the endpoint, and the addresses of its pages."""
+
+import logging
+import secrets
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import partial
+from http import HTTPStatus
+
+from starlette.applications import Starlette
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.routing import Route
+from starlette.types import Message, Receive, Scope, Send
+
+from ...schemas.wire.errors import (
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    RobomakerError,
+    ServiceError,
+    StorageUnavailableError,
+    ThrottlingException,
+)
+from ...tasks.service.service import Service
+from ..endpoint.application import Endpoint
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.failures import Failures
+from ..endpoint.messages import ProtocolError, ServiceRequest
+from ..endpoint.origins import is_local_host
+from ..spec_runs.spec_runs import SpecRuns
+from ..web_guard.decision import refusal
+from . import acts, batches, jobs, login, overview, runs, search, worlds
+from .files import published
+from .orders import going, start, worlds_form
+from .orders.forms import read_fields
+from .pages import applications, fleets, nights
+from .reading.briefs import BatchBriefs
+from .reading.job_lines import JobLines
+from .reading.posters import Posters
+from .rendering import HOME, asset, render
+from .sessions import Sessions
+from .streams import Streams
+from .visit import Context, Visit
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+
+Page = Callable[[Visit], Response]
+
+_ADDED = (
+    (
+        b"content-security-policy",
+        b"default-src 'none'; style-src 'self'; script-src 'self'; img-src 'self' data:; media-src 'self'; "
+        b"connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'",
+    ),
+    (b"x-content-type-options", b"nosniff"),
+    (b"x-frame-options", b"DENY"),
+    # Not `no-referrer`, with which browsers hide the origin of our own forms.
+    (b"referrer-policy", b"same-origin"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"cache-control", b"no-store"),
+)
+"""Headers of every answer that does not have others: nothing but the console's own files runs, loads or is asked."""
+
+_PAGES: Mapping[str, Page] = {
+    "": overview.show,
+    "/live": overview.follow,
+    "/search": search.find,
+    "/batches": batches.show_all,
+    "/batches/{id}": batches.show,
+    "/batches/{id}/live": batches.follow,
+    "/jobs": jobs.show_all,
+    "/jobs/{id}": jobs.show,
+    "/jobs/{id}/live": jobs.follow,
+    "/jobs/{id}/files/{name:path}": jobs.send,
+    "/worlds": worlds.show_all,
+    "/worlds/new": worlds_form.show,
+    "/worlds/{id:path}/view": worlds.show_in_3d,
+    "/worlds/{id:path}/preview.png": worlds.send_preview,
+    "/worlds/{id:path}": worlds.show,
+    "/generations/{id}": worlds.show_of_job,
+    "/runs": going.show_all,
+    "/runs/new": start.show,
+    "/runs/{id}": going.show,
+    "/runs/{id}/live": going.follow,
+    "/runs/{id}/report": runs.send_report,
+    "/history": nights.show_all,
+    "/history/{name}": nights.show,
+    "/compare": nights.compare_runs,
+    "/fleets": fleets.show_all,
+    "/fleets/{id:path}": fleets.show,
+    "/robots": fleets.show_robots,
+    "/robots/{id:path}": fleets.show_robot,
+    "/deployments/{id}": fleets.show_deployment,
+    "/deployments/{id}/live": fleets.follow_deployment,
+    "/applications": applications.show_all,
+    "/applications/{kind}/{id:path}": applications.show,
+}
+
+_FORMS: Mapping[str, Page] = {
+    "/runs/new": start.take,
+    "/runs/new/check": start.check,
+    "/worlds/new": worlds_form.take,
+    "/worlds/new/preview": worlds_form.preview,
+}
+
+
+class Console:
+    """Serves pages below `/console`, and passes everything else on.
+
+    Args:
+        endpoint: the application of all other paths; it makes the calls of operations, and counts requests.
+        service: what is shown.
+        access_keys: those that may log in, by id; `None`: no login is asked for, and no web page of others let in.
+        worker_status: what is shown of the job worker.
+        spec_runs: runs of specifications that visitors order; `None`: they can order none.
+    """
+
+    def __init__(
+        self,
+        endpoint: Endpoint,
+        service: Service,
+        *,
+        access_keys: Mapping[str, AccessKey] | None = None,
+        worker_status: Callable[[], Mapping[str, object]] = dict,
+        spec_runs: SpecRuns | None = None,
+    ) -> None:
+        self.checks_signatures = access_keys is not None
+        """Whether requests of clients have to be signed."""
+
+        self._endpoint = endpoint
+        self._context = Context(
+            service=service,
+            calls=endpoint.calls,
+            sessions=None if access_keys is None else Sessions(access_keys, time.monotonic),
+            worker_status=worker_status,
+            streams=Streams(),
+            briefs=BatchBriefs(service.catalog),
+            job_lines=JobLines(service.catalog),
+            posters=Posters(partial(published, service=service)),
+            failures=Failures(service.settings),
+            form_token=secrets.token_urlsafe(32),
+            spec_runs=spec_runs,
+        )
+        routes = [Route(f"{HOME}{path}", self._served(page)) for path, page in _PAGES.items()]
+        routes += [
+            Route(f"{HOME}/login", login.show_form(self._context), methods=["GET"]),
+            Route(f"{HOME}/login", login.log_in(self._context), methods=["POST"]),
+            Route(f"{HOME}/logout", self._act(login.log_out), methods=["POST"]),
+            *(Route(f"{HOME}{path}", self._act(act), methods=["POST"]) for path, act in _FORMS.items()),
+            Route(f"{HOME}/{{folder}}/{{id}}/{{act}}", self._act(acts.carry_out), methods=["POST"]),
+            Route(f"{HOME}/assets/{{version}}/{{name}}", _send_asset),
+        ]
+        self._pages = Starlette(routes=routes, exception_handlers={HTTPException: _told})
+
+    def end_streams(self) -> None:
+        """Ends what is sent to browsers, so that the server can stop."""
+        self._context.streams.end()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request, or the server's start and end."""
+        path = scope.get("path", "")
+        if scope["type"] != "http" or not (path == HOME or path.startswith(f"{HOME}/")):
+            await self._endpoint(scope, receive, send)
+            return
+        is_own_host = _is_any_host if self.checks_signatures else is_local_host
+        refused = refusal("http", scope["method"], scope["headers"], is_own_host, ("http", "https"))
+        answer = self._pages if refused is None else PlainTextResponse(f"{refused.reason}\n", refused.status)
+        with self._noted(ServiceRequest(scope, receive)) as seen:
+            await answer(scope, receive, _guarded(send, seen))
+
+    @contextmanager
+    def _noted(self, request: ServiceRequest) -> Iterator[list[int]]:
+        """Has the endpoint count and log a request, once the status of its answer is known."""
+        began = time.perf_counter()
+        # Streams last as long as somebody looks, and say nothing about how quick pages are.
+        request.operation = "console-stream" if request.url.path.endswith("/live") else "console"
+        seen: list[int] = []
+        try:
+            yield seen
+        finally:
+            if seen:
+                self._endpoint.note(request, seen[0], time.perf_counter() - began)
+
+    def _served(self, page: Page) -> Callable[[Request], Response]:
+        def serve(request: Request) -> Response:
+            visit = login.visit_of(request, self._context)
+            return login.ask(request) if visit is None else answered(visit, page)
+
+        return serve
+
+    def _act(self, act: Callable[[Visit], Response]) -> Callable[[Request], object]:
+        async def serve(request: Request) -> Response:
+            visit = await run_in_threadpool(login.visit_of, request, self._context)
+            if visit is None:
+                return login.ask(request)
+            try:
+                form = await read_fields(request)
+            except ProtocolError as error:
+                return _problem(visit, error)
+            if not secrets.compare_digest(form.get("form_token", "").encode(), visit.form_token.encode()):
+                return visit.page(
+                    "problem.html.j2",
+                    status=403,
+                    title="The form is too old",
+                    text="Go back, reload the page, try again.",
+                )
+            return await run_in_threadpool(answered, replace(visit, form=form), act)
+
+        return serve
+
+
+def answered(visit: Visit, page: Page) -> Response:
+    """The answer of a page, or a page that says what is wrong."""
+    try:
+        return page(visit)
+    except Exception as error:
+        return _problem(visit, error)
+
+
+def _problem(visit: Visit, error: Exception) -> Response:
+    status, title = _status_of(error)
+    path = ascii(visit.request.url.path)[:500]
+    if status == 500:
+        LOGGER.error("the console cannot show %s", path, exc_info=error)
+    elif status > 500:
+        LOGGER.error("the console cannot show %s: %s", path, error)
+    is_own = status >= 500 and not isinstance(error, ThrottlingException)
+    text = "The server's log says why." if is_own else visit.context.failures.told(error)
+    return visit.page("problem.html.j2", status=status, title=title, text=text)
+
+
+def _status_of(error: Exception) -> tuple[int, str]:
+    if isinstance(error, ResourceNotFoundException | ObjectNotFoundError):
+        return 404, "Not found"
+    if isinstance(error, ThrottlingException):
+        return 503, "Too much at once"
+    if isinstance(error, ServiceError | ProtocolError) and error.status < 500:
+        return error.status, "Not done"
+    if isinstance(error, StorageUnavailableError | ServiceError):
+        return 503, "Something does not answer"
+    return (502, "It cannot be read") if isinstance(error, RobomakerError) else (500, "Something broke")
+
+
+def _told(request: Request, error: Exception) -> Response:
+    """The answer where there is no page, or not with this method."""
+    assert isinstance(error, HTTPException)
+    page = render("plain_problem.html.j2", title=HTTPStatus(error.status_code).phrase, path=request.url.path)
+    return Response(page, error.status_code, headers=error.headers, media_type="text/html")
+
+
+def _send_asset(request: Request) -> Response:
+    name = request.path_params["name"]
+    try:
+        content = asset(name)
+    except KeyError:
+        raise HTTPException(404) from None
+    media_type = "text/css" if name.endswith(".css") else "text/javascript"
+    return Response(content, media_type=media_type, headers={"cache-control": "public, max-age=31536000, immutable"})
+
+
+def _is_any_host(host: str) -> bool:
+    """With access keys the server may be known by any name: a page of another one knows none of them."""
+    return bool(host)
+
+
+def _guarded(send: Send, seen: list[int]) -> Send:
+    async def add(message: Message) -> None:
+        if message["type"] == "http.response.start":
+            seen.append(message["status"])
+            own = {name for name, _ in message["headers"]}
+            message = {**message, "headers": [*message["headers"], *(each for each in _ADDED if each[0] not in own)]}
+        await send(message)
+
+    return add

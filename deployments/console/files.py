@@ -1,0 +1,106 @@
+"""Stored files as browsers get them: with types that run nothing, and by ranges, so that videos can be wound."""
+
+import os
+import tempfile
+from pathlib import Path, PurePosixPath
+
+from starlette.responses import FileResponse
+from starlette.types import Receive, Scope, Send
+
+from ...schemas.documents.worlds import StoredPlace
+from ...schemas.wire.errors import ObjectNotFoundError, StorageError
+from ...tasks.service.service import Service
+from ...tasks.storage import read_manifest
+from ...tasks.storage.naming import join_key
+
+_TEXT = "text/plain; charset=utf-8"
+_TYPES = {
+    ".mp4": "video/mp4", ".png": "image/png", ".jpg": "image/jpeg", ".json": _TEXT, ".log": _TEXT, ".txt": _TEXT,
+    ".yaml": _TEXT, ".csv": _TEXT, ".pgm": "image/x-portable-graymap",
+}  # fmt: skip
+"""Types that browsers show; everything else they save, HTML and SVG too, since outputs may be anybody's."""
+
+_HEADERS = {
+    "content-security-policy": (
+        "sandbox; default-src 'none'; img-src 'self'; media-src 'self'; style-src 'unsafe-inline'"
+    ),
+    "cache-control": "private, max-age=300",
+}
+
+
+def published(place: StoredPlace | None, service: Service) -> dict[str, int]:
+    """Names and sizes of the files that a manifest names; none where there is no manifest."""
+    if place is None:
+        return {}
+    try:
+        return {file.path: file.size_bytes for file in read_manifest(service.store, place.bucket, place.prefix).files}
+    except StorageError:
+        return {}
+
+
+def send_file(place: StoredPlace | None, name: str, service: Service) -> FileResponse:
+    """The answer with a published file.
+
+    Args:
+        place: where the outputs are that it is one of.
+        name: its name there.
+        service: where it is stored.
+
+    Raises:
+        ObjectNotFoundError: no manifest names it.
+        StorageError: it cannot be read.
+    """
+    if place is None or name not in published(place, service):
+        raise ObjectNotFoundError(f"there is no file {name}")
+    key = join_key(place.prefix, name)
+    path, is_copy = _local(place.bucket, key, service)
+    send = _SentCopy if is_copy else FileResponse
+    media_type = _TYPES.get(PurePosixPath(name).suffix.lower())
+    return send(
+        path,
+        headers=_HEADERS,
+        media_type=media_type or "application/octet-stream",
+        filename=PurePosixPath(name).name,
+        content_disposition_type="inline" if media_type else "attachment",
+    )
+
+
+def tail_of(place: StoredPlace, name: str, service: Service, most_bytes: int) -> str:
+    """How a published text ends; empty if it cannot be read."""
+    try:
+        path, is_copy = _local(place.bucket, join_key(place.prefix, name), service)
+        with path.open("rb") as file:
+            file.seek(max(0, os.fstat(file.fileno()).st_size - most_bytes))
+            data = file.read(most_bytes)
+    except (OSError, StorageError):
+        return ""
+    if is_copy:
+        path.unlink(missing_ok=True)
+    return data.decode(errors="replace")
+
+
+def _local(bucket: str, key: str, service: Service) -> tuple[Path, bool]:
+    """The object's own file, or a copy; and whether it is one, which the caller removes."""
+    path = service.store.local_path(bucket, key)
+    if path is not None and path.is_file() and not path.is_symlink():
+        return path, False
+    descriptor, name = tempfile.mkstemp(prefix="console-", dir=service.folder("scratch"))
+    os.close(descriptor)
+    copy = Path(name)
+    try:
+        service.store.get_file(bucket, key, copy)
+    except BaseException:
+        copy.unlink(missing_ok=True)
+        raise
+    return copy, True
+
+
+class _SentCopy(FileResponse):
+    """Sends a file and removes it, also when the client asks for a part that there is not, or leaves."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers the request."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            Path(self.path).unlink(missing_ok=True)

@@ -1,0 +1,170 @@
+"""Simulation jobs: the list of them, and the page of one with plan, requirements, log, recording and video."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from starlette.responses import Response
+
+from ...schemas.documents.simulation_jobs import JobInBrief, SimulationJobDocument
+from ...schemas.lifecycles import is_terminal
+from ...schemas.wire.common import without_escapes
+from ...schemas.wire.globs import Glob
+from ...tasks.catalog import Resource
+from ...tasks.inspection.reports import report_of_job
+from ...tasks.reporting import view_report
+from ...tasks.runtime.limits.left_files import open_left
+from ...tasks.simulations.outputs.upload_files import visit_matches
+from ..endpoint.origins import is_loopback
+from .files import published, send_file, tail_of
+from .reading.drives import DRIVE, drive_in, open_plan, world_of
+from .reading.live_views import live_view_of
+from .rendering import HOME, render
+from .runs import is_known
+from .standing import JOB, job_line
+from .streams import Parts
+from .visit import Visit
+
+_PAGE_LENGTH = 50
+_MOST_LOGS = 8
+_GROWING_LOGS = Glob("/output/logs/*.log")
+_MOST_LOG_BYTES = 32_768
+_EVERY_S = 0.7
+_VIDEOS = ("last-10s.mp4", "video.mp4")
+
+
+@dataclass(frozen=True)
+class Log:
+    """How a log ends."""
+
+    name: str
+    text: str
+
+
+def show_all(visit: Visit) -> Response:
+    """The list of jobs."""
+    filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
+    page = visit.listed(JOB, filters, _PAGE_LENGTH, JobInBrief.members())
+    lines = [job_line(job) for job in visit.seen(page.resources)]
+    return visit.page("jobs.html.j2", lines=lines, next_token=page.next_token)
+
+
+def show(visit: Visit) -> Response:
+    """The page of one job."""
+    job = visit.find(JOB, visit.request.path_params["id"])
+    document = SimulationJobDocument.of(job)
+    has_ended = is_terminal(JOB, job.status)
+    files = published(document.outputs, visit.service)
+    view = view_report(report_of_job(job.arn, visit.service)) if has_ended else None
+    card = view and view.jobs[0]
+    links = f"{HOME}/jobs/{quote(job.id)}/files/"
+    is_batch_seen = visit.sees(job.parent)
+    world = None if has_ended else world_of(document, visit.service)
+    if card is not None:
+        shown = [replace(file, link=links + quote(file.name) if file.name in files else "") for file in card.files]
+        card = replace(card, files=shown, poster=None if "video.mp4" in files else card.poster, log="")
+    return visit.page(
+        "job.html.j2",
+        job=job,
+        line=job_line(job),
+        document=document,
+        has_ended=has_ended,
+        view=view,
+        card=card,
+        world=world,
+        open_plan=open_plan(world, job.id),
+        links=links,
+        videos=[name for name in _VIDEOS if name in files],
+        files=files,
+        logs=_logs(job, files, visit) if has_ended else [],
+        batch_id=(job.parent or "").rpartition("/")[2] if is_batch_seen else "",
+        run_id=document.spec_run if is_batch_seen or is_known(document.spec_run or "", visit) else "",
+    )
+
+
+def follow(visit: Visit) -> Response:
+    """The status, the path and the log of a job that has not ended."""
+    found = visit.find(JOB, visit.request.path_params["id"])
+    arn = found.arn
+    world = world_of(SimulationJobDocument.of(found), visit.service)
+    shown = ""
+    logs: dict[str, int] = {}
+    last: list[str] = []
+    parts = Parts()
+    client = visit.request.client
+    is_here = client is not None and is_loopback(client.host)  # live views are served to this machine only
+
+    def look() -> Iterator[tuple[str, Any]]:
+        nonlocal shown
+        job = visit.service.catalog.get(arn, kind=JOB)
+        if job.status != shown:
+            shown = job.status
+            yield "status", job.status
+        run = _run_folder(job, visit)
+        live_view = live_view_of(run) if is_here else ""
+        elsewhere = job.status == "Running" and (run is None or not run.is_dir())
+        told = render("live_view.html.j2", live_view=live_view, elsewhere=elsewhere)
+        yield from parts.news({"live-view": told, DRIVE: drive_in(world, run)})
+        if text := _new_lines(run, logs, last):
+            yield "log", text
+        if is_terminal(JOB, job.status):
+            yield "reload", None
+            yield "end", None
+
+    return visit.follow(look, _EVERY_S)
+
+
+def send(visit: Visit) -> Response:
+    """One of a job's published files."""
+    job = visit.find(JOB, visit.request.path_params["id"])
+    return send_file(SimulationJobDocument.of(job).outputs, visit.request.path_params["name"], visit.service)
+
+
+def _logs(job: Resource, files: dict[str, int], visit: Visit) -> list[Log]:
+    place = SimulationJobDocument.of(job).outputs
+    names = [name for name, size in files.items() if name.startswith("logs/") and size]
+    if place is None:
+        return []
+    return [Log(name, _clean(tail_of(place, name, visit.service, _MOST_LOG_BYTES))) for name in names[:_MOST_LOGS]]
+
+
+def _run_folder(job: Resource, visit: Visit) -> Path | None:
+    """The folder of a job's run, if it goes on on this machine."""
+    run_id = JobInBrief.of(job).run_id
+    return visit.service.settings.home / "jobs" / job.id / run_id if run_id else None
+
+
+def _new_lines(run: Path | None, read: dict[str, int], last: list[str]) -> str:
+    """What the logs of a run got since they were last read.
+
+    The application may have put a link in the place of the folder or of a log; none is followed.
+    """
+    parts: list[str] = []
+
+    def add(folder: int, name: str, _: str) -> None:
+        try:
+            with open_left(Path(name), folder) as file:
+                size = os.fstat(file.fileno()).st_size
+                start = read.get(name, max(0, size - _MOST_LOG_BYTES))
+                file.seek(start)
+                data = file.read(_MOST_LOG_BYTES)
+        except OSError:
+            return
+        if (name not in read and (not size or len(read) == _MOST_LOGS)) or not data:
+            return
+        read[name] = start + len(data)
+        if last != [name]:
+            last[:] = [name]
+            parts.append(f"— logs/{name} —\n")
+        parts.append(_clean(data.decode(errors="replace")))
+
+    if run is not None:
+        visit_matches(run, _GROWING_LOGS, add)
+    return "".join(parts)
+
+
+def _clean(text: str) -> str:
+    return "\n".join(without_escapes(line) for line in text.split("\n"))

@@ -1,0 +1,100 @@
+"""Logging in with an access key, and finding out who asks for a page."""
+
+import logging
+from collections.abc import Awaitable, Callable
+from urllib.parse import parse_qs, quote
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, RedirectResponse, Response
+
+from ...schemas.wire.errors import ThrottlingException
+from ..endpoint.limits import SMALL_BODY_TIMEOUT_S, read_body
+from ..endpoint.messages import ProtocolError, ServiceRequest
+from .rendering import HOME, render
+from .sessions import LIFETIME_S
+from .visit import Context, Visit, cookie_name
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+_MOST_BYTES = 16_384
+
+
+def visit_of(request: Request, context: Context) -> Visit | None:
+    """The visit that a request is; `None`: its visitor has to log in first."""
+    if context.sessions is None:
+        return Visit(request, context, None)
+    session = context.sessions.find(request.cookies.get(cookie_name(request)))
+    return None if session is None else Visit(request, context, session)
+
+
+def ask(request: Request) -> Response:
+    """Sends a visitor to the login, and from there back."""
+    if request.method != "GET" or request.url.path.endswith("/live"):
+        return Response("log in first\n", 403, media_type="text/plain")
+    wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
+    return RedirectResponse(f"{HOME}/login?to={quote(wanted)}", 303)
+
+
+def show_form(context: Context) -> Callable[[Request], Response]:
+    """The page of the login."""
+
+    def show(request: Request) -> Response:
+        to = own_address(request.query_params.get("to", ""))
+        if visit_of(request, context) is not None:
+            return RedirectResponse(to, 303)
+        return HTMLResponse(render("login.html.j2", to=to, problem=""))
+
+    return show
+
+
+def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
+    """Takes the form of the login."""
+
+    async def take(request: Request) -> Response:
+        form = await read_form(request)
+        to = own_address(form.get("to", ""))
+        if context.sessions is None:
+            return RedirectResponse(to, 303)
+        client = request.client.host if request.client else ""
+        key_id = form.get("key", "").strip()
+        try:
+            token = await run_in_threadpool(context.sessions.log_in, key_id, form.get("secret", "").strip(), client)
+        except (ProtocolError, ThrottlingException) as error:
+            LOGGER.warning("a login to the console from %s as %s failed: %s", client, ascii(key_id)[:100], error)
+            status = 429 if isinstance(error, ThrottlingException) else 403
+            return HTMLResponse(render("login.html.j2", to=to, problem=str(error)), status)
+        response = RedirectResponse(to, 303)
+        is_https = request.url.scheme == "https"
+        # Lax: a link in a message leads a visitor who is logged in to the page; forms of other sites bring no cookie.
+        response.set_cookie(
+            cookie_name(request), token, max_age=LIFETIME_S, path=HOME, httponly=True, samesite="lax", secure=is_https
+        )
+        return response
+
+    return take
+
+
+def log_out(visit: Visit) -> Response:
+    """Ends the session."""
+    if visit.context.sessions is not None:
+        visit.context.sessions.log_out(visit.request.cookies.get(cookie_name(visit.request)))
+    response = RedirectResponse(f"{HOME}/login", 303)
+    response.delete_cookie(cookie_name(visit.request), path=HOME)
+    return response
+
+
+async def read_form(request: Request) -> dict[str, str]:
+    """The fields of a form; the first value of each. What is no form has none."""
+    whole = ServiceRequest(request.scope, request.receive)
+    try:
+        body = await read_body(whole, request.headers.get("content-length"), _MOST_BYTES, SMALL_BODY_TIMEOUT_S)
+        fields = parse_qs(body.decode(errors="replace"), max_num_fields=50)
+    except (ProtocolError, ClientDisconnect, ValueError):  # the last: it has more fields
+        return {}
+    return {name: values[0] for name, values in fields.items()}
+
+
+def own_address(address: str) -> str:
+    """An address of the console; any other one leads to its first page."""
+    is_own = address == HOME or address.startswith((f"{HOME}/", f"{HOME}?"))
+    return address if is_own and "\\" not in address and address.isprintable() else HOME

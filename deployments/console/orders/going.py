@@ -1,0 +1,148 @@
+"""The page of a run that was ordered here and goes on, or that broke off; and its end on demand."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.responses import RedirectResponse, Response
+
+from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from ...endpoint.messages import AccessDeniedException
+from ...spec_runs.standing import Standing, StepStanding
+from .. import runs
+from ..batches import batches_of_run
+from ..rendering import HOME, render
+from ..standing import RUNNING, WAITING, Look
+from ..streams import Parts
+from ..visit import Visit
+
+_RUN_ID = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}-\d{8}T\d{9}")
+_EVERY_S = 1.0
+
+
+@dataclass(frozen=True)
+class StepLine:
+    """A step as the page shows it."""
+
+    step: StepStanding
+    look: Look
+
+    @property
+    def resource(self) -> tuple[str, str]:
+        """Kind and id of what it made; empty: nothing yet, or it failed."""
+        kind, _, name = self.step.detail.rpartition(":")[2].partition("/")
+        return (kind, name) if self.step.detail.startswith("arn:") else ("", "")
+
+
+def standing_of(run_id: str, visit: Visit) -> Standing | None:
+    """How a run stands that the visitor may see; `None`: none was ordered here, or it is none of the visitor's."""
+    ordered = visit.context.spec_runs
+    if ordered is None or not _RUN_ID.fullmatch(run_id) or (standing := ordered.standing(run_id)) is None:
+        return None
+    is_own = visit.key is not None and visit.key.id == standing.key_id
+    return standing if visit.sees_all or is_own else None
+
+
+def show_all(visit: Visit) -> Response:
+    """The list of runs, with those that go on."""
+    ordered = visit.context.spec_runs
+    found = {run_id: standing_of(run_id, visit) for run_id in (ordered.going() if ordered else ())}
+    return runs.show_all(visit, {run_id: standing for run_id, standing in found.items() if standing is not None})
+
+
+def show(visit: Visit) -> Response:
+    """The page of a run: of one that was ordered here and has no record yet what its process says, of others that."""
+    run_id = visit.request.path_params["id"]
+    standing = None if runs.is_known(run_id, visit) else standing_of(run_id, visit)
+    if standing is None:
+        return runs.show(visit)
+    return visit.page("run_going.html.j2", **_values(visit, run_id, standing))
+
+
+def follow(visit: Visit) -> Response:
+    """What changes on it, until the run has ended."""
+    run_id = visit.request.path_params["id"]
+    _found(visit, run_id)
+    parts = Parts()
+
+    def look() -> Iterator[tuple[str, Any]]:
+        values = _values(visit, run_id, _found(visit, run_id))
+        steps = render("run_going_steps.html.j2", visit=visit, **values)
+        batches = render("run_going_batches.html.j2", visit=visit, **values)
+        yield from parts.news({"going": steps, "run-batches": batches})
+        if not values["is_going"]:
+            yield "reload", None
+            yield "end", None
+
+    return visit.follow(look, _EVERY_S)
+
+
+def cancel(visit: Visit) -> Response:
+    """Has the run end soon.
+
+    Raises:
+        ResourceNotFoundException: there is none, or it is none of the visitor's.
+        AccessDeniedException: the visitor's key is not good for ending runs.
+    """
+    run_id = visit.request.path_params["id"]
+    with visit.noted("CancelRun", *filter(_RUN_ID.fullmatch, [run_id])):
+        _found(visit, run_id)
+        if not visit.may("CancelSimulationJobBatch"):
+            raise AccessDeniedException("to cancel a run needs an access key with robomaker_scope = submit")
+        assert visit.context.spec_runs is not None
+        visit.context.spec_runs.cancel(run_id)
+    return RedirectResponse(f"{HOME}/runs/{run_id}", 303)
+
+
+def take_up(visit: Visit) -> Response:
+    """Has a run whose process died go on.
+
+    Raises:
+        ResourceNotFoundException: there is none, or it is none of the visitor's.
+        AccessDeniedException: the visitor's key is not good for runs.
+        InvalidParameterException: it has not broken off.
+        ThrottlingException: too many run already.
+    """
+    run_id = visit.request.path_params["id"]
+    with visit.noted("TakeUpRun", *filter(_RUN_ID.fullmatch, [run_id])):
+        _found(visit, run_id)
+        if not visit.may_order_runs:
+            raise AccessDeniedException("to have a run go on needs an access key with robomaker_scope = submit")
+        assert visit.context.spec_runs is not None
+        if not visit.context.spec_runs.take_up(run_id):
+            raise InvalidParameterException(f"{run_id} has ended, or goes on already")
+    return RedirectResponse(f"{HOME}/runs/{run_id}", 303)
+
+
+def _found(visit: Visit, run_id: str) -> Standing:
+    standing = standing_of(run_id, visit)
+    if standing is None:
+        raise ResourceNotFoundException(f"no run {run_id} was ordered here")
+    return standing
+
+
+def _values(visit: Visit, run_id: str, standing: Standing) -> dict[str, Any]:
+    ordered = visit.context.spec_runs
+    assert ordered is not None
+    is_going = ordered.is_going(run_id)
+    is_broken = standing.problem or any(step.status in ("waiting", "running") for step in standing.steps)
+    return {
+        "run_id": run_id,
+        "standing": standing,
+        "is_going": is_going,
+        "has_broken_off": not is_going and ordered.has_broken_off(run_id),
+        "steps": [StepLine(step, _look(step, is_going=is_going)) for step in standing.steps],
+        "last_words": ordered.last_words(run_id) if visit.sees_all and is_broken and not is_going else "",
+        "batches": batches_of_run(run_id, visit),
+    }
+
+
+def _look(step: StepStanding, *, is_going: bool) -> Look:
+    if step.status == "waiting":
+        return WAITING if is_going else Look("canceled", "never begun")
+    if step.status == "running":
+        return RUNNING if is_going else Look("broken", "broke off")
+    if step.status in ("Completed", "Succeeded"):
+        return Look("passed", step.status)
+    return Look("canceled" if step.status in ("Canceled", "Skipped", "TimedOut") else "broken", step.status)

@@ -1,0 +1,119 @@
+"""Plans of worlds that do not exist yet, drawn by a process beside the server: one at a time, so many a minute."""
+
+import json
+import select
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+
+from ....schemas.wire.errors import ThrottlingException
+
+_PROGRAM = "prefect_robomaker.tasks.worldforge.bundle.plan_worker"
+_PATIENCE_S = 20.0
+"""The first plan waits for the process, which imports MuJoCo; each has a second of a processor."""
+
+_QUEUE_S = 5.0
+_WITHIN_S = 60.0
+_MOST_VISITORS = 1_000
+
+MOST_A_MINUTE = 40
+"""For one visitor: a form that is filled in asks after each pause."""
+
+
+class NoPlanError(Exception):
+    """Why there is no plan, in words."""
+
+
+class Previews:
+    """Draws plans.
+
+    Args:
+        clock: seconds that only grow.
+        program: the module that draws them.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic, program: str = _PROGRAM) -> None:
+        self._clock = clock
+        self._program = program
+        self._process: subprocess.Popen[str] | None = None
+        self._drawing = threading.Lock()
+        self._asked: dict[str, deque[float]] = {}
+        self._counting = threading.Lock()
+
+    def draw(self, body: str, seed: int, visitor: str) -> str:
+        """The plan of the first world of a generation job, as SVG.
+
+        Args:
+            body: of the template.
+            seed: of the job.
+            visitor: who asks.
+
+        Raises:
+            NoPlanError: there is no such world, or it takes too long.
+            ThrottlingException: the visitor, or all of them, ask for too many.
+        """
+        self._count(visitor)
+        if not self._drawing.acquire(timeout=_QUEUE_S):
+            raise ThrottlingException("other plans are being drawn; try again in a moment")
+        try:
+            answer = self._ask(json.dumps({"body": body, "seed": seed}))
+        finally:
+            self._drawing.release()
+        if "svg" not in answer:
+            raise NoPlanError(answer.get("error", "it could not be drawn"))
+        return answer["svg"]
+
+    def close(self) -> None:
+        """Ends the process; it ends by itself with this one."""
+        with self._drawing:
+            self._end()
+
+    def _count(self, visitor: str) -> None:
+        now = self._clock()
+        with self._counting:
+            asked = self._asked.pop(visitor, None) or deque(maxlen=MOST_A_MINUTE)
+            self._asked[visitor] = asked  # the last to go
+            while len(self._asked) > _MOST_VISITORS:
+                del self._asked[next(iter(self._asked))]
+            if len(asked) == MOST_A_MINUTE and now - asked[0] < _WITHIN_S:
+                raise ThrottlingException(f"{MOST_A_MINUTE} plans were drawn for you within a minute; wait a moment")
+            asked.append(now)
+
+    def _ask(self, request: str) -> dict[str, str]:
+        """Asks the process; one that has ended meanwhile is started again, one that does not answer is killed."""
+        for _ in range(2):
+            process = self._process = self._process or self._started()
+            assert process.stdin is not None
+            assert process.stdout is not None
+            try:
+                process.stdin.write(f"{request}\n")
+                process.stdin.flush()
+                is_there = select.select([process.stdout], [], [], _PATIENCE_S)[0]
+                line = process.stdout.readline() if is_there else ""
+            except BrokenPipeError:
+                is_there, line = [process.stdout], ""
+            if line:
+                return json.loads(line)
+            self._end()
+            if not is_there:
+                break
+        return {}
+
+    def _started(self) -> subprocess.Popen[str]:
+        return subprocess.Popen(
+            ["nice", "-n", "5", sys.executable, "-P", "-m", self._program],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            text=True,
+            start_new_session=True,  # it ends with its input, not by Ctrl-C in a terminal
+        )
+
+    def _end(self) -> None:
+        process, self._process = self._process, None
+        if process is not None:
+            process.kill()
+            process.communicate()

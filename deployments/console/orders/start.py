@@ -1,0 +1,202 @@
+"""Starting a run: a specification of the package, or one that is pasted or uploaded; checked, then run."""
+
+import re
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import PurePath
+
+from starlette.responses import RedirectResponse, Response
+
+from ....schemas.reports.run_record import RerunOf, new_run_id
+from ....schemas.specs.model import CheckedSpec
+from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
+from ....tasks.inspection.preflight import check_preconditions
+from ...endpoint.calling.audit_log import Call
+from ...endpoint.calling.scopes import check_scope
+from ...endpoint.messages import AccessDeniedException
+from ...spec_runs.orders import Order
+from ...spec_runs.rights import problems_of_rights
+from ...spec_runs.spec_runs import SpecRuns
+from ...spec_runs.specifications import checked, shipped_specs
+from ...spec_runs.standing import Standing, StepStanding
+from ..rendering import HOME
+from ..visit import Visit
+
+START = "StartRun"
+"""What the audit log calls it; steps are in it by their operations."""
+
+_NEEDED = "StartSimulationJobBatch"
+"""Who may not order this may not order runs."""
+
+_AROUND = 2
+"""How many lines are shown before and after one with a problem."""
+
+_MOST_PROBLEMS = 50
+_PATIENCE_S = 10.0
+_checks = threading.BoundedSemaphore(1)
+"""Texts take seconds of a processor when they are long: one after the other."""
+
+
+@dataclass(frozen=True)
+class ShownProblem:
+    """A problem with the lines around it."""
+
+    line: int
+    column: int
+    path: str
+    message: str
+    lines: list[tuple[int, str]]
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A specification that a visitor writes, and what is to be said of it."""
+
+    text: str
+    filename: str
+    shipped: str = ""
+    """The specification of the package that it is; empty: it is none."""
+
+    spec: CheckedSpec | None = None
+    problems: list[ShownProblem] = field(default_factory=list)
+    more_problems: int = 0
+    is_refused: bool = False
+    """Whether all that is wrong is what the visitor's key is good for."""
+
+
+def show(visit: Visit) -> Response:
+    """The page with an empty form, or with a specification of the package."""
+    runs_of(visit)
+    name = visit.parameter("spec")
+    text = shipped_specs().get(name, "")
+    return _page(visit, _checked(visit, Draft(text, f"{name}.yaml", name)) if text else Draft("", ""))
+
+
+def check(visit: Visit) -> Response:
+    """What is wrong with a text, alone: for the page that shows it while it is written."""
+    runs_of(visit)
+    return visit.page("spec_findings.html.j2", draft=_checked(visit, _draft(visit)))
+
+
+def take(visit: Visit) -> Response:
+    """Checks what the form holds, and begins the run if that is what is asked for and nothing is wrong."""
+    if visit.form.get("do") != "start":
+        runs_of(visit)
+        return _answer(visit, _checked(visit, _draft(visit)))
+    with visit.noted(START) as call:
+        runs = runs_of(visit)
+        draft = _checked(visit, _draft(visit))
+        if draft.spec is not None:
+            return begin(visit, runs, draft.spec, call, spec_path=draft.shipped)
+        call.outcome = (AccessDeniedException if draft.is_refused else InvalidParameterException).__name__
+    return _answer(visit, draft)
+
+
+def begin(
+    visit: Visit, runs: SpecRuns, spec: CheckedSpec, call: Call, *, spec_path: str, rerun_of: RerunOf | None = None
+) -> Response:
+    """Begins a run for a visitor, and shows it.
+
+    Args:
+        visit: whose key the run's steps are carried out with.
+        runs: where runs are ordered.
+        spec: the specification.
+        call: gets the run's id, for the audit log.
+        spec_path: what the record names as its file; empty: the one in the run's folder.
+        rerun_of: what is run again; `None`: it is no rerun.
+
+    Raises:
+        ThrottlingException: too many run already.
+    """
+    run_id = new_run_id(spec.name, visit.service.clock())
+    path = spec_path or str(visit.service.settings.home / "runs" / run_id / "spec.yaml")
+    command = ["robomaker", "rerun", rerun_of.run_id, "--failed"] if rerun_of else ["robomaker", "run", path]
+    key = visit.key
+    order = Order(
+        run_id=run_id,
+        text=spec.text,
+        filename=spec.filename,
+        spec_path=path,
+        command=command,
+        rerun_of=rerun_of,
+        key_id=key and key.id,
+        address=visit.address,
+        audit_log=runs.audit_log,
+    )
+    steps = [StepStanding(name=name, operation=spec.steps[name].operation) for name in spec.order]
+    ordered_by = (key.name or key.id) if key else ""
+    runs.begin(order, Standing(name=spec.name, key_id=order.key_id, ordered_by=ordered_by, steps=steps))
+    call.resources = [run_id, *call.resources]
+    return RedirectResponse(f"{HOME}/runs/{run_id}", 303)
+
+
+def runs_of(visit: Visit) -> SpecRuns:
+    """Where the visitor orders runs.
+
+    Raises:
+        AccessDeniedException: the visitor's key is not good for ordering any.
+        InvalidParameterException: this server performs none.
+    """
+    if visit.key is not None:
+        check_scope(visit.key, _NEEDED)
+    if visit.context.spec_runs is None:
+        raise InvalidParameterException("this server performs no jobs (--execute none), so it begins no runs either")
+    return visit.context.spec_runs
+
+
+def _draft(visit: Visit) -> Draft:
+    form = visit.form
+    text, filename = form.get("file", ""), PurePath(form.get("file.name", "")).name
+    if not text:
+        text, filename = form.get("text", ""), form.get("filename", "")
+    text = text.replace("\r\n", "\n")  # as browsers send lines
+    shipped = next((name for name, known in shipped_specs().items() if known.strip() == text.strip()), "")
+    plain = re.sub(r"[^\w.\- ]", "_", filename)[:100]
+    return Draft(text, f"{shipped}.yaml" if shipped else plain or "specification.yaml", shipped)
+
+
+def _checked(visit: Visit, draft: Draft) -> Draft:
+    """A draft with what is wrong with it, or with what it would do."""
+    with _one_at_a_time():
+        try:
+            spec = checked(draft.text, draft.filename)
+            if refused := problems_of_rights(visit.key, spec, visit.service.catalog):
+                return _with_problems(draft, refused, is_refused=True)
+            check_preconditions(spec, visit.service)
+        except SpecError as error:
+            return _with_problems(draft, list(error.problems))
+    return Draft(draft.text, draft.filename, draft.shipped, spec)
+
+
+def _with_problems(draft: Draft, problems: list[Problem], *, is_refused: bool = False) -> Draft:
+    lines = draft.text.split("\n")
+    shown = [_shown(problem, lines) for problem in problems[:_MOST_PROBLEMS]]
+    more = len(problems) - len(shown)
+    return Draft(draft.text, draft.filename, draft.shipped, problems=shown, more_problems=more, is_refused=is_refused)
+
+
+def _shown(problem: Problem, lines: list[str]) -> ShownProblem:
+    place = problem.place
+    first, last = max(1, place.line - _AROUND), min(len(lines), place.line + _AROUND)
+    around = [(number, lines[number - 1]) for number in range(first, last + 1)]
+    return ShownProblem(place.line, place.column, problem.path, problem.message, around)
+
+
+def _answer(visit: Visit, draft: Draft) -> Response:
+    return _page(visit, draft, 403 if draft.is_refused else 400 if draft.problems else 200)
+
+
+def _page(visit: Visit, draft: Draft, status: int = 200) -> Response:
+    return visit.page("run_new.html.j2", status=status, draft=draft, shipped=list(shipped_specs()))
+
+
+@contextmanager
+def _one_at_a_time() -> Iterator[None]:
+    if not _checks.acquire(timeout=_PATIENCE_S):
+        raise ThrottlingException("other specifications are being checked; try again in a moment")
+    try:
+        yield
+    finally:
+        _checks.release()

@@ -1,0 +1,86 @@
+"""The first page: what runs, what failed last, what changed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from starlette.responses import Response
+
+from ...schemas.documents.simulation_jobs import JobInBrief
+from ...schemas.lifecycles import LIFECYCLES
+from ...tasks.catalog import Resource
+from .batches import BATCH, batch_lines
+from .rendering import render
+from .runs import latest_runs, since_before
+from .standing import JOB, Look, job_line, look_of_status
+from .streams import Parts
+from .visit import Visit
+
+_OTHER_KINDS = ("world-generation-job", "world-export-job", "deployment-job")
+_OPEN = {
+    kind: [state for state in LIFECYCLES[kind].states if state not in LIFECYCLES[kind].terminal]
+    for kind in (BATCH, JOB, *_OTHER_KINDS)
+}
+_MOST_RUNNING = 12
+"""Of each kind."""
+
+_LOOKED_AT = 200
+"""How many of the newest jobs are looked at for failures."""
+
+_MOST_FAILURES = 8
+_EVERY_S = 2.0
+
+
+@dataclass(frozen=True)
+class OtherLine:
+    """A job of another kind that has not ended."""
+
+    resource: Resource
+    look: Look
+
+
+def show(visit: Visit) -> Response:
+    """The page."""
+    runs = latest_runs(visit)
+    since = since_before(runs[0], visit) if runs else None
+    return visit.page("overview.html.j2", **_now(visit), **_failures(visit), runs=runs, since=since)
+
+
+def follow(visit: Visit) -> Response:
+    """What changes on it."""
+    parts = Parts()
+
+    def look() -> Iterator[tuple[str, Any]]:
+        now = render("overview_now.html.j2", **_now(visit))
+        failures = render("failures.html.j2", **_failures(visit))
+        return parts.news({"now": now, "failures": failures})
+
+    return visit.follow(look, _EVERY_S)
+
+
+def _now(visit: Visit) -> dict[str, Any]:
+    found = _open(visit)
+    return {
+        "batches": batch_lines((each for each in found if each.kind == BATCH), visit),
+        "jobs": [job_line(each) for each in found if each.kind == JOB],
+        "others": [
+            OtherLine(each, look_of_status(each.kind, each.status)) for each in found if each.kind in _OTHER_KINDS
+        ],
+        "worker": visit.context.worker_status() if visit.sees_all else {},
+    }
+
+
+def _open(visit: Visit) -> list[Resource]:
+    """The newest resources that have not ended, but for jobs of batches."""
+    # Who sees only some may see none of the newest.
+    most = _MOST_RUNNING if visit.sees_all else _LOOKED_AT
+    found = visit.seen(visit.service.catalog.newest(_OPEN, not_below=BATCH, limit=most, members=()))
+    by_kind = {kind: [each for each in found if each.kind == kind][:_MOST_RUNNING] for kind in _OPEN}
+    return [each for some in by_kind.values() for each in some]
+
+
+def _failures(visit: Visit) -> dict[str, Any]:
+    page = visit.service.catalog.list(JOB, limit=_LOOKED_AT, members=JobInBrief.members())
+    lines = [job_line(job) for job in visit.seen(page.resources)]
+    failures = [line for line in lines if line.is_failure][:_MOST_FAILURES]
+    return {"failures": failures, "posters": visit.context.posters.of(failures)}

@@ -1,0 +1,81 @@
+"""A specification night by night, and two runs of it beside each other, as plots."""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+from starlette.responses import RedirectResponse, Response
+
+from ....schemas.reports.comparison import MetricChange
+from ....schemas.specs.model import is_spec_name
+from ....schemas.wire.errors import ResourceNotFoundException
+from ....tasks.comparison.better_or_worse import compare
+from ....tasks.comparison.history import history_of
+from ....tasks.comparison.nights import NightRun
+from ....tasks.inspection.run_records import find_records, names_of_specifications, read_record
+from ....tasks.reporting import HistoryPage, view_history
+from ..rendering import HOME
+from ..runs import is_known
+from ..visit import Visit
+
+_MOST_NIGHTS = 60
+
+
+def show_all(visit: Visit) -> Response:
+    """The specifications that have runs; where there is one, its history."""
+    names = names_of_specifications(_runs(visit)) if visit.sees_all else []
+    if len(names) == 1:
+        return RedirectResponse(f"{HOME}/history/{names[0]}", 303)
+    return visit.page("histories.html.j2", names=names)
+
+
+def show(visit: Visit) -> Response:
+    """The history of one specification."""
+    name, runs = visit.request.path_params["name"], _runs(visit)
+    known = sorted(runs.glob(f"{name}-*/run.json")) if visit.sees_all and is_spec_name(name) else []
+    if not known:
+        raise ResourceNotFoundException(f"there is no run of {name!r} in the data home of this server")
+    page = _history(name, runs, len(known), known[-1].stat().st_mtime_ns)
+    if page is None:
+        raise ResourceNotFoundException(f"there is no run of {name!r} in the data home of this server")
+    nights = [replace(night, link=f"{HOME}/runs/{night.night.run_id}") for night in page.nights]
+    return visit.page("history_page.html.j2", page=replace(page, nights=nights))
+
+
+def compare_runs(visit: Visit) -> Response:
+    """Two runs job by job: is the second one better or worse?"""
+    names = [visit.parameter(which) for which in ("before", "after")]
+    for name in names:
+        if not is_known(name, visit):
+            raise ResourceNotFoundException(f"there is no run {name!r} in the data home of this server")
+    if names[0] == names[1]:
+        raise ResourceNotFoundException(f"both runs are {names[0]}; name two")
+    before, after = (NightRun.of(read_record(_runs(visit) / name / "run.json")) for name in names)
+    comparison = compare(before, after, alpha=0.05, difference=None)
+    bars = [(metric, _bar(metric)) for metric in comparison.metrics]
+    return visit.page("comparison.html.j2", comparison=comparison, bars=bars)
+
+
+def _runs(visit: Visit) -> Path:
+    return visit.service.settings.home / "runs"
+
+
+@lru_cache(maxsize=8)
+def _history(name: str, runs: Path, count: int, changed_at: int) -> HistoryPage | None:
+    """The history; kept until a run is added or removed."""
+    del count, changed_at
+    found = find_records(runs, name, _MOST_NIGHTS)
+    if not found.records:
+        return None
+    return view_history(history_of(name, [NightRun.of(each) for each in found.records], found.left_out), runs)
+
+
+def _bar(metric: MetricChange) -> tuple[float, float, float] | None:
+    """Where a metric's change and its interval lie in a plot from -100 to 100; `None`: it has no interval."""
+    if metric.low is None or metric.high is None:
+        return None
+    reach = max(abs(metric.low), abs(metric.high)) * 1.1
+    if not math.isfinite(reach) or reach == 0:
+        return None
+    return tuple(100 * value / reach for value in (metric.low, metric.difference, metric.high))  # type: ignore[return-value]

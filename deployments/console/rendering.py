@@ -1,0 +1,87 @@
+"""Templates, style and script of the console; those of reports are beneath them, so that all pages look alike."""
+
+import hashlib
+from collections.abc import Callable
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+
+from ...tasks.reporting import page_environment, page_styles, report_script, wording
+
+_FOLDER = Path(__file__).parent
+HOME = "/console"
+"""Where all pages of the console are below."""
+
+
+def render(template: str, /, **values: Any) -> str:
+    """Fills a template; all text is escaped."""
+    return _environment().get_template(template).render(values)
+
+
+@cache
+def asset(name: str) -> str:
+    """The style sheet `console.css` or the script `console.js`, with that of reports before it.
+
+    Raises:
+        KeyError: it is neither.
+    """
+    before: dict[str, Callable[[], str]] = {"console.css": page_styles, "console.js": report_script}
+    return before[name]() + "\n" + (_FOLDER / "assets" / name).read_text(encoding="utf-8")
+
+
+@cache
+def asset_address(name: str) -> str:
+    """Where browsers find it; another content has another address."""
+    return f"{HOME}/assets/{hashlib.sha256(asset(name).encode()).hexdigest()[:12]}/{name}"
+
+
+def address(kind: str, resource_id: str) -> str:
+    """The page of a resource; empty for kinds that have none."""
+    if kind == "world-template":
+        return f"{HOME}/worlds?template={quote(resource_id)}"
+    folder = PAGES.get(kind)
+    return f"{HOME}/{folder}/{quote(resource_id)}" if folder else ""
+
+
+@cache
+def icon(key: str) -> str:
+    """The symbol of how something stands, as the macro `icon` of the templates draws it."""
+    return f'<svg class="icon" viewBox="0 0 16 16" aria-hidden="true"><use href="#icon-{key}"/></svg>'
+
+
+PAGES = {
+    "simulation-job": "jobs",
+    "simulation-job-batch": "batches",
+    "world": "worlds",
+    "world-generation-job": "generations",
+    "deployment-fleet": "fleets",
+    "robot": "robots",
+    "deployment-job": "deployments",
+    "robot-application": "applications/robot-application",
+    "simulation-application": "applications/simulation-application",
+}
+"""Folders of the pages of resources, by kind."""
+
+
+def ago(moment: datetime) -> str:
+    """`3 min ago`; the whole moment from the day before on."""
+    seconds = (datetime.now(UTC) - moment).total_seconds()
+    if seconds >= 86_400:
+        return wording.minute(moment)
+    if seconds < 60:
+        return "just now"
+    minutes = int(seconds // 60)
+    return f"{minutes} min ago" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min ago"
+
+
+@cache
+def _environment() -> jinja2.Environment:
+    environment = page_environment(_FOLDER / "templates")
+    environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
+    environment.filters.update(ago=ago, size=wording.size)
+    environment.globals.update(HOME=HOME, address=address, asset_address=asset_address)
+    return environment

@@ -1,0 +1,163 @@
+"""Runs of specifications, by the records in their folders."""
+
+import re
+from collections.abc import Mapping
+from functools import lru_cache
+from html import unescape
+from itertools import islice
+from pathlib import Path
+from urllib.parse import quote, unquote
+
+from starlette.responses import HTMLResponse, Response
+
+from ...schemas.reports.changes import SinceLastRun
+from ...schemas.reports.run_record import RunRecord
+from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
+from ...tasks.comparison.nights import NightRun
+from ...tasks.inspection.run_records import RECORD_NAME, read_record, since_last
+from ...tasks.reporting import classify
+from ..spec_runs.standing import Standing, read_standing
+from .batches import batches_of_run
+from .rendering import HOME
+from .visit import Visit
+
+_MOST_LATEST = 5
+_MOST_SHOWN = 40
+_MOST_LOOKED_AT = 200
+"""How many of the newest runs are looked at for those that a visitor may see."""
+
+_FILE_LINK = re.compile(r'href="(file://[^"]*)"')
+_OPEN_PAGE = {"content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}
+
+
+def show_all(visit: Visit, going: Mapping[str, Standing]) -> Response:
+    """The latest runs, below those that go on, by id."""
+    return visit.page("runs.html.j2", runs=_latest(visit, _MOST_SHOWN), going=going)
+
+
+def show(visit: Visit) -> Response:
+    """The page of one run: what changed, its batches, and its jobs, failures first; of one that goes on its batches."""
+    run_id = visit.request.path_params["id"]
+    batches = batches_of_run(run_id, visit)
+    if batches and not is_known(run_id, visit):
+        return visit.page("open_run.html.j2", run_id=run_id, batches=batches)
+    record = find_record(visit)
+    return visit.page(
+        "run.html.j2",
+        run=record,
+        jobs=sorted(record.jobs, key=lambda job: classify(job.status, job.failure_code, job.verdict).rank),
+        outcome_of=lambda job: classify(job.status, job.failure_code, job.verdict),
+        batches=batches,
+        since=since_before(record, visit),
+        has_report=_path(visit).with_name("report.html").is_file(),
+    )
+
+
+def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
+    """What changed in a run since the one before it; `None`: it is a rerun, or the visitor may not see all runs."""
+    if not visit.sees_all:
+        return None
+    return _since(_place(record.run_id, visit), visit.service.settings.home / "runs")
+
+
+def send_report(visit: Visit) -> Response:
+    """The run's report, in a box of its own: it holds what applications printed."""
+    path = _path(visit).with_name("report.html")
+    if not path.is_file():
+        raise ResourceNotFoundException("the run has no report; `robomaker report` writes it")
+    return HTMLResponse(_with_own_links(path.read_text(encoding="utf-8"), find_record(visit)), headers=_OPEN_PAGE)
+
+
+def _with_own_links(report: str, record: RunRecord) -> str:
+    """A report whose links to files of this machine, which no browser follows from here, lead to pages of the jobs."""
+    jobs = {job.output_uri.rstrip("/"): job.arn.rpartition("/")[2] for job in record.jobs if job.output_uri and job.arn}
+
+    def own(found: re.Match[str]) -> str:
+        uri = unescape(found[1])
+        places = [(uri[:end], uri[end + 1 :]) for end, letter in enumerate(uri) if letter == "/"]
+        for place, name in places:
+            if place in jobs:
+                return f'href="{HOME}/jobs/{quote(jobs[place])}/files/{quote(unquote(name))}"'
+        return f'data-place="{found[1]}"'
+
+    return _FILE_LINK.sub(own, report)
+
+
+def latest_runs(visit: Visit) -> list[RunRecord]:
+    """The newest runs, for the first page."""
+    return _latest(visit, _MOST_LATEST)
+
+
+def _latest(visit: Visit, most: int) -> list[RunRecord]:
+    paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
+    # The name of a run's folder ends with when it began.
+    newest = sorted(paths, key=lambda path: path.parent.name.rpartition("-")[2], reverse=True)[:_MOST_LOOKED_AT]
+    records = (record for path in newest if (record := _read(path, path.stat().st_mtime_ns)) is not None)
+    return list(islice((record for record in records if _sees(visit, record)), most))
+
+
+def _sees(visit: Visit, record: RunRecord) -> bool:
+    """Whether a visitor may see a run: it is the visitor's own, or so is each resource that its record names."""
+    if visit.sees_all:
+        return True
+    standing = read_standing(_place(record.run_id, visit).parent)
+    if standing is not None and visit.key is not None and standing.key_id == visit.key.id:
+        return True
+    steps, jobs = ({each.arn for each in some if each.arn} for some in (record.steps, record.jobs))
+    return bool(steps) and all(_sees_each(visit, arns) for arns in (steps, jobs))  # of others the first tells
+
+
+def _sees_each(visit: Visit, arns: set[str]) -> bool:
+    return len(visit.seen(visit.service.catalog.get_many(arns, ()).values())) == len(arns)
+
+
+def _place(run_id: str, visit: Visit) -> Path:
+    return visit.service.settings.home / "runs" / run_id / RECORD_NAME
+
+
+def is_known(name: str, visit: Visit) -> bool:
+    """Whether there is a run of that name that the visitor may see."""
+    # Longer names are none: the file system would refuse them with an error of its own.
+    is_name = "/" not in name and name not in ("", ".", "..") and len(name.encode()) <= 255
+    path = _place(name, visit)
+    if not is_name or not path.is_file():
+        return False
+    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and _sees(visit, record))
+
+
+def _path(visit: Visit) -> Path:
+    name = visit.request.path_params["id"]
+    if not is_known(name, visit):
+        raise ResourceNotFoundException(f"there is no run {name} in the data home of this server")
+    return _place(name, visit)
+
+
+def find_record(visit: Visit) -> RunRecord:
+    """The record of the run that a visitor asks for.
+
+    Raises:
+        ResourceNotFoundException: there is none that the visitor may see.
+        ConfigurationError: it cannot be read.
+    """
+    path = _path(visit)
+    record = _read(path, path.stat().st_mtime_ns)
+    if record is None:
+        raise ConfigurationError(f"the record of {path.parent.name} cannot be read")
+    return record
+
+
+@lru_cache(maxsize=16)
+def _since(path: Path, runs: Path) -> SinceLastRun | None:
+    """What changed; kept, since no run before it changes any more."""
+    record = read_record(path)
+    return None if record.rerun_of else since_last(NightRun.of(record), runs)
+
+
+@lru_cache(maxsize=256)
+def _read(path: Path, changed_at: int) -> RunRecord | None:
+    """A record; kept until its file changes."""
+    del changed_at
+    try:
+        return read_record(path)
+    except (ConfigurationError, OSError):
+        return None

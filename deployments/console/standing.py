@@ -1,0 +1,112 @@
+"""How simulation jobs stand, in the words, colours and symbols of reports; and of those that have not ended, too."""
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import datetime
+
+from ...schemas.documents.simulation_jobs import JobInBrief
+from ...schemas.documents.worlds import StoredPlace
+from ...schemas.lifecycles import is_terminal
+from ...tasks.catalog import Resource
+from ...tasks.reporting import classify, wilson_interval
+
+JOB = "simulation-job"
+_ICONS = {"running": "unfinished", "waiting": "unjudged"}
+
+
+@dataclass(frozen=True)
+class Look:
+    """A state as pages show it."""
+
+    key: str
+    """Class of style."""
+    value: str
+    """Word."""
+
+    @property
+    def icon(self) -> str:
+        """Its symbol."""
+        return _ICONS.get(self.key, self.key)
+
+
+WAITING, RUNNING = Look("waiting", "waiting"), Look("running", "running")
+
+
+@dataclass(frozen=True)
+class JobLine:
+    """One job in a list or a grid."""
+
+    id: str
+    status: str
+    look: Look
+    number: int
+    """Its place in its batch, from 1; 0: it is in none."""
+    reason: str
+    created_at: datetime
+    updated_at: datetime
+    duration_s: float | None
+    outputs: StoredPlace | None
+    tags: dict[str, str]
+
+    @property
+    def is_failure(self) -> bool:
+        """Whether someone has to look at it."""
+        return self.look.key in ("broken", "failed")
+
+
+def look_of_status(kind: str, status: str) -> Look:
+    """How a resource that has no verdict stands."""
+    if not is_terminal(kind, status):
+        return WAITING if status == "Pending" else RUNNING
+    if status in ("Failed", "PartialFailed"):
+        return Look("broken", status)
+    return Look("canceled", "canceled") if status in ("Canceled", "TimedOut") else Look("passed", status)
+
+
+def job_line(job: Resource) -> JobLine:
+    """A job of a list; of its document it takes the members of `JobInBrief` or all."""
+    document = JobInBrief.of(job)
+    if is_terminal(JOB, job.status):
+        outcome = classify(job.status, document.failure_code, document.verdict)
+        look = Look(outcome.key, outcome.value)
+    else:
+        look = WAITING if job.status == "Pending" else RUNNING
+    told = (document.failure_reason, document.verdict_reason) if job.status == "Failed" else (document.verdict_reason,)
+    reason = next((text for text in told if text), "")
+    code = f"{document.failure_code}: " if document.failure_code and job.status == "Failed" else ""
+    took = document.simulation_time_millis
+    return JobLine(
+        id=job.id,
+        status=job.status,
+        look=look,
+        number=(document.request_index or 0) + 1 if job.parent else 0,
+        reason=f"{code}{next(iter(reason.strip().splitlines()), '')}",
+        created_at=job.created_at,
+        updated_at=job.updated_at,
+        duration_s=None if took is None else took / 1000,
+        outputs=document.outputs,
+        tags=dict(job.tags),
+    )
+
+
+@dataclass(frozen=True)
+class Rate:
+    """How many of those that were judged passed, with its interval."""
+
+    passed: int
+    judged: int
+    low: float
+    high: float
+
+    @property
+    def rate(self) -> float:
+        """The share, 0 to 1."""
+        return self.passed / self.judged
+
+
+def rate_of(lines: Iterable[JobLine]) -> Rate | None:
+    """The success rate of jobs; `None` while none is judged."""
+    counts = Counter(line.look.key for line in lines)
+    judged = counts["passed"] + counts["failed"]
+    return Rate(counts["passed"], judged, *wilson_interval(counts["passed"], judged)) if judged else None

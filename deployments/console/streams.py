@@ -1,0 +1,125 @@
+"""Server-sent events: parts of a page that change, sent while a browser shows it and the server runs."""
+
+import asyncio
+import json
+import logging
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
+from contextlib import asynccontextmanager
+from typing import Any
+
+from starlette.responses import PlainTextResponse, StreamingResponse
+from starlette.types import Receive, Scope, Send
+
+from ...schemas.wire.errors import RobomakerError
+
+LOGGER = logging.getLogger("robomaker.endpoint")
+
+MOST_STREAMS = 64
+"""How many pages may be followed at once."""
+
+_SIGN_OF_LIFE_S = 15.0
+
+Look = Callable[[], Iterator[tuple[str, Any]]]
+"""Looks for news: names of events and what they say, as JSON; `end` is the last one."""
+
+
+class Streams:
+    """The streams of one server, which end with it."""
+
+    def __init__(self) -> None:
+        self._open = 0
+        self._ended = asyncio.Event()
+
+    def end(self) -> None:
+        """Ends all streams, so that the server does not wait for them."""
+        self._ended.set()
+
+    def follow(self, look: Look, every_s: float) -> StreamingResponse:
+        """The answer that sends what changes.
+
+        Args:
+            look: looks for news, in a thread of its own.
+            every_s: how often.
+        """
+        headers = {"cache-control": "no-store", "x-accel-buffering": "no"}
+        return _Stream(self, self._events(look, every_s), headers)
+
+    @asynccontextmanager
+    async def admitted(self) -> AsyncIterator[bool]:
+        """Counts a stream while it goes on; says whether there is room for it."""
+        has_room = self._open < MOST_STREAMS
+        self._open += has_room
+        try:
+            yield has_room
+        finally:
+            self._open -= has_room
+
+    async def _events(self, look: Look, every_s: float) -> AsyncIterator[bytes]:
+        silent_s = 0.0
+        yield b"retry: 2000\n\n"
+        while not self._ended.is_set():
+            news = await asyncio.to_thread(_looked, look)
+            if news is None:
+                return
+            for name, data in news:
+                yield event(name, data)
+                if name == "end":
+                    return
+            silent_s = 0.0 if news else silent_s + every_s
+            if silent_s >= _SIGN_OF_LIFE_S:
+                silent_s = 0.0
+                yield b":\n\n"
+            await self._pause(every_s)
+
+    async def _pause(self, seconds: float) -> None:
+        try:
+            await asyncio.wait_for(self._ended.wait(), seconds)
+        except TimeoutError:
+            return
+
+
+class _Stream(StreamingResponse):
+    """Sends events, if not too many pages are followed already; counted here, where the event loop is alone."""
+
+    def __init__(self, streams: Streams, events: AsyncIterator[bytes], headers: Mapping[str, str]) -> None:
+        super().__init__(events, media_type="text/event-stream", headers=headers)
+        self._streams = streams
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers the request."""
+        async with self._streams.admitted() as has_room:
+            if has_room:
+                await super().__call__(scope, receive, send)
+            else:
+                words = f"{MOST_STREAMS} pages are followed already; close some\n"
+                await PlainTextResponse(words, 503)(scope, receive, send)
+
+
+def _looked(look: Look) -> list[tuple[str, Any]] | None:
+    """The news; `None`: it cannot be looked any more. The stream ends, and the browser asks again, or shows why not."""
+    try:
+        return list(look())
+    except RobomakerError as error:
+        LOGGER.warning("a page of the console cannot be followed: %s", error)
+    except Exception:
+        LOGGER.exception("a page of the console cannot be followed")
+    return None
+
+
+def event(name: str, data: Any) -> bytes:
+    """One event as it is sent; JSON has no line breaks of its own."""
+    return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()
+
+
+class Parts:
+    """Parts of a page by the ids of their elements, of which only those are news that changed."""
+
+    def __init__(self) -> None:
+        self._sent: dict[str, str] = {}
+
+    def news(self, parts: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
+        """What changed since it was last asked."""
+        changed = {name: html for name, html in parts.items() if self._sent.get(name) != html}
+        self._sent.update(changed)
+        if changed:
+            yield "parts", changed

@@ -1,0 +1,189 @@
+"""One request for a page: who asks, what they may see and do, and the answer."""
+
+import uuid
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, Response
+
+from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException
+from ...tasks.catalog import Page, Resource
+from ...tasks.service.service import Service
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.calling.audit_log import Call
+from ..endpoint.calling.calls import Calls
+from ..endpoint.calling.scopes import SCOPES, is_visible, needed_scope
+from ..endpoint.failures import Failures
+from ..spec_runs.spec_runs import SpecRuns
+from .reading.briefs import BatchBriefs
+from .reading.job_lines import JobLines
+from .reading.posters import Posters
+from .rendering import render
+from .sessions import Session, Sessions
+from .streams import Look, Streams
+
+
+@dataclass(frozen=True)
+class Context:
+    """What all pages share."""
+
+    service: Service
+    calls: Calls
+    sessions: Sessions | None
+    """`None`: there are no access keys, and each visitor may do everything."""
+
+    worker_status: Callable[[], Mapping[str, object]]
+    streams: Streams
+    briefs: BatchBriefs
+    job_lines: JobLines
+    posters: Posters
+    failures: Failures
+    """Says what went wrong without places on this machine."""
+    form_token: str
+    """What forms carry where there are no sessions."""
+
+    spec_runs: SpecRuns | None = None
+    """Runs of specifications that visitors order; `None`: this server performs none."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A request of a visitor who may see the console."""
+
+    request: Request
+    context: Context
+    session: Session | None
+    form: Mapping[str, str] = field(default_factory=dict)
+    """What the visitor sent in a form."""
+
+    @property
+    def service(self) -> Service:
+        """Where resources are."""
+        return self.context.service
+
+    @property
+    def key(self) -> AccessKey | None:
+        """The visitor's access key; `None`: none is asked for."""
+        return self.session and self.session.key
+
+    @property
+    def address(self) -> str | None:
+        """Where the visitor's requests come from."""
+        return self.request.client.host if self.request.client else None
+
+    @property
+    def form_token(self) -> str:
+        """What forms of this visitor carry."""
+        return self.session.form_token if self.session else self.context.form_token
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether the visitor sees all resources."""
+        return self.key is None or not self.key.is_confined
+
+    @property
+    def may_order_runs(self) -> bool:
+        """Whether the visitor's key is good for runs of specifications at all, and this server performs them."""
+        return self.context.spec_runs is not None and self.may("StartSimulationJobBatch")
+
+    def may(self, operation: str) -> bool:
+        """Whether the scope of the visitor's key holds an operation."""
+        return self.key is None or SCOPES.index(self.key.scope) >= SCOPES.index(needed_scope(operation))
+
+    def seen(self, resources: Iterable[Resource]) -> list[Resource]:
+        """Those of some resources that the visitor may see."""
+        key = self.key
+        if key is None or not key.is_confined:
+            return list(resources)
+        return [each for each in resources if is_visible(key, each, self.service.catalog)]
+
+    def listed(self, kind: str, filters: Mapping[str, Sequence[str]], limit: int, members: Sequence[str]) -> Page:
+        """The page of a list that the visitor asks for, the newest first; it may have what the visitor may not see."""
+        after = self.parameter("after") or None
+        return self.service.catalog.list(
+            kind, filters=filters, limit=limit, after=after, scope="console", members=members
+        )
+
+    def find(self, kind: str, resource_id: str, members: Sequence[str] | None = None) -> Resource:
+        """A resource that the visitor may see.
+
+        Args:
+            kind: what it is.
+            resource_id: its id.
+            members: which members of its document are read; `None`: all.
+
+        Raises:
+            ResourceNotFoundException: there is none, or it is none of the visitor's.
+        """
+        arn = self.service.arn(kind, resource_id)
+        found = self.seen(self.service.catalog.get_many([arn], members).values())
+        if not found or found[0].kind != kind:
+            raise ResourceNotFoundException(f"there is no resource {arn}")
+        return found[0]
+
+    def sees(self, arn: str | None) -> bool:
+        """Whether there is a resource of an ARN that the visitor may see: else no link leads to it."""
+        if not arn or self.sees_all:
+            return bool(arn)
+        return bool(self.seen(self.service.catalog.get_many([arn], ()).values()))
+
+    def call(self, operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
+        """Calls an operation for the visitor.
+
+        Raises:
+            AccessDeniedException: the visitor's key is not good for it.
+            ServiceError: the request is refused.
+        """
+        call = Call(str(uuid.uuid4()), self.address, self.key)
+        return self.context.calls.make(operation, members, call)
+
+    @contextmanager
+    def noted(self, name: str, *resources: str, if_refused: bool = False) -> Iterator[Call]:
+        """Writes what is done for the visitor, and how it ends, into the audit log: for what is no operation's call.
+
+        Args:
+            name: what is done.
+            resources: to what.
+            if_refused: whether only a refusal is written, because a call that follows writes the rest.
+
+        Yields:
+            What is written; it gets what is made.
+        """
+        call = Call(str(uuid.uuid4()), self.address, self.key, name, resources)
+        try:
+            yield call
+        except Exception as error:
+            call.outcome = getattr(error, "code", InternalServerException.__name__)
+            raise
+        finally:
+            if not if_refused or call.outcome != "ok":
+                self.context.calls.write(call)
+
+    def parameter(self, name: str) -> str:
+        """A parameter of the query; empty if it is not there."""
+        return self.request.query_params.get(name, "")
+
+    def follow(self, look: Look, every_s: float) -> Response:
+        """Sends what a look finds, again and again, until it says that this is the end or the session is over."""
+
+        def allowed() -> Iterator[tuple[str, Any]]:
+            sessions = self.context.sessions
+            if sessions is None or sessions.find(self.request.cookies.get(cookie_name(self.request))) is self.session:
+                yield from look()
+            else:
+                yield "end", None
+
+        return self.context.streams.follow(allowed, every_s)
+
+    def page(self, template: str, /, *, status: int = 200, **values: Any) -> Response:
+        """A page of the console."""
+        return HTMLResponse(render(template, visit=self, **values), status)
+
+
+def cookie_name(request: Request) -> str:
+    """The name of the cookie of a session: by the server's port, since cookies of one host are for all its ports."""
+    _, port = request.scope.get("server") or ("", None)
+    return f"robomaker_console_{port or 'default'}"

@@ -1,0 +1,126 @@
+"""Worlds: the gallery by template or job, and the page of one with plan, proofs and its 3D page."""
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from contextlib import suppress
+from typing import Any
+
+from starlette.responses import HTMLResponse, Response
+
+from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
+from ...schemas.documents.world_templates import WorldTemplateDocument
+from ...schemas.documents.worlds import WorldDocument
+from ...schemas.wire.errors import ObjectNotFoundError
+from ...tasks.catalog import Resource
+from ...tasks.inspection.reports import report_of_world
+from ...tasks.reporting import view_report
+from ...tasks.simulations.inputs.bundles import world_bundle
+from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
+from ...tasks.worldforge.viewer.viewer_page import viewer_page
+from ...tasks.worlds.previews import preview_of
+from .standing import look_of_status
+from .visit import Visit
+
+WORLD = "world"
+GENERATION = "world-generation-job"
+_PAGE_LENGTH = 24
+_MOST_TEMPLATES = 30
+_MOST_JOBS = 10
+_TEMPLATE = "world-template"
+_KEPT = {"cache-control": "private, max-age=86400"}
+"""A world never changes."""
+
+_OPEN_PAGE = {**_KEPT, "content-security-policy": "sandbox allow-scripts; frame-ancestors 'none'"}
+"""For pages that say themselves what may run in them: they are of no origin, and see nothing of ours."""
+
+
+def show_all(visit: Visit) -> Response:
+    """The gallery."""
+    template = visit.parameter("template")
+    templates = visit.service.catalog.list(_TEMPLATE, limit=_MOST_TEMPLATES, members=())
+    seen = visit.seen(templates.resources)
+    repeated = Counter(each.name for each in seen)
+    names = {each.id: each.name if repeated[each.name] == 1 else f"{each.name} ({each.id})" for each in seen}
+    of_template = {"templateId": [template]} if template else {}
+    tag = visit.parameter("tag")
+    worlds, next_token = _listed(visit, {**of_template, **({"tag": [tag]} if tag else {})})
+    return visit.page(
+        "worlds.html.j2",
+        worlds=worlds,
+        next_token=next_token,
+        templates=names,
+        template=template,
+        job=None,
+        **_of_template(template, visit),
+    )
+
+
+def _of_template(template: str, visit: Visit) -> dict[str, Any]:
+    """The template whose worlds are shown: its body, and the jobs that made worlds of it; nothing: there is none."""
+    found = visit.service.catalog.get_many([visit.service.arn(_TEMPLATE, template)]) if template else {}
+    for made_from in visit.seen(found.values()):
+        page = visit.service.catalog.list(GENERATION, filters={"templateId": [template]}, limit=_MOST_JOBS, members=())
+        jobs = [(each, look_of_status(GENERATION, each.status)) for each in visit.seen(page.resources)]
+        body = WorldTemplateDocument.of(made_from).template_body
+        return {"made_from": made_from, "body": _indented(body), "generations": jobs}
+    return {"made_from": None}
+
+
+def _indented(body: str) -> str:
+    with suppress(ValueError):
+        return json.dumps(json.loads(body), indent=2, ensure_ascii=False)
+    return body
+
+
+def show_of_job(visit: Visit) -> Response:
+    """The gallery of a world generation job."""
+    job = visit.find(GENERATION, visit.request.path_params["id"])
+    worlds, next_token = _listed(visit, {"generationJobId": [job.id]})
+    return visit.page(
+        "worlds.html.j2",
+        worlds=worlds,
+        next_token=next_token,
+        templates={},
+        template="",
+        job=job,
+        look=look_of_status(GENERATION, job.status),
+        document=WorldGenerationJobDocument.of(job),
+    )
+
+
+def show(visit: Visit) -> Response:
+    """The page of one world."""
+    world = visit.find(WORLD, visit.request.path_params["id"])
+    view = view_report(report_of_world(world.arn, visit.service)).worlds[0]
+    content = view.content
+    return visit.page(
+        "world.html.j2",
+        world=world,
+        view=view,
+        proofs=proof_lines(content) if content else [],
+        broken=violations(content.checks) if content and content.checks else [],
+        is_checked=content is not None and content.checks is not None,
+        template=WorldDocument.of(world).template,
+        job_id=(world.parent or "").rpartition("/")[2] if visit.sees(world.parent) else "",
+    )
+
+
+def show_in_3d(visit: Visit) -> Response:
+    """The world's 3D page, as `robomaker world view` makes it."""
+    world = visit.find(WORLD, visit.request.path_params["id"])
+    return HTMLResponse(viewer_page(world_bundle(world, visit.service), world.id), headers=_OPEN_PAGE)
+
+
+def send_preview(visit: Visit) -> Response:
+    """The world from above."""
+    world = visit.find(WORLD, visit.request.path_params["id"])
+    picture = preview_of(world, visit.service)
+    if not picture:
+        raise ObjectNotFoundError(f"{world.id} cannot be drawn")
+    return Response(picture, media_type="image/png", headers=_KEPT)
+
+
+def _listed(visit: Visit, filters: dict[str, list[str]]) -> tuple[Sequence[Resource], str | None]:
+    page = visit.listed(WORLD, filters, _PAGE_LENGTH, ())
+    return visit.seen(page.resources), page.next_token

@@ -1,0 +1,46 @@
+"""Where the console of a data home is: a note there while `robomaker serve` runs, for what prints links to it."""
+
+import json
+import os
+import socket
+from contextlib import suppress
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from .console.rendering import HOME
+
+_NOTE = "console.json"
+_PATIENCE_S = 0.3
+
+
+def note_console(home: Path, url: str) -> None:
+    """Notes that a server of this process shows the resources of a data home."""
+    part = home / f".{_NOTE}.{os.getpid()}.part"
+    part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
+    part.replace(home / _NOTE)
+
+
+def forget_console(home: Path) -> None:
+    """Removes the note, unless it is that of another server."""
+    if _read(home).get("pid") == os.getpid():
+        (home / _NOTE).unlink(missing_ok=True)
+
+
+def console_of(home: Path) -> str:
+    """The address of the console of a data home; empty while no server answers there."""
+    url = _read(home).get("url")
+    place = urlsplit(url) if isinstance(url, str) else None
+    if place is None or place.hostname is None or place.port is None:
+        return ""
+    try:
+        with socket.create_connection((place.hostname, place.port), _PATIENCE_S):
+            return f"{url}{HOME}"
+    except OSError:
+        return ""
+
+
+def _read(home: Path) -> dict[str, object]:
+    with suppress(OSError, ValueError):
+        note = json.loads((home / _NOTE).read_bytes())
+        return note if isinstance(note, dict) else {}
+    return {}

@@ -1,0 +1,129 @@
+"""Connections of the endpoint: how many there are, and how long a client may take to ask and to read the answer.
+
+uvicorn waits for a request's head as long as its client likes, and for a client that does not read its answer. How long
+a body may take: `limits`.
+"""
+
+import asyncio
+import resource
+from dataclasses import dataclass, field
+from typing import Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+HEAD_S = 15.0
+ANSWER_S = 60.0
+_MOST_CONNECTIONS = 8192
+_OTHER_FILES = 128
+"""Left to the catalog, logs and the job worker, of the files that a process may have open."""
+
+
+def most_connections() -> int:
+    """How many connections leave this process files to open for everything else."""
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return _MOST_CONNECTIONS if soft < 0 else max(_OTHER_FILES, min(_MOST_CONNECTIONS, soft - _OTHER_FILES))
+
+
+@dataclass(frozen=True)
+class ConnectionLimits:
+    """What one client may do to others by being slow."""
+
+    connections: int = field(default_factory=most_connections)
+    """How many there may be; a new one takes the place of the one that has waited longest without asking anything."""
+
+    head_s: float = HEAD_S
+    """How long the head of a request may take, the first one from the connection's beginning."""
+
+    answer_s: float = ANSWER_S
+    """How long a client may keep the rest of an answer from being sent."""
+
+
+def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
+    """The protocol of uvicorn's connections, within limits.
+
+    Args:
+        limits: what each client is given.
+    """
+
+    class Limited(_LimitedProtocol):
+        """Connections within these limits."""
+
+        def __init__(self, *arguments: Any, **named: Any) -> None:
+            super().__init__(*arguments, **named)
+            self.limits = limits
+
+    return Limited
+
+
+class _LimitedProtocol(H11Protocol):
+    """One connection. The methods are those that asyncio and uvicorn call."""
+
+    limits: ConnectionLimits
+    _asking: asyncio.TimerHandle | None = None
+    """Runs while a head is awaited of which the connection has begun."""
+    _answering: asyncio.TimerHandle | None = None
+    """Runs while the client does not read."""
+    _quiet_since = 0.0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self._quiet_since = self.loop.time()
+        self._asking = self.loop.call_later(self.limits.head_s, self._end)
+        if len(self.connections) > self.limits.connections:
+            _longest_quiet(self.connections).transport.abort()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        self._asking, self._answering = _ended(self._asking), _ended(self._answering)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        super().data_received(data)
+        if not self.is_quiet:
+            self._asking = _ended(self._asking)
+        elif self._asking is None and not self.transport.is_closing():
+            self._asking = self.loop.call_later(self.limits.head_s, self._end)
+
+    def on_response_complete(self) -> None:
+        self._quiet_since = self.loop.time()
+        super().on_response_complete()
+
+    def timeout_keep_alive_handler(self) -> None:
+        super().timeout_keep_alive_handler()
+        self._end()
+
+    def pause_writing(self) -> None:
+        super().pause_writing()
+        self._answering = self.loop.call_later(self.limits.answer_s, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        super().resume_writing()
+        self._answering = _ended(self._answering)
+
+    @property
+    def is_quiet(self) -> bool:
+        """Whether nothing that was asked is being answered."""
+        return self.cycle is None or self.cycle.response_complete
+
+    @property
+    def quiet_since(self) -> float:
+        """When that began."""
+        return self._quiet_since
+
+    def _end(self) -> None:
+        """Closes the connection, at once if the client does not even read what it was sent."""
+        if self.transport.get_write_buffer_size():
+            self.transport.abort()
+        else:
+            self.transport.close()
+
+
+def _longest_quiet(connections: Any) -> _LimitedProtocol:
+    """The connection that others lose least by; the newest has asked nothing, so there is one."""
+    # Those that end already are still among them until the loop's next turn, and longer with TLS.
+    quiet = (each for each in connections if each.is_quiet and not each.transport.is_closing())
+    return min(quiet, key=lambda each: each.quiet_since)
+
+
+def _ended(timer: asyncio.TimerHandle | None) -> None:
+    if timer is not None:
+        timer.cancel()

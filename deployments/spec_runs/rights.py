@@ -1,0 +1,108 @@
+"""Whether an access key is good for all that a specification does: before it runs, and again at each of its steps."""
+
+import uuid
+from collections.abc import Callable
+from typing import Any
+
+from ...schemas.specs.model import CheckedSpec, CheckedStep
+from ...schemas.specs.resolving import resolve_input
+from ...schemas.specs.text import plain
+from ...schemas.wire.errors import InternalServerException, Problem
+from ...tasks.catalog import Catalog
+from ...tasks.operations.step_operations import step_registry
+from ...tasks.service.service import Service
+from ..endpoint.calling.access_keys import AccessKey
+from ..endpoint.calling.audit_log import AuditLog, Call
+from ..endpoint.calling.scopes import check_named, check_resources, check_scope, named_resources, only_visible
+from ..endpoint.messages import AccessDeniedException
+
+_REFERENCE = "${{"
+
+
+def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalog) -> list[Problem]:
+    """What a key may not do of a specification, as far as it can be told before it runs.
+
+    Args:
+        key: the visitor's; `None`: none is asked for.
+        spec: the specification.
+        catalog: where the resources are.
+
+    Raises:
+        SpecError: a step's request, which is made to look into it, does not fit.
+    """
+    if key is None:
+        return []
+    made = {str(plain(step.input).get("name")) for step in spec.steps.values() if "Application" in step.operation}
+    problems: list[Problem] = []
+    for step in spec.steps.values():
+        try:
+            check_scope(key, step.operation)
+            if key.is_confined:
+                _check_written(key, step, made, catalog)
+        except AccessDeniedException as error:
+            problems.append(Problem(step.place, f"steps.{step.name}", str(error)))
+    return problems
+
+
+def _check_written(key: AccessKey, step: CheckedStep, made: set[str], catalog: Catalog) -> None:
+    """Checks what a step names; all of its request where that needs no other step."""
+    request = plain(step.input) if step.needs else resolve_input(step, {})
+    named = [each for each in named_resources(request) if _REFERENCE not in each and each not in made]
+    check_named(key, named, catalog)
+    if not step.needs and not made.intersection(named_resources(request)):
+        check_resources(key, step_registry()[step.operation].shape, request, catalog)
+
+
+class Permits:
+    """Has each step of a run carried out only if its visitor's key is good for it, and writes it down.
+
+    Args:
+        key: the visitor's; `None`: none is asked for.
+        address: where the visitor's requests come from.
+        audit_log: is told of every step, also of refused ones; `None`: there is none.
+        service: where the operations happen.
+    """
+
+    def __init__(self, key: AccessKey | None, address: str | None, audit_log: AuditLog | None, service: Service):
+        self._key = key
+        self._address = address
+        self._audit_log = audit_log
+        self._service = service
+
+    def __call__(
+        self, step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Carries out a step's request.
+
+        Raises:
+            AccessDeniedException: the key is not good for it.
+            ServiceError: the request is refused.
+        """
+        call = Call(str(uuid.uuid4()), self._address, self._key, step.operation)
+        try:
+            call.resources = list(named_resources(request))
+            self._check(step, request)
+            answer = carry_out()
+            call.resources = [*filter(None, [answer.get("arn")]), *call.resources]
+        except Exception as error:
+            call.outcome = getattr(error, "code", InternalServerException.__name__)
+            raise
+        finally:
+            if self._audit_log is not None:
+                self._audit_log.write(call)
+        shape = step_registry()[step.operation].shape
+        return answer if self._key is None else only_visible(self._key, shape, answer, self._service.catalog)
+
+    def _check(self, step: CheckedStep, request: dict[str, Any]) -> None:
+        key, catalog = self._key, self._service.catalog
+        if key is None:
+            return
+        check_scope(key, step.operation)
+        entry = step_registry()[step.operation]
+        check_resources(key, entry.shape, entry.checked(request, self._service).to_wire(), catalog)
+        # `ifExists` takes or changes what has the name already.
+        if step.if_exists != "fail" and key.is_confined:
+            kind = "robot-application" if step.operation == "CreateRobotApplication" else "simulation-application"
+            found = catalog.find(kind, str(request.get("name")))
+            if found is not None and not key.permits(found.name, found.tags):
+                raise AccessDeniedException(f"{found.name!r} is not among the resources of this access key")

@@ -1,0 +1,103 @@
+"""A child of the agent, forked: it has what the agent has imported, and nothing that the agent has opened.
+
+The agent has one thread, so a fork of it is whole. To start an interpreter and to import took longer than the work.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import gc
+import multiprocessing
+import os
+import select
+import signal
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, Callable
+
+from .answers import line
+
+_READ_BYTES = 1 << 16
+_KILLED_WITHIN_S = 10.0
+_PROCESSES = multiprocessing.get_context("fork")
+
+
+class Child:
+    """A process that does something, and answers by lines; it ends when the agent does, however that ends.
+
+    Args:
+        do: what it does; it is given what answers.
+    """
+
+    def __init__(self, do: Callable[[Callable[..., None]], None]) -> None:
+        self.pipe, writing = os.pipe()
+        """Where its answers come from."""
+
+        os.set_blocking(self.pipe, False)
+        self._process = _PROCESSES.Process(target=_run, args=(do, writing), daemon=True)
+        try:
+            self._process.start()
+        except OSError:
+            os.close(self.pipe)
+            raise
+        finally:
+            os.close(writing)
+
+    def read(self) -> bytes | None:
+        """What it has answered since the last time; nothing at its end, `None` while there is nothing new."""
+        try:
+            return os.read(self.pipe, _READ_BYTES)
+        except BlockingIOError:
+            return None
+
+    def end(self) -> int | None:
+        """Waits for its end, which has come when there is nothing more to read; returns the exit code."""
+        self._process.join(_KILLED_WITHIN_S)
+        return self._process.exitcode
+
+    def kill(self) -> None:
+        """Ends it."""
+        self._process.kill()
+        self.end()
+
+    def close(self) -> None:
+        """Hears no more of it."""
+        os.close(self.pipe)
+
+
+def _run(do: Callable[[Callable[..., None]], None], answers: int) -> None:
+    gc.freeze()  # what is the agent's is neither copied, nor closed under a number that is another's by now
+    _forget_signals()
+    os.setsid()
+    _end_with_agent(answers)
+    with open(answers, "w", encoding="utf-8") as lines:
+
+        def say(**content: Any) -> None:
+            lines.write(line(**content))
+            lines.flush()
+
+        do(say)
+
+
+def _forget_signals() -> None:
+    """The agent's handlers would wake the agent."""
+    signal.set_wakeup_fd(-1)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGCHLD):
+        signal.signal(number, signal.SIG_DFL)
+
+
+def _end_with_agent(answers: int) -> None:
+    """Closes what the agent has open, its lock for one; the kernel kills this process when the agent is no more."""
+    agent = multiprocessing.parent_process()
+    assert agent is not None
+    life = agent.sentinel  # a pipe that only the agent could write to
+    opened = [int(path.name) for path in Path("/proc/self/fd").iterdir()]
+    for each in opened:
+        if each > 2 and each not in (life, answers):
+            with suppress(OSError):  # that of the list is closed
+                os.close(each)
+    fcntl.fcntl(life, fcntl.F_SETOWN, os.getpid())
+    fcntl.fcntl(life, fcntl.F_SETSIG, signal.SIGKILL)
+    fcntl.fcntl(life, fcntl.F_SETFL, fcntl.fcntl(life, fcntl.F_GETFL) | os.O_ASYNC)
+    if select.select([life], [], [], 0)[0]:
+        os._exit(1)  # it has ended before that

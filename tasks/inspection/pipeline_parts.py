@@ -1,0 +1,64 @@
+"""Parts of pipelines: reading what is run, who changes or decides on its requests, and how it is told what happens."""
+
+import logging
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from ...schemas.reports.run_record import RunRecord
+from ...schemas.specs.model import CheckedStep
+from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceError
+
+_logger = logging.getLogger(__name__)
+
+Cut = Callable[[str, dict[str, Any]], dict[str, Any]]
+"""Makes the request of an operation smaller."""
+
+Permit = Callable[[CheckedStep, dict[str, Any], Callable[[], dict[str, Any]]], dict[str, Any]]
+"""Carries out a step's request for a visitor, or refuses to: step, request, and what carries it out."""
+
+
+class RunInterrupted(KeyboardInterrupt):
+    """Ctrl-C or a signal ended a run; what it had begun has been cancelled, and the report says so.
+
+    Args:
+        record: the record of the run.
+        signal_number: the signal.
+    """
+
+    def __init__(self, record: RunRecord, signal_number: int = signal.SIGINT) -> None:
+        super().__init__()
+        self.record = record
+        self.signal_number = signal_number
+
+
+def permit_all(step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
+    """Carries out each request."""
+    del step, request
+    return carry_out()
+
+
+def read_spec_file(path: Path) -> str:
+    """The text of a specification, where a flow runs.
+
+    Raises:
+        ConfigurationError: it cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigurationError(
+            f"spec is '{path}', looked for in {Path.cwd()}: {error.strerror}; a deployment that is made by "
+            "`robomaker deploy` keeps the specification itself"
+        ) from error
+
+
+def error_in_words(error: Exception) -> str:
+    """What a step failed of; a defect is also logged."""
+    if isinstance(error, ServiceError):
+        return f"{error.code}: {error}"
+    if isinstance(error, RobomakerError):
+        return str(error)
+    _logger.error("a step broke", exc_info=error)
+    return f"{type(error).__name__}: {error}"

@@ -1,0 +1,59 @@
+"""What steps of specifications call: the service's operations, and those that only steps have."""
+
+from collections.abc import Mapping
+from functools import cache
+
+from ...schemas.wire.errors import ConfigurationError, InvalidParameterException, StorageError
+from ...schemas.worlds.step_operations import (
+    STEP_OPERATIONS,
+    VariedWorld,
+    VaryWorldsRequest,
+    VaryWorldsResponse,
+    WorldVariation,
+)
+from ..service.service import Service
+from ..simulations.inputs.bundles import world_bundle
+from .registry import Operation, registry
+
+
+@cache
+def step_registry() -> Mapping[str, Operation]:
+    """All operations that steps may have, by name."""
+    shape = STEP_OPERATIONS["VaryWorlds"]
+    return {**registry(), shape.name: Operation(shape, _vary_worlds, __name__)}
+
+
+def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:
+    """Makes each variation of each world and stores it, also one that breaks guarantees."""
+    made = [
+        _varied(arn, variation, f"variations[{number}] of world {arn}", service)
+        for arn in request.worlds
+        for number, variation in enumerate(request.variations)
+    ]
+    return VaryWorldsResponse(worlds=[each.arn for each in made], variedWorlds=made)
+
+
+def _varied(arn: str, wanted: WorldVariation, what: str, service: Service) -> VariedWorld:
+    # MuJoCo and the generator take long to import.
+    from ..worldforge.bundle.bundle import content_hash, read_world
+    from ..worldforge.proofs.guarantees import violations
+    from ..worldforge.variations import Move, Wanted, vary
+    from ..worlds.keeping import keep_world
+
+    resource = service.catalog.get(arn, kind="world")
+    try:
+        folder = world_bundle(resource, service)
+        doors = {**dict.fromkeys(wanted.shut, 0.0), **wanted.open}
+        moved = {piece: Move(*by) for piece, by in wanted.move.items()}
+        changes = Wanted(doors, moved, wanted.remove, wanted.light)
+        world = vary(read_world(folder), changes, content_hash(folder), arn)
+    except (ConfigurationError, StorageError, ValueError) as error:
+        raise InvalidParameterException(f"{what}: {error}") from error
+    assert world.variation is not None
+    assert world.checks is not None
+    return VariedWorld(
+        arn=keep_world(world, "variation", {}, service).arn,
+        world=arn,
+        changes=[f"{each.what} {each.thing}: {each.after}" for each in world.variation.changes],
+        brokenGuarantees=violations(world.checks),
+    )

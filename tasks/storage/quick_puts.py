@@ -1,0 +1,132 @@
+"""Small objects stored past boto3's client, which spends three times as long on each as it takes to sign and send it.
+
+Only what the client would do first is done here: one signed request, with the same CRC32, over the client's own
+connections, so that its proxies, certificates and timeouts count. Whatever has another answer than that the object is
+stored is left to the client, which tries again, finds regions and says what is wrong.
+"""
+
+import hashlib
+import hmac
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Protocol, cast
+from urllib.parse import quote, urlsplit
+
+import boto3
+from botocore.awsrequest import AWSPreparedRequest
+from botocore.exceptions import BotoCoreError
+
+from .checksums import crc32_of
+
+if TYPE_CHECKING:
+    from types_boto3_s3 import S3Client
+
+_STORED = 200
+_USUAL_PORTS = {"http": 80, "https": 443}
+_ALGORITHM = "AWS4-HMAC-SHA256"
+
+
+class _Answer(Protocol):
+    """What is read of an answer of botocore's HTTP session."""
+
+    @property
+    def status_code(self) -> int: ...
+
+    @property
+    def headers(self) -> dict[str, str]: ...
+
+
+class Credentials(Protocol):
+    """Credentials as they are at one moment."""
+
+    @property
+    def access_key(self) -> str:
+        """Names them."""
+        ...
+
+    @property
+    def secret_key(self) -> str:
+        """Signs."""
+        ...
+
+    @property
+    def token(self) -> str | None:
+        """Comes with temporary ones."""
+        ...
+
+
+class QuickPuts:
+    """Puts for an endpoint that has its buckets in paths.
+
+    Args:
+        client: whose connections are used.
+        endpoint_url: the endpoint.
+        region: the region to sign for.
+        session: where credentials come from.
+    """
+
+    def __init__(self, client: "S3Client", endpoint_url: str, region: str, session: boto3.Session) -> None:
+        parts = urlsplit(endpoint_url)
+        is_usual = parts.port in (None, _USUAL_PORTS.get(parts.scheme))
+        self._host = parts.netloc.rpartition(":")[0] if parts.port and is_usual else parts.netloc
+        self._endpoint_url = endpoint_url.rstrip("/")
+        self._region = region
+        self._session = session
+        self._user_agent: str = cast("Any", client.meta.config).user_agent
+        # There is no public way to a client's connections; where a release has them elsewhere, the client stores all.
+        self._http: Any = getattr(getattr(client, "_endpoint", None), "http_session", None)
+
+    def put(self, bucket: str, key: str, data: bytes) -> str | None:
+        """Stores an object, if that is done with one request.
+
+        Returns:
+            Its ETag; `None`: it may not be stored, for a reason that the client will find.
+
+        Raises:
+            StorageError: the credentials of a role could not be had again.
+        """
+        try:
+            credentials = self._session.get_credentials()
+            if credentials is None or self._http is None:
+                return None
+            path = f"/{bucket}/{quote(key, safe='/~')}"
+            keys = cast("Credentials", credentials.get_frozen_credentials())
+            headers: Any = self.signed(path, data, keys, datetime.now(UTC))
+            request = AWSPreparedRequest("PUT", f"{self._endpoint_url}{path}", headers, data, stream_output=False)
+            answer = cast("_Answer", self._http.send(request))
+        except BotoCoreError:
+            return None
+        return answer.headers["ETag"].strip('"') if answer.status_code == _STORED else None
+
+    def signed(self, path: str, data: bytes, credentials: Credentials, now: datetime) -> dict[str, str]:
+        """The headers of a put, signed with Signature Version 4, as botocore's signer does in four times the time.
+
+        Args:
+            path: of the URL, quoted.
+            data: the body.
+            credentials: who signs.
+            now: the time, in UTC.
+        """
+        day, time = f"{now:%Y%m%d}", f"{now:%Y%m%dT%H%M%SZ}"
+        digest = hashlib.sha256(data).hexdigest()
+        headers = {  # in the order in which they are signed
+            "host": self._host,
+            "x-amz-checksum-crc32": crc32_of(data),
+            "x-amz-content-sha256": digest,
+            "x-amz-date": time,
+        }
+        if credentials.token:
+            headers["x-amz-security-token"] = credentials.token
+        names = ";".join(headers)
+        request = "\n".join(["PUT", path, "", *(f"{name}:{headers[name]}" for name in headers), "", names, digest])
+        scope = (day, self._region, "s3", "aws4_request")
+        place = "/".join(scope)
+        secret = f"AWS4{credentials.secret_key}".encode()
+        for part in (*scope, f"{_ALGORITHM}\n{time}\n{place}\n{hashlib.sha256(request.encode()).hexdigest()}"):
+            secret = hmac.digest(secret, part.encode(), "sha256")
+        by = f"Credential={credentials.access_key}/{place}, SignedHeaders={names}, Signature={secret.hex()}"
+        return {
+            **headers,
+            "Authorization": f"{_ALGORITHM} {by}",
+            "Content-Length": str(len(data)),
+            "User-Agent": self._user_agent,
+        }

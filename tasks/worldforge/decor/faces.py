@@ -1,0 +1,115 @@
+"""Faces of walls as rooms see them, and the openings in them."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Room, Wall, Window, World
+from ..geometry.boxes import Box
+from ..geometry.parts import Span, Vector
+from ..ornaments.ornaments import ALONG_X, ALONG_Y
+
+WINDOW_SILL_M = 0.9
+WINDOW_HEAD_M = 2.1
+
+_SAME_M = 1e-6
+_WALL_M = 0.1
+"""Half an outer wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class Face:
+    """One wall seen from one room."""
+
+    number: int
+    """The wall's place in the plan."""
+    wall: Wall
+    room: Room
+    along_x: bool
+    at: float
+    """Where the face is, across the wall."""
+    inward: float
+    """1 or -1: the direction from the wall into the room."""
+    span: Span
+    """Where the wall begins and ends."""
+
+    def box(self, along: Span, off: Span, up: Span) -> tuple[Vector, Vector]:
+        """Middle and half extents of a box by its distances off the face."""
+        middle, across = (along[0] + along[1]) / 2, self.at + self.inward * (off[0] + off[1]) / 2
+        half, deep, high = (along[1] - along[0]) / 2, (off[1] - off[0]) / 2, (up[1] - up[0]) / 2
+        z = (up[0] + up[1]) / 2
+        if self.along_x:
+            return (middle, across, z), (half, deep, high)
+        return (across, middle, z), (deep, half, high)
+
+    def strip(self, along: Span, near: float, far: float) -> Box:
+        """What lies between two distances off the face, seen from above."""
+        one, other = sorted((self.at + self.inward * near, self.at + self.inward * far))
+        return (along[0], one, along[1], other) if self.along_x else (one, along[0], other, along[1])
+
+    @property
+    def inner(self) -> Span:
+        """As much of it as lies in the room for sure: walls that end in others are longer."""
+        xs, ys = zip(*self.room.polygon, strict=True)
+        along = xs if self.along_x else ys
+        return max(self.span[0], min(along) + _WALL_M), min(self.span[1], max(along) - _WALL_M)
+
+    @property
+    def quat(self) -> str:
+        """Turn of a box whose picture faces the room: its axes are along, up, through."""
+        return ALONG_X if self.along_x else ALONG_Y
+
+
+def wall_span(wall: Wall) -> tuple[bool, float, Span]:
+    """Whether a wall runs along x, where its centre line is, and its ends."""
+    (x0, y0), (x1, y1) = wall.start, wall.end
+    if abs(x1 - x0) >= abs(y1 - y0):
+        return True, y0, (min(x0, x1), max(x0, x1))
+    return False, x0, (min(y0, y1), max(y0, y1))
+
+
+def faces(world: World) -> Iterator[Face]:
+    """The faces of all walls that reach the floor."""
+    rooms = {room.name: room for room in world.floorplan.rooms}
+    for number, wall in enumerate(world.floorplan.walls):
+        if wall.lintel:
+            continue
+        along_x, at, span = wall_span(wall)
+        middle = (span[0] + span[1]) / 2
+        for name in wall.rooms:
+            for side in (1.0, -1.0):
+                across = at + side * wall.thickness_m
+                if contains(rooms[name].polygon, *((middle, across) if along_x else (across, middle))):
+                    yield Face(number, wall, rooms[name], along_x, at + side * wall.thickness_m / 2, side, span)
+
+
+def window_span(window: Window) -> tuple[bool, float, Span]:
+    """Whether a window runs along x, where its wall's centre line is, and its sides."""
+    (x0, y0), (x1, y1) = window.start, window.end
+    if abs(x1 - x0) >= abs(y1 - y0):
+        return True, y0, (min(x0, x1), max(x0, x1))
+    return False, x0, (min(y0, y1), max(y0, y1))
+
+
+def window_heights(world: World) -> Span:
+    """Sill and head of all windows."""
+    return WINDOW_SILL_M, min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
+
+
+def walls_of_windows(world: World) -> dict[int, Wall]:
+    """The wall that each window is in, by the window's number."""
+    return {number: wall for wall in world.floorplan.walls for number, _ in windows_in(wall, world)}
+
+
+def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
+    """Numbers and sides of the windows in a wall, in order along it."""
+    if not wall.exterior or wall.lintel:
+        return []
+    along_x, at, (low, high) = wall_span(wall)
+    found = []
+    for number, window in enumerate(world.floorplan.windows):
+        runs, line, span = window_span(window)
+        same = runs == along_x and abs(line - at) < _SAME_M
+        if same and low - _SAME_M <= span[0] and span[1] <= high + _SAME_M:
+            found.append((number, span))
+    return sorted(found, key=lambda each: each[1])

@@ -1,0 +1,109 @@
+"""Light: the sun and a lamp in each room, by day.
+
+MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
+"""
+
+from collections.abc import Iterator
+from math import hypot
+
+from ....schemas.worlds.appearance import APPEARANCES, DAY
+from ....schemas.worlds.world import Room, World
+from ..geometry.parts import Vector, rgb
+from ..interiors.placement import room_rects
+from ..ornaments.ornaments import Mesh, Ornament, numbers, turned
+from .faces import faces, windows_in
+
+MOST_LAMPS = 6
+"""Beside the headlight and the sun."""
+
+LAMP_SHADE = "lamp_shade"
+"""Material of what hangs under the ceilings."""
+
+_SUN_FAR_M = 12.0
+_SUN_DIRECTIONS: tuple[Vector, ...] = ((-0.6, 0.35, -0.62), (0.6, 0.35, -0.62))
+_BELOW_CEILING_M = 0.4
+_WIDE_M2 = 24.0
+_SHADE_M = 0.09
+_NEAR, _FADE = 0.7, 1.2
+"""Of lamps' light: at the corner of its room about half is left."""
+_DAY = APPEARANCES[DAY]
+
+
+def light_lines(world: World) -> Iterator[str]:
+    """The sun and the lamps by day, as MJCF."""
+    direction = _sun_direction(world)
+    (x, y, z), far = _middle(world), max(_SUN_FAR_M, 2 * reach_m(world))
+    # A directional light's map of shadows lies where its axis runs: through the building's middle.
+    place = numbers(x - far * direction[0], y - far * direction[1], z - far * direction[2])
+    sun = f'dir="{numbers(*direction)}" diffuse="{numbers(*_DAY.sun)}" specular="0 0 0"'
+    yield f'    <light name="sun" directional="true" castshadow="true" pos="{place}" {sun}/>'
+    # A spot that is open all round; MuJoCo draws nothing of lights of the type `point`.
+    shine = f'cutoff="180" exponent="0" diffuse="{numbers(*_DAY.lamps)}" castshadow="false" specular="0 0 0"'
+    for index, (x, y, far) in enumerate(lamp_spots(world)):
+        at = numbers(x, y, world.floorplan.ceiling_height_m - _BELOW_CEILING_M)
+        # Lamps shine through walls, as lights without shadows do: those of small rooms do not reach far.
+        fade = f"{_NEAR:g} 0 {numbers(_FADE / far**2)}"
+        yield f'    <light name="lamp_{index}" pos="{at}" dir="0 0 -1" attenuation="{fade}" {shine}/>'
+
+
+def reach_m(world: World) -> float:
+    """From the middle of a building to its corners."""
+    xs, ys = zip(*world.floorplan.footprint, strict=True)
+    return hypot(max(xs) - min(xs), max(ys) - min(ys)) / 2
+
+
+def _middle(world: World) -> Vector:
+    xs, ys = zip(*world.floorplan.footprint, strict=True)
+    return (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2, world.floorplan.ceiling_height_m / 2
+
+
+def _sun_direction(world: World) -> Vector:
+    """From the south-east or the south-west: where there is more glass."""
+    east = west = 0.0
+    for face in faces(world):
+        for _, (low, high) in windows_in(face.wall, world):
+            if not face.along_x:
+                east, west = east + (high - low) * (face.inward < 0), west + (high - low) * (face.inward > 0)
+    return _SUN_DIRECTIONS[0] if east >= west else _SUN_DIRECTIONS[1]
+
+
+def lamp_spots(world: World) -> list[Vector]:
+    """Where lamps hang, and how far their corners are.
+
+    One in each room, the largest first, and a second one in wide rooms while lights are left.
+    """
+    rooms = sorted(world.floorplan.rooms, key=lambda room: -room.area_m2)[:MOST_LAMPS]
+    left = MOST_LAMPS - len(rooms)
+    spots: list[Vector] = []
+    for room in rooms:
+        twice = left > 0 and room.area_m2 >= _WIDE_M2
+        left -= twice
+        spots += _spots(room, 2 if twice else 1)
+    return spots
+
+
+def _spots(room: Room, count: int) -> list[Vector]:
+    """Spots along the middle of a room's largest rectangle."""
+    x0, y0, x1, y1 = max(room_rects(room).tolist(), key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
+    x, y, wide, deep = (x0 + x1) / 2, (y0 + y1) / 2, x1 - x0, y1 - y0
+    if count == 1:
+        return [(x, y, hypot(wide, deep) / 2)]
+    far = hypot(max(wide, deep) / 2, min(wide, deep)) / 2
+    shares = (0.28, 0.72)
+    return [(x0 + share * wide, y, far) if wide > deep else (x, y0 + share * deep, far) for share in shares]
+
+
+def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
+    """A bowl under the ceiling for each lamp, open at the top like the ceilings."""
+    profile = ((0.0, 0.0), (0.1, 0.012), (0.17, 0.04), (0.2, _SHADE_M))
+    bowl = turned(profile, 16)
+    for index, (x, y, _) in enumerate(lamp_spots(world)):
+        place = (x, y, world.floorplan.ceiling_height_m - _SHADE_M)
+        look = f'material="{LAMP_SHADE}"'
+        yield Ornament(f"lamp_{index}", "mesh", place, (), look, mesh="lamp"), bowl if index == 0 else None
+
+
+def material_lines() -> Iterator[str]:
+    """The materials of ceilings and lamp shades, which shine, by day."""
+    for name, color, shine in (("ceiling", rgb("f5f2ed"), _DAY.ceiling), (LAMP_SHADE, rgb("fbf3df"), _DAY.shades)):
+        yield f'    <material name="{name}" rgba="{numbers(*color)}" emission="{shine:g}" specular="0"/>'

@@ -1,0 +1,147 @@
+"""Windows one looks out of: what is drawn of a wall leaves them open, and frames stand in them.
+
+The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
+sun out of MuJoCo's pictures.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from ....schemas.worlds.world import Wall, World
+from ..geometry.parts import Color, Span, Vector, rgb
+from ..materials.textures import texture_size_m
+from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, color_look, joined, sheet
+from .faces import Face, faces, wall_span, window_heights, windows_in
+
+Rectangle = tuple[float, float, float, float]
+"""Low, bottom, high, top: along a wall and upwards."""
+
+LAID = "_laid"
+"""Ends the names of materials for meshes, which have places on the picture of their own."""
+
+_FRAME = rgb("f7f7f3")
+_SILL = rgb("efeee9")
+_PROFILE_M = 0.055
+_FRAME_DEPTH_M = 0.07
+_MULLION_FROM_M = 1.1
+_SILL_OUT_M = 0.035
+_SILL_THICK_M = 0.025
+_CELL_M = 0.7
+
+
+def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float, float, str]]:
+    """A wall as one box, or as two where its faces differ: name, shift of the middle, half thickness, surface.
+
+    Args:
+        wall: the wall.
+        sides: surfaces of its right and left face, looking from its start to its end.
+    """
+    right, left = sides
+    if (wall.end[0] - wall.start[0]) + (wall.end[1] - wall.start[1]) < 0:
+        right, left = left, right
+    if right == left:
+        yield "", 0.0, wall.thickness_m / 2, right
+        return
+    quarter = wall.thickness_m / 4
+    yield "_right", -quarter, quarter, right
+    yield "_left", quarter, quarter, left
+
+
+def pierced_wall(
+    number: int, wall: Wall, sides: tuple[str, str], world: World
+) -> Iterator[tuple[Ornament, Mesh | None]]:
+    """What is drawn of a wall with windows, and the meshes of patterned halves.
+
+    A pattern has to go on from piece to piece, which boxes with pictures of their own do not do.
+    """
+    along_x, at, span = wall_span(wall)
+    pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))
+    quat = ALONG_X if along_x else ALONG_Y
+    for suffix, shift, half, surface in wall_halves(wall, sides):
+        size_m = texture_size_m(surface)
+        look = f'material="{surface}{LAID if size_m else ""}"'
+        name = f"wall_{number}{suffix}_seen"
+        # Along y, the axes along and through of the wall's frame are y and x.
+        across = at + shift if along_x else at - shift
+        if size_m is not None:
+            place = (0.0, across, 0.0) if along_x else (across, 0.0, 0.0)
+            yield Ornament(name, "mesh", place, (), look, quat, name), _patterned(pieces, half, size_m)
+            continue
+        for index, (low, bottom, high, top) in enumerate(pieces):
+            middle, z = (low + high) / 2, (bottom + top) / 2
+            center = (middle, across, z) if along_x else (across, middle, z)
+            size = ((high - low) / 2, (top - bottom) / 2, half)
+            yield Ornament(f"{name}_{index}", "box", center, size, look, quat), None
+
+
+def _around(span: Span, height: float, windows: Sequence[tuple[int, Span]], up: Span) -> list[Rectangle]:
+    """The rectangles that are left of a wall."""
+    ends = [span[0], *(end for _, sides in windows for end in sides), span[1]]
+    pieces = [(low, 0.0, high, height) for low, high in list(pairwise(ends))[::2] if high > low]
+    for _, (low, high) in windows:
+        pieces += [(low, 0.0, high, up[0]), (low, up[1], high, height)]
+    return pieces
+
+
+def _patterned(pieces: Sequence[Rectangle], half: float, size_m: tuple[float, float]) -> Mesh:
+    """Boxes with a picture that goes on from one to the next; axes are along, up, through."""
+    vertices, triangles = joined(part for piece in pieces for part in _box(piece, half))
+    normals = _normals(vertices, triangles)
+    sideways, level = np.abs(normals[:, 0]) > 0.5, np.abs(normals[:, 1]) > 0.5
+    right = np.where(sideways, vertices[:, 2], vertices[:, 0]) / size_m[0]
+    # MuJoCo counts rows of pictures from the top.
+    up = -np.where(level, vertices[:, 2], vertices[:, 1]) / size_m[1]
+    return Mesh(vertices, triangles, np.stack([right, up], axis=1))
+
+
+def _box(piece: Rectangle, half: float) -> Iterator[tuple[Floats, np.ndarray]]:
+    low, bottom, high, top = piece
+    wide, tall, deep = high - low, top - bottom, 2 * half
+    cells = max(1, round(wide / _CELL_M)), max(1, round(tall / _CELL_M))
+    x, y, z = (wide, 0.0, 0.0), (0.0, tall, 0.0), (0.0, 0.0, deep)
+    back: Vector = (-wide, 0.0, 0.0)
+    yield sheet((low, bottom, half), x, y, cells)
+    yield sheet((high, bottom, -half), back, y, cells)
+    yield sheet((low, bottom, -half), z, y, (1, 1))
+    yield sheet((high, bottom, half), (0.0, 0.0, -deep), y, (1, 1))
+    yield sheet((low, top, half), x, (0.0, 0.0, -deep), (1, 1))
+    yield sheet((low, bottom, -half), x, z, (1, 1))
+
+
+def _normals(vertices: Floats, triangles: np.ndarray) -> Floats:
+    """Of flat pieces whose vertices are their own: one a vertex."""
+    a, b, c = (vertices[triangles[:, index]] for index in range(3))
+    across = np.cross(b - a, c - a)
+    normals = np.zeros_like(vertices)
+    normals[triangles.ravel()] = np.repeat(across / np.linalg.norm(across, axis=1, keepdims=True), 3, axis=0)
+    return normals
+
+
+def window_frames(world: World) -> Iterator[Ornament]:
+    """Frames, crossbars and sills."""
+    up = window_heights(world)
+    for face in faces(world):
+        for number, span in windows_in(face.wall, world):
+            for name, along, off, high, color in _bars(face, span, up):
+                center, half = face.box(along, off, high)
+                yield Ornament(f"window_{number}_{name}", "box", center, half, color_look(color))
+
+
+def _bars(face: Face, span: Span, up: Span) -> Iterator[tuple[str, Span, Span, Span, Color]]:
+    low, high = span
+    middle = -0.6 * face.wall.thickness_m
+    depth = (middle - _FRAME_DEPTH_M / 2, middle + _FRAME_DEPTH_M / 2)
+    inner = (up[0] + _PROFILE_M, up[1] - _PROFILE_M)
+    yield "frame_left", (low, low + _PROFILE_M), depth, up, _FRAME
+    yield "frame_right", (high - _PROFILE_M, high), depth, up, _FRAME
+    yield "frame_foot", (low + _PROFILE_M, high - _PROFILE_M), depth, (up[0], inner[0]), _FRAME
+    yield "frame_head", (low + _PROFILE_M, high - _PROFILE_M), depth, (inner[1], up[1]), _FRAME
+    sashes = 1 if high - low < _MULLION_FROM_M else 2
+    for index in range(1, sashes):
+        at = low + index * (high - low) / sashes
+        yield f"frame_bar_{index}", (at - _PROFILE_M / 2, at + _PROFILE_M / 2), depth, inner, _FRAME
+    yield (
+        "sill", (low - 0.03, high + 0.03), (depth[1], _SILL_OUT_M), (up[0] - 0.003, up[0] + _SILL_THICK_M), _SILL,
+    )  # fmt: skip

@@ -1,0 +1,209 @@
+"""Reads shapes and texts of a DXF file: its model space, layers that are on, and what blocks hold."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from io import BytesIO
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import Point
+from .dxf_doors import DoorError, Swing, belongs, doorways
+from .shapes import Drawing, Kind, Label, Shape, kind_of
+
+if TYPE_CHECKING:
+    from ezdxf import document as documents
+
+# ezdxf knows the attributes of entities at run time only.
+Entity = Any
+
+_TEXTS = ("TEXT", "MTEXT", "ATTRIB")
+_WAYS: tuple[Kind, ...] = ("door", "opening", "window")
+_DEEPEST = 8
+_MOST_ENTITIES = 100_000
+
+
+class Part(NamedTuple):
+    """One entity, or a piece of one."""
+
+    place: str
+    words: tuple[str, ...]
+    points: list[Point]
+    closed: bool
+    curved: bool
+    swing: Swing | None
+
+
+def read_dxf(content: bytes, name: str) -> Drawing:
+    """Reads a drawing.
+
+    Args:
+        content: the file's bytes.
+        name: what errors call it.
+
+    Raises:
+        ConfigurationError: it is no DXF, ezdxf is not installed, or a door in it cannot be read.
+    """
+    try:
+        from ezdxf import units
+        from ezdxf.enums import InsertUnits
+        from ezdxf.lldxf.const import DXFError
+    except ImportError as error:
+        raise ConfigurationError(
+            f"{name}: ezdxf, which reads DXF files, is not installed: pip install 'prefect-robomaker[dxf]'"
+        ) from error
+    # The reader takes any bytes, and finds nothing in them.
+    if b"SECTION" not in content:
+        what = "DWG; the same drawing, saved as DXF, would be right" if content.startswith(b"AC1") else "not DXF"
+        raise ConfigurationError(f"{name}: this is {what}")
+    try:
+        document = _document(content)
+    except (DXFError, ValueError, KeyError, IndexError, AttributeError, TypeError) as error:
+        raise ConfigurationError(f"{name}: this is DXF that cannot be read: {error}") from error
+    reader = _Reader(document, name)
+    reader.walk(document.modelspace(), (), 0)
+    # $INSUNITS; 0 says nothing. ezdxf's inch is 0.0254000000001016 m.
+    factor = units.conversion_factor(InsertUnits(document.units), InsertUnits.Meters) if document.units else None
+    left_out = [f"{count} {what}" for what, count in reader.unread.items()]
+    return Drawing(reader.shapes, reader.labels, factor and float(f"{factor:.9g}"), left_out=left_out)
+
+
+def _document(content: bytes) -> "documents.Drawing":
+    from ezdxf import document as documents
+    from ezdxf import recover
+    from ezdxf.lldxf.tagger import binary_tags_loader
+
+    if content.startswith(b"AutoCAD Binary DXF"):
+        return documents.Drawing.load(binary_tags_loader(content))
+    document, _ = recover.read(BytesIO(content))
+    return document
+
+
+class _Reader:
+    """Walks through the entities of a drawing and of its blocks."""
+
+    def __init__(self, document: "documents.Drawing", name: str) -> None:
+        self._layers = document.layers
+        self._name = name
+        self._count = 0
+        self.unread: Counter[str] = Counter()
+        self.shapes: list[Shape] = []
+        self.labels: list[Label] = []
+
+    def walk(self, entities: Iterable[Entity], around: tuple[str, ...], depth: int) -> None:
+        """Takes the shapes of entities; a block that is no door, opening or window is what it holds."""
+        doors: list[Part] = []
+        for entity in self._visible(entities):
+            words = (entity.dxf.layer, *around)
+            if entity.dxftype() in _TEXTS:
+                self._text(entity)
+            elif entity.dxftype() == "INSERT":
+                for each in self._visible(entity.multi_insert()) if entity.mcount > 1 else [entity]:
+                    self._block(each, words, depth)
+            elif _kind(words) == "door":
+                doors += self._parts(entity, words, _place(entity))
+            else:
+                self.shapes += [_shape(part) for part in self._parts(entity, words, _place(entity))]
+        self._doors(doors, one=False)
+
+    def _visible(self, entities: Iterable[Entity]) -> Iterator[Entity]:
+        for entity in entities:
+            self._count += 1
+            if self._count > _MOST_ENTITIES:
+                raise ConfigurationError(
+                    f"{self._name}: it has more than {_MOST_ENTITIES:,} entities, those in blocks too"
+                )
+            layer: Entity = self._layers.get(entity.dxf.layer) if entity.dxf.layer in self._layers else None
+            if not entity.dxf.invisible and (layer is None or (layer.is_on() and not layer.is_frozen())):
+                yield entity
+
+    def _text(self, entity: Entity) -> None:
+        lines = entity.plain_text()
+        at = entity.dxf.insert
+        if entity.dxf.hasattr("halign") and entity.dxf.halign and entity.dxf.hasattr("align_point"):
+            at = entity.dxf.align_point
+        at = at if entity.dxftype() == "MTEXT" else entity.ocs().to_wcs(at)
+        if text := " ".join(lines.split()):
+            self.labels.append(Label((at.x, at.y), text))
+
+    def _block(self, insert: Entity, words: tuple[str, ...], depth: int) -> None:
+        for text in self._visible(insert.attribs):
+            self._text(text)
+        if insert.block() is None or depth > _DEEPEST:
+            self.unread[f'{insert.dxftype()} of "{insert.dxf.name}"'] += 1
+            return
+        # Names of blocks say what doors are, but not what rooms are: "room tag" is a name of blocks for texts.
+        named = (insert.dxf.name, *words)
+        kind = _kind((insert.dxf.name,)) or _kind(words)
+        if kind not in _WAYS:
+            self.walk(insert.virtual_entities(), words, depth + 1)
+            return
+        place = f'INSERT {insert.dxf.handle} of "{insert.dxf.name}" on layer "{insert.dxf.layer}"'
+        parts = [part for each in self._visible(insert.virtual_entities()) for part in self._parts(each, named, place)]
+        if kind == "door":
+            self._doors(parts, one=True)
+        elif parts:
+            self.shapes.append(_box(parts, kind))
+
+    def _doors(self, parts: list[Part], *, one: bool) -> None:
+        """Takes doors of what is drawn of them: with a leaf and its swing, or as a line or shape along the wall.
+
+        Args:
+            parts: what is drawn, of one block or of a layer.
+            one: whether it is one door.
+        """
+        swings = {part.swing: part for part in parts if part.swing}
+        lines = [part for part in parts if not part.swing]
+        try:
+            ways = list(doorways(list(swings), [line.points for line in lines]))
+        except DoorError as error:
+            raise ConfigurationError(f"{self._name}: {swings[error.swing].place}: {error}") from None
+        self.shapes += [_shape(swings[swing]._replace(points=[*ends], curved=False), "door") for swing, ends in ways]
+        if one and lines and not swings:
+            self.shapes.append(_box(lines, "door"))
+        elif not one:
+            self.shapes += [_shape(line, "door") for line in lines if not belongs(line.points, swings)]
+
+    def _parts(self, entity: Entity, words: tuple[str, ...], place: str) -> list[Part]:
+        """An entity as lines and arcs; none of one that has no outline."""
+        from ezdxf.path import make_path
+
+        if entity.dxftype() in ("LWPOLYLINE", "POLYLINE") and entity.has_arc and _kind(words) == "door":
+            return [part for each in entity.virtual_entities() for part in self._parts(each, words, place)]
+        try:
+            path = make_path(entity)
+        except TypeError:
+            self.unread[f'{entity.dxftype()} on layer "{entity.dxf.layer}"'] += 1
+            return []
+        points = [(at.x, at.y) for at in (path.start, *(command.end for command in path.commands()))]
+        closed = len(points) > 3 and path.is_closed
+        swing = None
+        if entity.dxftype() == "ARC":
+            hinge = entity.ocs().to_wcs(entity.dxf.center)
+            swing = Swing((hinge.x, hinge.y), (points[0], points[-1]))
+        points = points[:-1] if closed else points
+        return [Part(place, words, points, closed, path.has_curves, swing)] if len(points) > 1 else []
+
+
+def _kind(words: tuple[str, ...]) -> Kind | None:
+    return kind_of(Shape((), False, False, "", words, {}, ""), ())
+
+
+def _place(entity: Entity) -> str:
+    """What errors call an entity: its handle is what CAD programs find it by."""
+    return f'{entity.dxftype()} {entity.dxf.handle} on layer "{entity.dxf.layer}"'
+
+
+def _shape(part: Part, kind: Kind | None = None) -> Shape:
+    """A part as a shape; only doors, openings and windows have names, those of rooms are texts in them."""
+    kind = kind or _kind(part.words)
+    name = part.place if kind in _WAYS else ""
+    words = (kind, *part.words) if kind else part.words
+    return Shape(tuple(part.points), part.closed, part.curved, name, words, {}, part.place)
+
+
+def _box(parts: Sequence[Part], kind: Kind) -> Shape:
+    """The extent of a block."""
+    xs, ys = zip(*(point for part in parts for point in part.points), strict=True)
+    west, south, east, north = min(xs), min(ys), max(xs), max(ys)
+    corners = [(west, south), (east, south), (east, north), (west, north)]
+    return _shape(parts[0]._replace(points=corners, closed=True, curved=False), kind)

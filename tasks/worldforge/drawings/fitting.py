@@ -1,0 +1,169 @@
+"""Puts drawn doors, openings and windows into the walls that they were drawn in."""
+
+from collections.abc import Sequence
+from typing import NamedTuple, TypeVar
+
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import PassageKind, Point, Preference, PreferenceOutcome
+from ..floorplans.connections import Way
+from ..floorplans.partition import UNITS_PER_M, Contact
+from ..floorplans.walls import Pane, Side
+from .squaring import Lines
+from .walls import Walls
+
+_REACH = 8
+"""How far from a wall's centre line what is drawn in it may lie, in units."""
+_LEAST: dict[PassageKind, int] = {"Doorway": 17, "Opening": 16}
+"""Least widths of ways, in units: 0.8 m stay clear, beside an open leaf, too."""
+_NARROWEST_M = 0.5
+_LEAST_WINDOW = 8
+
+
+Wall = TypeVar("Wall", Contact, Side)
+
+
+class DrawnWay(NamedTuple):
+    """A door, an opening or a window: its two sides, in metres."""
+
+    name: str
+    kind: PassageKind
+    ends: tuple[Point, Point]
+    percent: float | None = None
+    """How far a door is open; None: the drawing does not say."""
+
+
+class FittedWay(NamedTuple):
+    """A way, and how far its door is open."""
+
+    way: Way
+    percent: float | None
+
+
+class _Place(NamedTuple):
+    """What was drawn, on a line of walls, in units."""
+
+    horizontal: bool
+    at: float
+    start: float
+    end: float
+
+    def off(self, horizontal: bool, at: int, start: int, end: int) -> float | None:
+        """How far it lies from a wall; None if it lies beside it."""
+        shared = min(end, self.end) - max(start, self.start)
+        if horizontal != self.horizontal or shared < (self.end - self.start) / 2 or abs(at - self.at) > _REACH:
+            return None
+        return abs(at - self.at)
+
+
+def fit_way(
+    drawn: DrawnWay, walls: Walls, moved: tuple[Lines, Lines], names: Sequence[str], file: str, ways: Sequence[Way]
+) -> tuple[Way | None, Preference]:
+    """Puts a door or an opening into the wall between two rooms.
+
+    Args:
+        drawn: what was drawn.
+        walls: the walls.
+        moved: where coordinates of the drawing went.
+        names: of the rooms.
+        file: the drawing.
+        ways: those that are in walls already.
+
+    Returns:
+        The way, and how far it is as drawn; no way for a door to the outside.
+
+    Raises:
+        ConfigurationError: it lies in no wall, or does not fit there.
+    """
+    what = "opening" if drawn.kind == "Opening" else "door"
+    places = _places(drawn, moved)
+    width_m = max(place.end - place.start for place in places) / UNITS_PER_M
+    wish = f"{what} {drawn.name} of {width_m:.2f} m"
+    inner = _nearest(places, [(each[2:], each) for each in walls.contacts])
+    outer = _nearest(places, [(side[:4], side) for side in walls.sides])
+    if inner is None or (outer is not None and outer[1] < inner[1]):
+        if outer is None:
+            raise ConfigurationError(
+                f"{file}: {wish}: it lies in no wall of a room; draw it in a wall between two rooms"
+            )
+        reason = f"it leads out of {names[outer[2][4]]}, and worlds end at their outer walls"
+        return None, _told(file, drawn.name, wish, "missed", reason)
+    place, _, contact = inner
+    if width_m < _NARROWEST_M:
+        raise ConfigurationError(f"{file}: {wish}: it is narrower than {_NARROWEST_M:g} m; is the scale right?")
+    pair = (min(contact.low, contact.high), max(contact.low, contact.high))
+    between = f"between {names[pair[0]]} and {names[pair[1]]}"
+    width = max(_LEAST[drawn.kind], round(place.end - place.start))
+    low, high = walls.clear_span(contact)
+    if high - low < width and drawn.kind == "Opening":  # from corner to corner
+        width = max(_LEAST["Opening"], high - low)
+    if high - low < width:
+        raise ConfigurationError(
+            f"{file}: {wish} {between}: their wall has {(high - low) / UNITS_PER_M:.2f} m between its corners, and a "
+            f"{what} takes {width / UNITS_PER_M:.2f} m"
+        )
+    start = round((place.start + place.end - width) / 2)
+    start = min(max(start, low), high - width)
+    way = Way(pair, contact, drawn.kind, start, start + width, True)
+    if any(each.contact == contact and each.start < way.end and way.start < each.end for each in ways):
+        raise ConfigurationError(f"{file}: {wish} {between}: another door or opening is there")
+    as_drawn = abs(width / UNITS_PER_M - width_m) <= 0.5 / UNITS_PER_M + 1e-6
+    reason = f"it is {width / UNITS_PER_M:.2f} m wide here, so that 0.8 m stay clear"
+    return way, _told(file, drawn.name, f"{wish} {between}", *(("satisfied", "") if as_drawn else ("missed", reason)))
+
+
+def fit_window(
+    drawn: DrawnWay, sides: Sequence[Side], moved: tuple[Lines, Lines], file: str
+) -> tuple[Pane | None, Preference]:
+    """Puts a window into an outer wall, as far as it fits there.
+
+    Args:
+        drawn: what was drawn.
+        sides: the outer walls.
+        moved: where coordinates of the drawing went.
+        file: the drawing.
+    """
+    places = _places(drawn, moved)
+    wish = f"window {drawn.name} of {max(each.end - each.start for each in places) / UNITS_PER_M:.2f} m"
+    found = _nearest(places, [(side[:4], side) for side in sides])
+    if found is None:
+        return None, _told(file, drawn.name, wish, "missed", "it lies in no outer wall")
+    place, _, (horizontal, at, low, high, room, _) = found
+    start, end = max(round(place.start), low + 2), min(round(place.end), high - 2)
+    if end - start < _LEAST_WINDOW:
+        return None, _told(file, drawn.name, wish, "missed", "its wall has no 0.4 m for it between the corners")
+    return Pane(horizontal, at, start, end, room), _told(file, drawn.name, wish, "satisfied", "")
+
+
+def _places(drawn: DrawnWay, moved: tuple[Lines, Lines]) -> list[_Place]:
+    """Where it may lie: along its longer side; along either where both are about as long."""
+    (x0, x1), (y0, y1) = (_span(lines, drawn.ends[0][axis], drawn.ends[1][axis]) for axis, lines in enumerate(moved))
+    along, up = x1 - x0, y1 - y0
+    level = [_Place(True, (y0 + y1) / 2, x0, x1)] if along >= up else []
+    upright = [_Place(False, (x0 + x1) / 2, y0, y1)] if up >= along else []
+    return [*level, *upright]
+
+
+def _span(lines: Lines, one: float, other: float) -> tuple[float, float]:
+    """As wide as it is drawn, around where its middle went."""
+    middle, half = lines.place((one + other) / 2), abs(one - other) / 2 * UNITS_PER_M
+    return middle - half, middle + half
+
+
+def _nearest(
+    places: Sequence[_Place], walls: Sequence[tuple[tuple[bool, int, int, int], Wall]]
+) -> tuple[_Place, float, Wall] | None:
+    """The wall nearest to where something was drawn, and how far off it lies; None if it lies in none."""
+    found: list[tuple[float, int, _Place]] = []
+    for index, (line, _) in enumerate(walls):
+        for place in places:
+            off = place.off(*line)
+            if off is not None:
+                found.append((off, index, place))
+    if not found:
+        return None
+    off, index, place = min(found)
+    return place, off, walls[index][1]
+
+
+def _told(file: str, name: str, wish: str, outcome: PreferenceOutcome, reason: str) -> Preference:
+    return Preference(path=f"{file}#{name}", wish=wish, outcome=outcome, reason=reason)

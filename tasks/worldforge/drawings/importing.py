@@ -1,0 +1,114 @@
+"""Makes a furnished, proved world of a drawing."""
+
+import hashlib
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from ....schemas.templates.body import TemplateBuilding, TemplateFloor, WorldTemplateBody
+from ....schemas.templates.drawing_notes import DrawingNotes
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import DrawingForm, DrawnSource, World
+from ..generator import furnish_and_prove
+from .dxf import read_dxf
+from .nav2_map import map_files, read_nav2_map
+from .plan import MadePlan, make_plan
+from .reading import metres_per_unit, read_plan
+from .shapes import Drawing
+from .svg import read_svg
+
+MOST_BYTES = 20 * 1024 * 1024
+
+Reader = Callable[[bytes, str], Drawing]
+
+READERS: Mapping[str, tuple[DrawingForm, Reader]] = {".svg": ("svg", read_svg), ".dxf": ("dxf", read_dxf)}
+"""What reads a file, by the end of its name."""
+
+MAPS = (".yaml", ".yml")
+"""Ends of the names of maps."""
+
+
+class Source(NamedTuple):
+    """The files that a world is made of."""
+
+    drawing: Path
+    notes: Path | None = None
+    """The YAML file that the notes were read from."""
+
+
+def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool = True) -> World:
+    """Makes a world of a drawing: its plan is the drawing's, its interior is chosen as in generated worlds.
+
+    Args:
+        source: the drawing and the file of notes.
+        notes: what the drawing does not say.
+        seed: of materials, furniture and, where none are drawn, windows; the same files and seed give the same world.
+        settle: whether physics runs for two seconds to see that loose objects stay.
+
+    Raises:
+        ConfigurationError: the file cannot be read, or draws no plan that a world can have.
+        WorldGenerationError: no interior passed the checks.
+    """
+    read = _read(source.drawing)
+    scale = metres_per_unit(read.drawing, notes.scale, source.drawing.name)
+    plan, left_out = read_plan(read.drawing, scale, notes, source.drawing.name)
+    made = make_plan(plan, notes.ceilingHeight, seed)
+    origin = DrawnSource(
+        file=source.drawing.name,
+        sha256=read.sha256,
+        form=read.form,
+        metres_per_unit=read.cell_m or scale,
+        outlines="faces" if made.on_faces else "centres",
+        notes_sha256=hashlib.sha256(source.notes.read_bytes()).hexdigest() if source.notes else None,
+        left_out=[*left_out, *read.drawing.left_out],
+    )
+    return furnish_and_prove(
+        _body(notes), made.floorplan, (seed, seed), settle=settle, finish=lambda world: _finished(world, made, origin)
+    )
+
+
+class _Read(NamedTuple):
+    """A file that was read."""
+
+    form: DrawingForm
+    drawing: Drawing
+    sha256: str
+    cell_m: float | None = None
+
+
+def _read(path: Path) -> _Read:
+    if path.suffix.lower() in MAPS:
+        drawing, cell_m = read_nav2_map(path)
+        digest = hashlib.sha256(b"".join(_content(each) for each in map_files(path))).hexdigest()
+        return _Read("nav2-map", drawing, digest, cell_m)
+    if path.suffix.lower() not in READERS:
+        known = ", ".join([*READERS, f"{MAPS[0]} for a map"])
+        raise ConfigurationError(f"{path}: a file that ends with {known} would be right")
+    form, reader = READERS[path.suffix.lower()]
+    content = _content(path)
+    return _Read(form, reader(content, path.name), hashlib.sha256(content).hexdigest())
+
+
+def _finished(world: World, made: MadePlan, source: DrawnSource) -> World:
+    """The world with its doors as far open as they were drawn."""
+    passages = [
+        passage.model_copy(update={"door": passage.door.model_copy(update={"open_percent": made.open_percents[index]})})
+        if passage.door and index in made.open_percents
+        else passage
+        for index, passage in enumerate(world.floorplan.passages)
+    ]
+    plan = world.floorplan.model_copy(update={"passages": passages})
+    return world.model_copy(update={"floorplan": plan, "source": source})
+
+
+def _body(notes: DrawingNotes) -> WorldTemplateBody:
+    return WorldTemplateBody(Version="2", Buildings=[TemplateBuilding(Floors=[TemplateFloor(Interior=notes.interior)])])
+
+
+def _content(path: Path) -> bytes:
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ConfigurationError(f"{path}: it is larger than {MOST_BYTES // 2**20} MiB")
+        return path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError(f"{path}: it cannot be read: {error.strerror}") from error

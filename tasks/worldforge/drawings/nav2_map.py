@@ -1,0 +1,221 @@
+"""Reads a map of Nav2's map server as a drawing, coarsely: rooms are what its free space falls into at its narrows.
+
+A map says nothing of names: rooms are `area-1`, the largest, `area-2` and so on, and their types are guesses by size.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from scipy import ndimage
+
+from ....schemas.specs.text import parse, plain
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import Point, RoomType
+from ..floorplans.partition import Corners
+from .outline import outline_of, room_units
+from .shapes import Drawing, Shape
+
+Cells = NDArray[np.bool_]
+
+_NARROW_M = 0.55
+"""Half the width of the widest door: where free space is narrower, one room ends and another begins."""
+_LEAST_CORE_M2 = 0.05
+_LEAST_ROOM_M2 = 1.5
+_STRAIGHT_M = 0.2
+"""Edges of a room that are nearer than this to a longer one are on its line."""
+_DOOR_M = 1.3
+"""What is wider is an opening."""
+_MOST_CELLS = 4_000_000
+_MOST_CORNERS = 24
+_LONG = 2.5
+
+
+class _Map(NamedTuple):
+    """Free cells, rows from south to north."""
+
+    free: Cells
+    resolution_m: float
+    origin: Point
+
+    def point(self, x: float, y: float) -> Point:
+        """A corner of cells in metres."""
+        return self.origin[0] + x * self.resolution_m, self.origin[1] + y * self.resolution_m
+
+
+def read_nav2_map(path: Path) -> tuple[Drawing, float]:
+    """Reads a map.
+
+    Args:
+        path: its `map.yaml`.
+
+    Returns:
+        A drawing in metres, and the side of a cell.
+
+    Raises:
+        ConfigurationError: it cannot be read, or has no rooms.
+    """
+    read = _read(path)
+    regions = _regions(read, path.name)
+    areas = [int(np.count_nonzero(regions == number)) for number in range(1, int(regions.max(initial=0)) + 1)]
+    order = [number + 1 for number in np.argsort(areas)[::-1].tolist()]
+    outlines = [_outline(regions == number, read, path.name) for number in order]
+    doors = list(_doors(regions, order, read))
+    rooms = [
+        Shape(
+            tuple(read.point(x, y) for x, y in corners), True, False, f"area-{place}", ("room",),
+            {"type": _guess(corners, place, sum(place in pair for pair, _ in doors))}, f"area-{place}",
+        )
+        for place, corners in enumerate(outlines, 1)
+    ]  # fmt: skip
+    return Drawing([*rooms, *(door for _, door in doors)], [], 1.0, None, _remarks(outlines, read)), read.resolution_m
+
+
+def map_files(path: Path) -> list[Path]:
+    """The files of a map: what `map.yaml` says, and its picture."""
+    said = _document(path)
+    return [path, path.parent / str(said.get("image", ""))]
+
+
+def _document(path: Path) -> dict[str, Any]:
+    try:
+        said = plain(parse(path.read_text(encoding="utf-8"), path.name))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigurationError(f"{path}: it cannot be read: {error}") from error
+    if not isinstance(said, dict) or not {"image", "resolution", "origin"} <= said.keys():
+        raise ConfigurationError(f"{path}: a map has image, resolution and origin; for notes name the drawing itself")
+    return said
+
+
+def _read(path: Path) -> _Map:
+    said = _document(path)
+    picture = path.parent / str(said["image"])
+    try:
+        with Image.open(picture) as image:
+            if image.width * image.height > _MOST_CELLS:
+                raise ConfigurationError(f"{picture}: it has more than {_MOST_CELLS} cells")
+            grey = np.asarray(image.convert("L"), np.float64)[::-1]
+        resolution, x, y = float(said["resolution"]), float(said["origin"][0]), float(said["origin"][1])
+        free_below = float(said.get("free_thresh", 0.196))
+    except (OSError, UnidentifiedImageError) as error:
+        raise ConfigurationError(f"{picture}: it cannot be read: {error}") from error
+    except (TypeError, ValueError, IndexError) as error:
+        raise ConfigurationError(f"{path}: resolution, origin or free_thresh is no number: {error}") from error
+    if not 0.005 <= resolution <= 0.25:
+        raise ConfigurationError(f"{path}: resolution is {resolution:g}; 0.005 to 0.25 m a cell would be right")
+    occupied = grey / 255 if said.get("negate") else (255 - grey) / 255
+    return _Map(occupied < free_below, resolution, (x, y))
+
+
+def _regions(read: _Map, name: str) -> NDArray[np.int64]:
+    """The number of the room that each free cell belongs to, from 1; 0 for none."""
+    size = read.resolution_m
+    depth = np.asarray(ndimage.distance_transform_edt(read.free)) * size
+    found = ndimage.label(depth > _NARROW_M)[0]  # pyright: ignore[reportIndexIssue]
+    cores: NDArray[np.int64] = np.asarray(found).astype(np.int64)
+    large = np.bincount(cores.ravel()) * size**2 >= _LEAST_CORE_M2
+    regions = np.where(large[cores], cores, 0)
+    # All rooms grow at the same pace until they meet, which is in doorways.
+    while True:
+        grown = np.asarray(ndimage.maximum_filter(regions, size=3))
+        fresh = read.free & (regions == 0) & (grown > 0)
+        if not fresh.any():
+            break
+        regions[fresh] = grown[fresh]
+    areas = np.bincount(regions.ravel()) * size**2
+    kept = [number for number in range(1, len(areas)) if areas[number] >= _LEAST_ROOM_M2]
+    if not kept:
+        raise ConfigurationError(f"{name}: the map has no free space as large as a room")
+    numbers = np.zeros(len(areas), np.int64)
+    numbers[kept] = np.arange(1, len(kept) + 1)
+    return numbers[regions]
+
+
+def _outline(cells: Cells, read: _Map, name: str) -> Corners:
+    """The corners of a room in cells, with few and straight edges."""
+    corners = _straight(
+        outline_of(_steps(np.asarray(ndimage.binary_fill_holes(cells)))), round(_STRAIGHT_M / read.resolution_m)
+    )
+    if not 4 <= len(corners) <= _MOST_CORNERS:
+        x, y = read.point(*(float(np.mean(axis)) for axis in np.nonzero(cells)[::-1]))
+        raise ConfigurationError(
+            f"{name}: the room around ({x:.1f}, {y:.1f}) m has {len(corners)} corners; a map of straight walls along "
+            "its rows and columns would be right, with little furniture in it"
+        )
+    return corners
+
+
+def _steps(cells: Cells) -> list[tuple[tuple[int, int], tuple[int, int]]]:
+    """The borders of cells, each with its cell to the left."""
+    level = np.diff(np.pad(cells, ((1, 1), (0, 0))).astype(np.int8), axis=0)
+    upright = np.diff(np.pad(cells, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    east, west, south, north = (np.argwhere(at).tolist() for at in (level > 0, level < 0, upright > 0, upright < 0))
+    return [
+        *(((x, y), (x + 1, y)) for y, x in east),
+        *(((x + 1, y), (x, y)) for y, x in west),
+        *(((x, y + 1), (x, y)) for y, x in south),
+        *(((x, y), (x, y + 1)) for y, x in north),
+    ]
+
+
+def _straight(corners: Corners, near: int) -> Corners:
+    """Moves short edges onto the lines of longer ones."""
+    lines: tuple[dict[int, int], dict[int, int]] = ({}, {})
+    edges = list(zip(corners, [*corners[1:], *corners[:1]], strict=True))
+    for one, other in sorted(edges, key=lambda edge: -abs(edge[0][0] - edge[1][0]) - abs(edge[0][1] - edge[1][1])):
+        axis = 0 if one[0] == other[0] else 1
+        chosen = lines[axis]
+        at = one[axis]
+        chosen.setdefault(at, next((line for line in sorted(chosen.values()) if abs(line - at) <= near), at))
+    moved = [(lines[0][x], lines[1][y]) for x, y in corners]
+    kept = moved
+    while (fewer := _fewer(kept)) != kept:
+        kept = fewer
+    return tuple(kept)
+
+
+def _fewer(corners: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Without corners that are doubled or lie on a straight edge."""
+    apart = [corner for index, corner in enumerate(corners) if corner != corners[index - 1]]
+    return [
+        corner
+        for index, corner in enumerate(apart)
+        if not any(apart[index - 1][axis] == corner[axis] == apart[(index + 1) % len(apart)][axis] for axis in (0, 1))
+    ]
+
+
+def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
+    """Where two rooms meet: the rooms' places in the order, and the line between them."""
+    for place, number in enumerate(order, 1):
+        grown = np.asarray(ndimage.binary_dilation(regions == number))
+        for after, other in enumerate(order[place:], place + 1):
+            labels, count = ndimage.label(grown & (regions == other), np.ones((3, 3)))  # pyright: ignore[reportGeneralTypeIssues]
+            for rows, columns in ndimage.find_objects(labels, count):
+                south_west, north_east = read.point(columns.start, rows.start), read.point(columns.stop, rows.stop)
+                wide = max(north_east[0] - south_west[0], north_east[1] - south_west[1])
+                kind = "door" if wide <= _DOOR_M else "opening"
+                name = f"area-{place} to area-{after}"
+                yield (place, after), Shape((south_west, north_east), True, False, name, (kind,), {}, name)
+
+
+def _guess(corners: Corners, place: int, doors: int) -> RoomType:
+    """The type of a room by its form and its ways: the notes may know better."""
+    xs, ys = zip(*corners, strict=True)
+    short, long = sorted((max(xs) - min(xs), max(ys) - min(ys)))
+    if doors >= 3 and (long >= _LONG * short or len(corners) > 4):
+        return "Hallway"
+    return "Living" if place == 1 else "Bedroom"
+
+
+def _remarks(outlines: Sequence[Corners], read: _Map) -> list[str]:
+    """How much of the free space is in no room."""
+    covered = np.zeros_like(read.free)
+    for corners in outlines:
+        x, y = min(x for x, _ in corners), min(y for _, y in corners)
+        inside = room_units(corners)
+        covered[y : y + inside.shape[0], x : x + inside.shape[1]] |= inside
+    lost = np.count_nonzero(read.free & ~covered) / max(1, np.count_nonzero(read.free))
+    return [f"{lost:.1%} of the map's free cells, which are in no room"]

@@ -1,0 +1,192 @@
+"""Makes the floor plan of a world from what was drawn: rooms, walls, ways, windows, and how far each is as drawn."""
+
+from collections.abc import Sequence
+from random import Random
+from typing import NamedTuple
+
+import numpy as np
+
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import Floorplan, Preference, Room, RoomType
+from ..doors.doors import hang_doors
+from ..floorplans.floorplan import (
+    Spot,
+    Spots,
+    choose_origin,
+    placed_passage,
+    placed_points,
+    placed_wall,
+    placed_window,
+    spots_in,
+)
+from ..floorplans.floors import AREA_TOLERANCE
+from ..floorplans.partition import UNITS_PER_M, Corners, extent
+from ..floorplans.walls import Pane, Piece, windows_along
+from .fitting import DrawnWay, FittedWay, fit_way, fit_window
+from .outline import floor_cells, outline_of, overlap
+from .squaring import Squared, outline_area, square, units_area
+from .walls import Walls
+
+
+class DrawnRoom(NamedTuple):
+    """A room of a drawing, in metres."""
+
+    name: str
+    original: str | None
+    type: RoomType
+    corners: tuple[tuple[float, float], ...]
+
+
+class DrawnPlan(NamedTuple):
+    """What was found in a drawing, in metres."""
+
+    file: str
+    rooms: list[DrawnRoom]
+    ways: list[DrawnWay]
+    windows: list[DrawnWay]
+    on_faces: bool | None
+
+
+class MadePlan(NamedTuple):
+    """A floor plan, and how far its doors are open where the drawing says it."""
+
+    floorplan: Floorplan
+    open_percents: dict[int, float]
+    """By place in `passages`."""
+    on_faces: bool
+
+
+def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
+    """Makes a floor plan.
+
+    Args:
+        drawn: what was drawn.
+        ceiling_m: floor to ceiling.
+        seed: of the windows, where none is drawn.
+
+    Raises:
+        ConfigurationError: rooms overlap or are not joined, or a door lies in no wall.
+    """
+    names = [room.name for room in drawn.rooms]
+    squared = square([room.corners for room in drawn.rooms], drawn.on_faces)
+    _refuse_overlaps(squared.rooms, names, drawn.file)
+    walls = Walls(squared.rooms)
+    told: list[Preference] = []
+    fitted: list[FittedWay] = []
+    for each in drawn.ways:
+        way, preference = fit_way(each, walls, squared.moved, names, drawn.file, [one.way for one in fitted])
+        told.append(preference)
+        fitted += [FittedWay(way, each.percent)] if way else []
+    ways = [one.way for one in fitted]
+    _refuse_apart(names, [way.pair for way in ways], drawn.file)
+    panes, window_report = _windows(drawn, walls, squared, seed)
+    pieces = walls.pieces(ways)
+    spots = [spots_in(corners) for corners in squared.rooms]
+    origin = choose_origin(squared.rooms, [room.type for room in drawn.rooms], ways, spots)
+    whole = walls.pieces([])
+    rooms = [
+        _room(room, squared.rooms[number], spots[number], whole, origin, on_faces=squared.on_faces)
+        for number, room in enumerate(drawn.rooms)
+    ]
+    plan = Floorplan(
+        footprint=placed_points(outline_of(walls.around), origin),
+        ceiling_height_m=ceiling_m,
+        rooms=rooms,
+        walls=[placed_wall(piece, names, origin) for piece in pieces],
+        passages=[placed_passage(way, names, origin) for way in ways],
+        windows=[placed_window(pane, names, origin) for pane in panes],
+        wishes=[],
+    )
+    hung, doorless = hang_doors(plan)
+    for index, why in doorless.items():
+        told.append(_told(drawn.file, f"a door between {' and '.join(plan.passages[index].rooms)}", why))
+    wishes = [*(_area(drawn.file, room) for room in rooms), *told, *window_report]
+    percents = {index: one.percent for index, one in enumerate(fitted) if one.percent is not None}
+    return MadePlan(hung.model_copy(update={"wishes": wishes}), percents, squared.on_faces)
+
+
+def _room(
+    drawn: DrawnRoom, corners: Corners, spots: Spots, pieces: Sequence[Piece], origin: Spot, *, on_faces: bool
+) -> Room:
+    middle = int(spots.clearance.argmax())
+    cells = floor_cells(corners, pieces)
+    rows, columns = np.nonzero(cells)
+    sides = sorted((int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1)) if len(rows) else [1, 1]
+    floor_m2, area_m2 = int(cells.sum()) / UNITS_PER_M**2, units_area(corners)
+    desired_m2 = outline_area(drawn.corners)
+    xs, ys = zip(*drawn.corners, strict=True)
+    span = sorted((max(xs) - min(xs), max(ys) - min(ys)))
+    if not on_faces:  # what was drawn holds the walls' halves
+        desired_m2 -= area_m2 - floor_m2
+        box = extent(corners)
+        lost = (box.x1 - box.x0 + box.y1 - box.y0 - sum(sides)) / 2 / UNITS_PER_M
+        span = [side - lost for side in span]
+    return Room(
+        name=drawn.name,
+        original_name=drawn.original,
+        type=drawn.type,
+        polygon=placed_points(corners, origin),
+        area_m2=area_m2,
+        floor_area_m2=floor_m2,
+        aspect_ratio=round(sides[1] / sides[0], 4),
+        desired_area_m2=round(max(desired_m2, 0.01), 4),
+        desired_aspect_ratio=round(span[1] / span[0], 4),
+        goal=placed_points(((int(spots.x[middle]), int(spots.y[middle])),), origin)[0],
+    )
+
+
+def _windows(drawn: DrawnPlan, walls: Walls, squared: Squared, seed: int) -> tuple[list[Pane], list[Preference]]:
+    """The drawn windows; where none is drawn, those that a generated world would have."""
+    if not drawn.windows:
+        types: list[RoomType] = [room.type for room in drawn.rooms]
+        return windows_along(walls.sides, types, Random(seed)), []  # noqa: S311 (chance, not secrecy)
+    panes: list[Pane] = []
+    told: list[Preference] = []
+    for each in drawn.windows:
+        pane, preference = fit_window(each, walls.sides, squared.moved, drawn.file)
+        told.append(preference)
+        panes += [pane] if pane and not any(_cross(pane, other) for other in panes) else []
+    return panes, told
+
+
+def _cross(one: Pane, other: Pane) -> bool:
+    return (one.horizontal, one.at) == (other.horizontal, other.at) and one.start < other.end and other.start < one.end
+
+
+def _area(file: str, room: Room) -> Preference:
+    made, wished = room.floor_m2, room.desired_area_m2
+    near = abs(made / wished - 1) <= AREA_TOLERANCE
+    reason = "" if near else f"its floor became {made:.1f} m2 on the grid of 5 cm, with walls of 10 and 20 cm"
+    return Preference(
+        path=f"{file}#{room.original_name or room.name}",
+        wish=f"{room.name} of {wished:.1f} m2",
+        outcome="satisfied" if near else "missed",
+        reason=reason,
+    )
+
+
+def _told(file: str, wish: str, reason: str) -> Preference:
+    return Preference(path=file, wish=wish, outcome="missed", reason=reason)
+
+
+def _refuse_overlaps(rooms: Sequence[Corners], names: Sequence[str], file: str) -> None:
+    for number, corners in enumerate(rooms):
+        if len(corners) < 4:
+            raise ConfigurationError(f"{file}: {names[number]}: it is narrower than a wall; is the scale right?")
+    found = overlap(rooms)
+    if found is not None:
+        one, other, square_metres = found
+        raise ConfigurationError(
+            f"{file}: {names[one]} and {names[other]} overlap by {square_metres:.2f} m2; rooms that touch, or that "
+            "have a gap of a wall's thickness between them, would be right"
+        )
+
+
+def _refuse_apart(names: Sequence[str], pairs: Sequence[tuple[int, int]], file: str) -> None:
+    joined = {0}
+    while grown := {room for pair in pairs if joined & {*pair} for room in pair} - joined:
+        joined |= grown
+    if apart := [name for number, name in enumerate(names) if number not in joined]:
+        raise ConfigurationError(
+            f"{file}: no door or opening leads from {names[0]} to {', '.join(apart)}; draw one in a wall between rooms"
+        )

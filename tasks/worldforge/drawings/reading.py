@@ -1,0 +1,165 @@
+"""Finds rooms, doors and windows among the shapes of a drawing."""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+
+from ....schemas.templates.drawing_notes import DrawingNotes
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import ROOM_TYPES, PassageKind, Point, RoomType
+from .fitting import DrawnWay
+from .plan import DrawnPlan, DrawnRoom
+from .shapes import Drawing, Kind, Shape, kind_of, label_of, plain_words, room_type, without_accents
+from .squaring import upright
+
+_LARGEST_M = 100.0
+_SMALLEST_M = 1.5
+_MOST_ROOMS = 60
+_MOST_NAMED = 12
+_SHUT = frozenset(["shut", "closed", "zu", "geschlossen"])
+_OPEN = frozenset(["open", "offen"])
+_STRAIGHT = 0.1
+"""Share of its length by which the ends of an open path may be off an axis, for the path to be drawn along a wall."""
+
+
+def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> float:
+    """The scale of a drawing: as stated beside it, as it says itself, or a unit a metre.
+
+    Args:
+        drawing: the drawing.
+        stated: metres a unit, or a scale on paper such as `1:50`.
+        file: its name.
+
+    Raises:
+        ConfigurationError: with that scale it would be no building.
+    """
+    if isinstance(stated, str):
+        if drawing.paper_m is None:
+            raise ConfigurationError(
+                f"{file}: scale {stated}: the drawing has no size on paper (a width in mm, cm or in, and a viewBox); "
+                "metres a unit, such as 0.01, would be right"
+            )
+        scale = drawing.paper_m * float(stated.partition(":")[2])
+    else:
+        scale = stated or drawing.metres_per_unit or 1.0
+    rooms = [shape for shape in drawing.shapes if kind_of(shape, drawing.labels) == "room"]
+    if rooms:
+        boxes = [shape.box for shape in rooms]
+        width = (max(box[2] for box in boxes) - min(box[0] for box in boxes)) * scale
+        if not _SMALLEST_M <= width <= _LARGEST_M:
+            raise ConfigurationError(
+                f"{file}: at {scale:g} m a unit its rooms are {width:.4g} m wide together; say its scale with --scale: "
+                'metres a unit, such as 0.01, or "1:50" for a drawing with a size on paper'
+            )
+    return scale
+
+
+def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) -> tuple[DrawnPlan, list[str]]:
+    """Finds the plan in a drawing.
+
+    Args:
+        drawing: the drawing.
+        scale: metres a unit.
+        notes: what it does not say.
+        file: its name.
+
+    Returns:
+        The plan, and what was taken for none of it.
+
+    Raises:
+        ConfigurationError: it has no rooms, or a room that no world can have.
+    """
+    found: dict[Kind | None, list[Shape]] = {}
+    for shape in drawing.shapes:
+        found.setdefault(kind_of(shape, drawing.labels), []).append(shape)
+    shapes = found.get("room", [])
+    if not 0 < len(shapes) <= _MOST_ROOMS:
+        raise ConfigurationError(
+            f"{file}: {len(shapes)} rooms in it, and 1 to {_MOST_ROOMS} would be right; a room is a closed shape with "
+            "the class, layer or group `room`, or with a name such as `Kitchen`"
+        )
+    rooms = _rooms(shapes, drawing, scale, notes, file)
+    if unknown := sorted(set(notes.rooms) - {room.original or room.name for room in rooms}):
+        names = ", ".join(room.original or room.name for room in rooms)
+        raise ConfigurationError(f"{file}: the notes name a room {unknown[0]!r}; the drawing has {names}")
+    kinds: tuple[tuple[Kind, PassageKind], ...] = (("door", "Doorway"), ("opening", "Opening"))
+    ways = [_way(shape, kind, scale, n) for key, kind in kinds for n, shape in enumerate(found.get(key, []), 1)]
+    windows = [_way(shape, "Opening", scale, n) for n, shape in enumerate(found.get("window", []), 1)]
+    faces = None if notes.outlines is None else notes.outlines == "faces"
+    rest = [*found.get("other", []), *found.get(None, [])]
+    return DrawnPlan(file, rooms, ways, windows, faces), _named(rest)
+
+
+def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: DrawingNotes, file: str) -> list[DrawnRoom]:
+    taken: Counter[str] = Counter()
+    rooms: list[DrawnRoom] = []
+    for shape in shapes:
+        label = label_of(shape, drawing.labels) or next((word for word in shape.words if room_type(word)), "")
+        what = f"{file}: room {label!r}" if label else f"{file}: {shape.place}"
+        if not shape.closed or shape.curved:
+            flaw = "has curves" if shape.curved else "is not closed"
+            raise ConfigurationError(
+                f"{what}: its outline {flaw}; a closed one of level and upright edges would be right"
+            )
+        kind = _type(shape, label, notes, what)
+        name = " ".join(re.findall(r"[A-Za-z0-9_-]+", without_accents(label)) or [kind])
+        taken[name] += 1
+        name += f" {taken[name]}" if taken[name] > 1 else ""
+        corners = upright([_scaled(point, scale) for point in shape.points], what)
+        rooms.append(DrawnRoom(name, label if label != name and label else None, kind, corners))
+    return rooms
+
+
+def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> RoomType:
+    """The type of a room: by the notes, by what the shape says, by its name, by its classes and layers."""
+    if label in notes.rooms:
+        return notes.rooms[label].type
+    if stated := shape.facts.get("type"):
+        known: dict[str, RoomType] = {kind.lower(): kind for kind in ROOM_TYPES}
+        if stated.lower() not in known:
+            raise ConfigurationError(f"{what}: its type is {stated!r}; one of {', '.join(ROOM_TYPES)} would be right")
+        return known[stated.lower()]
+    for words in (label, *shape.words):
+        if kind := room_type(words):
+            return kind
+    raise ConfigurationError(
+        f"{what}: what kind of room it is cannot be told from its name; say it with a text in it, with data-type in an "
+        f"SVG drawing, or under `rooms` in a file of notes: one of {', '.join(ROOM_TYPES)}"
+    )
+
+
+def _way(shape: Shape, kind: PassageKind, scale: float, number: int) -> DrawnWay:
+    """A door, an opening or a window: along the line from its first to its last point, or along its extent."""
+    west, south, east, north = shape.box
+    first, last = shape.points[0], shape.points[-1]
+    across, up = abs(last[0] - first[0]), abs(last[1] - first[1])
+    if not shape.closed and min(across, up) <= _STRAIGHT * max(across, up):
+        ends = first, last
+    else:
+        ends = (west, south), (east, north)
+    name = shape.name or f"number {number}"
+    return DrawnWay(name, kind, (_scaled(ends[0], scale), _scaled(ends[1], scale)), _percent(shape))
+
+
+def _percent(shape: Shape) -> float | None:
+    """How far a door is drawn open: `data-open` in percent, or a word among its classes, names and layers."""
+    stated = shape.facts.get("open")
+    if stated is not None:
+        try:
+            percent = float(stated.rstrip("% "))
+        except ValueError:
+            percent = -1.0
+        if not 0 <= percent <= 100:
+            raise ConfigurationError(f"{shape.place}: data-open is {stated!r}; a number from 0 to 100 would be right")
+        return percent
+    words = {word for each in shape.words for word in plain_words(each)}
+    return 0.0 if words & _SHUT else 100.0 if words & _OPEN else None
+
+
+def _scaled(point: Point, scale: float) -> Point:
+    return round(point[0] * scale, 4), round(point[1] * scale, 4)
+
+
+def _named(shapes: Sequence[Shape]) -> list[str]:
+    names = [shape.place for shape in shapes[:_MOST_NAMED]]
+    return [*names, f"and {len(shapes) - _MOST_NAMED} more"] if len(shapes) > _MOST_NAMED else names

@@ -1,0 +1,125 @@
+"""Shapes of a drawing, whichever program drew it, and what each of them is: a room, a door, a window."""
+
+import re
+import unicodedata
+from collections.abc import Iterable, Sequence
+from typing import Literal, NamedTuple
+
+from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.world import Point, RoomType
+
+Kind = Literal["room", "door", "opening", "window", "other"]
+
+_KINDS: tuple[tuple[Kind, str], ...] = (
+    ("door", "door doors tur turen porte portes puerta puertas porta"),
+    ("opening", "opening openings passage passages archway durchgang"),
+    ("window", "window windows glaz fenster fenetre fenetres ventana ventanas"),
+    ("other", "wall walls wand furniture furn mobel dimension dimensions annotation annotations grid hatch"),
+    ("room", "room rooms space spaces raum raume zimmer piece pieces"),
+)
+"""Words of names and layers by what they mean; the first that matches wins."""
+
+_ROOM_WORDS: tuple[tuple[RoomType, tuple[str, ...]], ...] = (
+    ("Closet", ("closet", "storage", "wardrobe", "pantry", "dressing", "abstell", "garderobe", "placard", "walkin")),
+    ("Bathroom", ("bath", "shower", "toilet", "wc", "ensuite", "powder", "laundry", "bad", "dusche", "salledebain")),
+    ("Kitchen", ("kitchen", "kuche", "cuisine", "cocina", "cucina")),
+    ("Dining", ("dining", "ess", "comedor", "salleamanger")),
+    ("Bedroom", ("bed", "bedroom", "schlaf", "kinder", "nursery", "guest", "chambre", "dormitor", "camera")),
+    ("Hallway", ("hall", "corridor", "entr", "foyer", "lobby", "landing", "flur", "diele", "couloir", "pasillo")),
+    ("Living", ("living", "lounge", "wohn", "salon", "sala", "sitting", "family", "office", "study", "arbeit", "buro")),
+)
+"""What words begin with in names of rooms, by the room's type."""
+
+_NUMBERED = re.compile(r"(rect|path|polygon|polyline|line|g|layer|shape|lwpolyline|room|space|raum)?[-_]?\d*(-\d+)*")
+"""Names that drawing programs give by themselves."""
+
+
+_SIZE = re.compile(r"\s*\(?\d+([.,]\d+)?\s*(m²|m2|m\^2|qm|sqm|sq\.? ?m)\)?$", re.IGNORECASE)
+"""An area behind a name."""
+
+
+class Shape(NamedTuple):
+    """One shape, in units of the drawing, y up."""
+
+    points: tuple[Point, ...]
+    """Its corners; of curves, their ends."""
+    closed: bool
+    curved: bool
+    name: str
+    """What it is called; empty if it has no name."""
+    words: tuple[str, ...]
+    """Classes, names and layers, those of the shape itself first, then those of the groups around it."""
+    facts: dict[str, str]
+    """What else is said of it: `type`, `open`."""
+    place: str
+    """What errors call it: `<rect> "kitchen"`."""
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """West, south, east, north."""
+        xs, ys = zip(*self.points, strict=True)
+        return min(xs), min(ys), max(xs), max(ys)
+
+
+class Label(NamedTuple):
+    """A text in a drawing."""
+
+    at: Point
+    text: str
+
+
+class Drawing(NamedTuple):
+    """What a file draws."""
+
+    shapes: list[Shape]
+    labels: list[Label]
+    metres_per_unit: float | None
+    """As far as the file says."""
+    paper_m: float | None = None
+    """Metres of paper for one unit, where it says that; a scale such as 1:50 makes metres of the world of them."""
+    left_out: Sequence[str] = ()
+    """What could not be read as shapes."""
+
+
+def plain_words(text: str) -> list[str]:
+    """The words of a name in small letters without accents: `Küche 12 m²` is `kuche`, `m`."""
+    return re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", without_accents(text)).lower())
+
+
+def without_accents(text: str) -> str:
+    """`Küche` as `Kuche`."""
+    letters = unicodedata.normalize("NFKD", text)
+    return "".join(letter for letter in letters if not unicodedata.combining(letter))
+
+
+def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
+    """What a shape is: by its words, else a room if it is closed and named as one."""
+    for words in shape.words:
+        found = set(plain_words(words))
+        for kind, meaning in _KINDS:
+            if not found.isdisjoint(meaning.split()):
+                return kind
+        if room_type(words) is not None and shape.closed:
+            return "room"
+    return "room" if shape.closed and room_type(label_of(shape, labels)) is not None else None
+
+
+def label_of(shape: Shape, labels: Iterable[Label]) -> str:
+    """What a room is called: its own name, or the text that stands in it."""
+    if shape.name and not _NUMBERED.fullmatch(shape.name.lower()):
+        return shape.name
+    inside = [label for label in labels if shape.closed and contains(shape.points, *label.at)]
+    named = [label.text for label in inside if room_type(label.text)] or [label.text for label in inside]
+    return _SIZE.sub("", named[0]) if named else ""
+
+
+def room_type(name: str) -> RoomType | None:
+    """The type of room that a name means; None if no word in it is known."""
+    words = plain_words(name)
+    joined = "".join(words)
+    for kind, begins in _ROOM_WORDS:
+        for begin in begins:
+            # Long ones may stand inside: `masterbedroom`; `ess` must not be found in `guesswork`.
+            if any(word.startswith(begin) for word in words) or (len(begin) > 4 and begin in joined):
+                return kind
+    return None

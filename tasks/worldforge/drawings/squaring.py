@@ -1,0 +1,212 @@
+"""Makes drawn outlines of rooms meet: their walls' centre lines on the grid that floor plans have.
+
+Drawings have rooms as areas with gaps for walls between them, or as areas that touch. Edges that face each other across
+a wall become one line in the middle between them.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import Point
+from ..floorplans.brief import EXTERIOR_WALL
+from ..floorplans.partition import UNITS_PER_M, Corners, area
+
+THICKEST_M = 0.5
+"""Gaps up to this between rooms are walls."""
+
+_SQUARE_M = 0.05
+"""By how much an edge may lean."""
+_SAME_M = 0.04
+"""Edges that far apart along one line are on one line."""
+_BESIDE_M = 0.05
+_OVERLAP_M = 0.06
+
+Outlines = list[tuple[Point, ...]]
+
+
+class Edge(NamedTuple):
+    """One edge of a room, upright or level."""
+
+    room: int
+    number: int
+    """Which of the room's: it leads to the corner of this number from the one before."""
+    at: float
+    low: float
+    high: float
+    side: int
+    """1 if the room lies on the side of larger coordinates, else -1."""
+
+
+class Squared(NamedTuple):
+    """Rooms whose outlines meet."""
+
+    rooms: list[Corners]
+    """Corners, counter-clockwise, in units; the south-west corner of all of them together is at 0, 0."""
+    moved: tuple["Lines", "Lines"]
+    """Where coordinates of the drawing went, along x and along y."""
+    on_faces: bool
+    """Whether outlines were drawn along the faces of walls."""
+
+
+class Lines(NamedTuple):
+    """Drawn coordinates along one axis, in metres, and the units they became, both in order."""
+
+    drawn: list[float]
+    made: list[int]
+
+    def place(self, at: float) -> float:
+        """Where a coordinate between the lines goes, in units: it keeps its distance from the nearest line."""
+        nearest = min(range(len(self.drawn)), key=lambda index: abs(self.drawn[index] - at))
+        return self.made[nearest] + (at - self.drawn[nearest]) * UNITS_PER_M
+
+
+def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
+    """The corners of an outline whose edges run along the axes, counter-clockwise.
+
+    Args:
+        points: the outline, in metres.
+        what: what errors call it.
+
+    Raises:
+        ConfigurationError: an edge runs at an angle.
+    """
+    lines: list[tuple[bool, float]] = []
+    for (x0, y0), (x1, y1) in zip(points, [*points[1:], points[0]], strict=True):
+        across, up = abs(x1 - x0), abs(y1 - y0)
+        if max(across, up) <= _SQUARE_M / 5:
+            continue
+        if min(across, up) > _SQUARE_M:
+            raise ConfigurationError(
+                f"{what}: its edge from ({x0:.2f}, {y0:.2f}) to ({x1:.2f}, {y1:.2f}) m runs at an angle; rooms with "
+                "level and upright edges are taken, such as the rectangle or the L around this one"
+            )
+        level = across >= up
+        at = (y0 + y1) / 2 if level else (x0 + x1) / 2
+        if not lines or lines[-1][0] != level:
+            lines.append((level, at))
+    if len(lines) > 1 and lines[0][0] == lines[-1][0]:
+        lines.pop()
+    if len(lines) < 4:
+        raise ConfigurationError(f"{what}: its outline has no area")
+    corners = [
+        (one[1], other[1]) if other[0] else (other[1], one[1])
+        for one, other in zip([lines[-1], *lines[:-1]], lines, strict=True)
+    ]
+    return tuple(corners) if _signed_area(corners) > 0 else tuple(reversed(corners))
+
+
+def square(outlines: Outlines, on_faces: bool | None) -> Squared:
+    """Moves the edges of rooms onto common lines.
+
+    Args:
+        outlines: corners of the rooms, of `upright`, in metres.
+        on_faces: whether they were drawn along the faces of walls; None: they were if there are gaps between them.
+    """
+    edges = [list(_edges(outlines, axis)) for axis in (0, 1)]
+    gaps = [max(0.0, gap) for axis in (0, 1) for _, _, gap in _facing(edges[axis])]
+    faces = on_faces if on_faces is not None else any(gap > _SAME_M / 2 for gap in gaps)
+    across, up = (_targets(edges[axis], faces) for axis in (0, 1))
+    rooms = []
+    for room, corners in enumerate(outlines):
+        leading = [(room, number) for number in range(len(corners))]
+        # One edge at each corner is upright, the other level.
+        ends = zip(leading, [*leading[1:], leading[0]], strict=True)
+        rooms.append(
+            tuple((across.get(one, across.get(other, 0)), up.get(one, up.get(other, 0))) for one, other in ends)
+        )
+    moved = (_went(edges[0], across), _went(edges[1], up))
+    return Squared([_simple(corners) for corners in rooms], moved, faces)
+
+
+def _edges(outlines: Outlines, axis: int) -> list[Edge]:
+    """The edges across an axis: those with one coordinate along it."""
+    found: list[Edge] = []
+    for room, corners in enumerate(outlines):
+        for number, (one, other) in enumerate(zip([corners[-1], *corners[:-1]], corners, strict=True)):
+            if one[axis] == other[axis]:
+                low, high = sorted((one[1 - axis], other[1 - axis]))
+                # Counter-clockwise: the room lies to the left of every edge.
+                ahead = other[1 - axis] > one[1 - axis]
+                found.append(Edge(room, number, one[axis], low, high, -1 if ahead == (axis == 0) else 1))
+    return found
+
+
+def _facing(edges: Sequence[Edge]) -> list[tuple[int, int, float]]:
+    """Pairs of edges of two rooms with a wall between them, by their places, and how far apart they are."""
+    return [
+        (one, other, edges[other].at - edges[one].at)
+        for one in range(len(edges))
+        for other in range(len(edges))
+        if edges[one].side < 0 < edges[other].side
+        and edges[one].room != edges[other].room
+        and -_BESIDE_M <= edges[other].at - edges[one].at <= THICKEST_M
+        and min(edges[one].high, edges[other].high) - max(edges[one].low, edges[other].low) > _OVERLAP_M
+    ]
+
+
+def _targets(edges: list[Edge], on_faces: bool) -> dict[tuple[int, int], int]:
+    """Where the edges across an axis go, in units, by room and number."""
+    group = list(range(len(edges)))
+
+    def root(index: int) -> int:
+        while group[index] != index:
+            index = group[index]
+        return index
+
+    paired: set[int] = set()
+    for one, other, _ in _facing(edges):
+        group[root(other)] = root(one)
+        paired |= {one, other}
+    order = sorted(range(len(edges)), key=lambda index: edges[index].at)
+    for one, other in pairwise(order):
+        if edges[other].at - edges[one].at <= _SAME_M and edges[one].side == edges[other].side:
+            group[root(other)] = root(one)
+    outward = EXTERIOR_WALL / 2 / UNITS_PER_M if on_faces else 0.0
+    target: dict[int, float] = {}
+    for index in {root(index) for index in range(len(edges))}:
+        members = [each for each in range(len(edges)) if root(each) == index]
+        between = [edges[each].at for each in members if each in paired]
+        target[index] = (
+            (min(between) + max(between)) / 2
+            if between
+            else sum(edges[each].at - edges[each].side * outward for each in members) / len(members)
+        )
+    first = min(target.values())
+    return {
+        (edge.room, edge.number): round((target[root(index)] - first) * UNITS_PER_M) for index, edge in enumerate(edges)
+    }
+
+
+def _went(edges: Sequence[Edge], targets: dict[tuple[int, int], int]) -> Lines:
+    went = sorted((edge.at, targets[edge.room, edge.number]) for edge in edges)
+    return Lines([at for at, _ in went], [made for _, made in went])
+
+
+def _simple(corners: Corners) -> Corners:
+    """Without corners that lie on a straight edge, or on one another."""
+    kept = [corner for index, corner in enumerate(corners) if corner != corners[index - 1]]
+    return tuple(
+        corner
+        for index, corner in enumerate(kept)
+        if not (
+            kept[index - 1][0] == corner[0] == kept[(index + 1) % len(kept)][0]
+            or kept[index - 1][1] == corner[1] == kept[(index + 1) % len(kept)][1]
+        )
+    )
+
+
+def _signed_area(corners: Sequence[Point]) -> float:
+    following = [*corners[1:], corners[0]]
+    return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
+
+
+def outline_area(corners: Sequence[Point]) -> float:
+    """Area of an outline in square metres."""
+    return abs(_signed_area(corners))
+
+
+def units_area(corners: Corners) -> float:
+    """Area of a room in square metres."""
+    return area(corners) / UNITS_PER_M**2

@@ -1,0 +1,6 @@
+"""What is drawn only: ornaments, procedural shapes, furniture drawn with these, small things.
+
+May import: `schemas`, `tasks.worldforge.furniture`, `tasks.worldforge.geometry`.
+"""
+
+__all__ = ["books", "forms", "ornaments", "shaped", "things"]

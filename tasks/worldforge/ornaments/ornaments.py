@@ -1,0 +1,156 @@
+"""Ornaments: geoms for the eye only, and the procedural meshes that some of them have."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from math import sqrt
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..geometry.parts import Color, Vector
+
+MESHES_FOLDER = "meshes"
+"""Where a decorated model has its meshes with pictures, beside itself."""
+
+VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
+
+_HALF = f"{sqrt(0.5):.6f}"
+# Local axes are along, up, through: pictures are projected along the last.
+ALONG_X = f"{_HALF} {_HALF} 0 0"
+ALONG_Y = "0.5 0.5 0.5 0.5"
+CYLINDER_QUAT = {"x": f"{_HALF} 0 {_HALF} 0", "y": f"{_HALF} {_HALF} 0 0", "z": ""}
+
+Floats = NDArray[np.floating[Any]]
+Ints = NDArray[np.int64]
+
+
+def numbers(*values: float) -> str:
+    """Numbers as the MJCF has them."""
+    return " ".join(map(_number, values))
+
+
+@lru_cache(maxsize=1 << 14)
+def _number(value: float) -> str:
+    """One of them; sizes and heights of things come again and again."""
+    return f"{round(value, 4) + 0.0:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Ornament:
+    """One geom that never collides."""
+
+    name: str
+    """Unique in the world."""
+    kind: str
+    """`box`, `cylinder` or `mesh`."""
+    center: Vector
+    size: Sequence[float]
+    """Half extents as MJCF has them; of a mesh nothing."""
+    look: str
+    """Attributes: `rgba` or `material`."""
+    quat: str = ""
+    """Its turn; empty: none."""
+    mesh: str = ""
+    """Name of the mesh that it has."""
+
+    def line(self) -> str:
+        """The geom as MJCF."""
+        turn = f' quat="{self.quat}"' if self.quat else ""
+        form = f'mesh="{self.mesh}"' if self.mesh else f'size="{numbers(*self.size)}"'
+        place = f'pos="{numbers(*self.center)}"{turn}'
+        return f'    <geom name="{self.name}" type="{self.kind}" {place} {form} {self.look} {VISUAL}/>'
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Mesh:
+    """Triangles, counter-clockwise seen from outside."""
+
+    vertices: Floats
+    """Shape (n, 3), metres."""
+    triangles: Ints
+    """Shape (m, 3)."""
+    places: Floats | None = None
+    """Of the vertices on the picture, shape (n, 2): repetitions to the right and down."""
+
+    def line(self, name: str) -> str:
+        """The mesh as an asset of MJCF: in a file of its own if it has a picture, else with all its numbers.
+
+        MuJoCo before 3.1.6 crashes on places on pictures within MJCF, and reads them in files.
+        """
+        if self.places is not None:
+            return f'    <mesh name="{name}" file="{mesh_path(name)}"/>'
+        faces = " ".join(map(str, self.triangles.ravel().tolist()))
+        return f'    <mesh name="{name}" vertex="{_list(self.vertices)}" face="{faces}"/>'
+
+    def obj_text(self) -> str:
+        """The mesh, which has a picture, as a Wavefront OBJ file; that counts rows of pictures from the foot."""
+        assert self.places is not None
+        lines = [f"v {numbers(*spot)}" for spot in self.vertices.tolist()]
+        lines += [f"vt {numbers(right, 1 - down)}" for right, down in self.places.tolist()]
+        lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (self.triangles + 1).tolist()]
+        return "\n".join([*lines, ""])
+
+
+def mesh_path(name: str) -> str:
+    """Where the file of a mesh is, from where the model is."""
+    return f"{MESHES_FOLDER}/{name}.obj"
+
+
+def _list(values: Floats) -> str:
+    return numbers(*values.ravel().tolist())
+
+
+def color_look(color: Color) -> str:
+    """The look of a plain colour."""
+    return f'rgba="{numbers(*color)}"'
+
+
+def sheet(corner: Vector, along: Vector, up: Vector, cells: tuple[int, int]) -> tuple[Floats, Ints]:
+    """A parallelogram of so many cells each way; it faces along x up.
+
+    MuJoCo works light out at vertices only: what lamps shine on needs some.
+    """
+    across, upwards, triangles = _grid(*cells)
+    return np.array(corner) + across * np.array(along) + upwards * np.array(up), triangles
+
+
+@lru_cache(maxsize=256)
+def _grid(columns: int, rows: int) -> tuple[Floats, Floats, Ints]:
+    """Shares of the way along and up of each corner of a sheet's cells, shape (n, 1), and its triangles."""
+    i, j = (axis.reshape(-1, 1) for axis in np.meshgrid(np.arange(columns + 1), np.arange(rows + 1)))
+    first = np.arange(columns + 1 - 1) + (columns + 1) * np.arange(rows)[:, None]
+    a = first.ravel()
+    b, c, d = a + 1, a + columns + 2, a + columns + 1
+    triangles = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    triangles.flags.writeable = False
+    return i / columns, j / rows, triangles
+
+
+def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+    """Several pieces of one mesh, each with vertices of its own."""
+    vertices, triangles, count = [], [], 0
+    for points, faces in parts:
+        vertices.append(points)
+        triangles.append(faces + count)
+        count += len(points)
+    return np.concatenate(vertices), np.concatenate(triangles)
+
+
+def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
+    """What a profile of radii and heights makes when it turns about z, from the lowest point up; open at its end."""
+    angles = np.arange(sections) * (2 * np.pi / sections)
+    rings = [(radius, height) for radius, height in profile if radius > 0]
+    vertices = [np.array([[0.0, 0.0, profile[0][1]]])]
+    vertices += [
+        np.stack([radius * np.cos(angles), radius * np.sin(angles), np.full(sections, height)], axis=1)
+        for radius, height in rings
+    ]
+    here = 1 + np.arange(sections)
+    after = 1 + (np.arange(sections) + 1) % sections
+    faces = [np.stack([np.zeros(sections, np.int64), after, here], axis=1)]
+    for ring in range(len(rings) - 1):
+        a, b = here + ring * sections, after + ring * sections
+        faces += [np.stack([a, b, b + sections], axis=1), np.stack([a, b + sections, a + sections], axis=1)]
+    return Mesh(np.concatenate(vertices), np.concatenate(faces))

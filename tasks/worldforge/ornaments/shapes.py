@@ -1,0 +1,254 @@
+"""Procedural shapes that fill a box: bevelled, turned, stuffed and leafy ones; closed, a few hundred triangles each."""
+
+from collections.abc import Callable, Sequence
+from math import cos, pi, sin
+
+import numpy as np
+
+from ..geometry.parts import Vector
+from .ornaments import Floats, Ints, Mesh, joined
+
+Shape = Callable[[Vector], Mesh]
+"""Makes a mesh about the origin that fills a box of a size."""
+
+_SECTIONS = 14
+_GOLDEN = 2.399963
+"""Angle between two leaves of a stem."""
+
+
+def bevelled(size: Vector, radius: float) -> Mesh:
+    """A box with round edges."""
+    half = np.array(size) / 2
+    radius = min(radius, *(0.98 * half))
+    points, triangles = _cube(np.array([-1.0, -0.5, 0.5, 1.0]))
+    inner = half - radius
+    # The second and third of four rows are where the rounding begins.
+    core = np.sign(points) * inner
+    out = np.where(np.abs(points) == 1.0, np.sign(points), 0.0)
+    out /= np.linalg.norm(out, axis=1, keepdims=True)
+    return Mesh(core + radius * out, triangles)
+
+
+def block(size: Vector) -> Mesh:
+    """A box with sharp edges, which costs a renderer a tenth of a geom's."""
+    points, triangles = _cube(np.array([-1.0, 1.0]))
+    return Mesh(points[triangles.ravel()] * (np.array(size) / 2), np.arange(triangles.size).reshape(-1, 3))
+
+
+def stuffed(size: Vector) -> Mesh:
+    """A cushion: thick in its middle, thin at its seam, along its shortest side."""
+    through = int(np.argmin(size))
+    across = [axis for axis in range(3) if axis != through]
+    count = 9
+    row = np.sin(np.linspace(-pi / 2, pi / 2, count))
+    u, v = (axis.ravel() for axis in np.meshgrid(row, row))
+    rise = (np.clip(1 - u**4, 0, 1) * np.clip(1 - v**4, 0, 1)) ** 0.45
+    # Sides between the corners are drawn in.
+    pulled = 1 - 0.07 * (1 - np.minimum(np.abs(u), np.abs(v)) ** 2) * np.maximum(np.abs(u), np.abs(v)) ** 6
+    layers = []
+    for side in (1.0, -1.0):
+        points = np.zeros((count * count, 3))
+        points[:, across[0]], points[:, across[1]] = u * pulled, v * pulled
+        points[:, through] = side * (0.04 + 0.96 * rise)
+        layers.append(points)
+    first = (np.arange(count - 1) + count * np.arange(count - 1)[:, None]).ravel()
+    top = np.concatenate(
+        [np.stack([first, first + 1, first + count + 1], 1), np.stack([first, first + count + 1, first + count], 1)]
+    )
+    if through == 1:
+        top = top[:, ::-1]  # x and z are a left-handed pair about y
+    bottom = top[:, ::-1] + count * count
+    last = count * count - 1
+    sides = np.arange(count), np.arange(2 * count - 1, last, count), np.arange(last, last - count, -1)
+    rim = np.concatenate([*sides, np.arange(last + 1 - 2 * count, 0, -count)])
+    after = np.roll(rim, -1)
+    below = count * count
+    seam = np.concatenate([np.stack([rim, below + rim, below + after], 1), np.stack([rim, below + after, after], 1)])
+    if through == 1:
+        seam = seam[:, ::-1]
+    return Mesh(np.concatenate(layers) * (np.array(size) / 2), np.concatenate([top, bottom, seam]))
+
+
+def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
+    """What turns about z; the profile of radii and heights, 0 to 1, goes up outside and, if hollow, down inside."""
+
+    def make(size: Vector) -> Mesh:
+        return _filling(_turned(profile), size)
+
+    return make
+
+
+def mug(size: Vector) -> Mesh:
+    """A cup with an ear towards +y."""
+    body = _turned(((0.86, 0.0), (1.0, 0.1), (1.0, 1.0), (0.9, 1.0), (0.88, 0.12)))
+    # The ear stands out of the box, as a cylinder of the cup's size is what collides.
+    ear = _tube([(0.0, 1.0 + 0.62 * sin(a), 0.5 - 0.3 * cos(a)) for a in np.linspace(0.1, pi - 0.1, 6)], 0.1)
+    points, triangles = joined([body, ear])
+    return Mesh((points - (0, 0, 0.5)) * (size[0] / 2, size[1] / 2, size[2]), triangles)
+
+
+def bush(size: Vector) -> Mesh:
+    """Broad leaves on all sides, the upper ones upright."""
+    leaves = []
+    for index in range(30):
+        share = (index + 0.5) / 30
+        turn, lean = index * _GOLDEN, 1.5 * (1 - share) ** 0.8
+        root = (0.12 * cos(turn), 0.12 * sin(turn), 0.5 * share)
+        leaves.append(_leaf(root, turn, lean, 0.62 + 0.2 * (index % 3), 0.24))
+    return _filling(joined(leaves), size)
+
+
+def sprigs(size: Vector) -> Mesh:
+    """Long narrow leaves that spring from one spot and bend."""
+    leaves = [
+        _leaf((0.0, 0.0, 0.0), index * _GOLDEN, 0.15 + 0.9 * (index / 22), 1.0 - 0.2 * (index % 4) / 4, 0.07)
+        for index in range(22)
+    ]
+    return _filling(joined(leaves), size)
+
+
+def flowers(size: Vector) -> Mesh:
+    """Blossoms on the ends of stems that are not seen."""
+    heads = []
+    for index in range(7):
+        turn, out = index * _GOLDEN, 0.75 * (index / 6) ** 0.6
+        points, triangles = _turned(((0.5, 0.0), (1.0, 0.55), (0.7, 0.8), (0.25, 0.6)), sections=5)
+        center = (out * cos(turn), out * sin(turn), 1.0 - 0.5 * out + 0.1 * (index % 2))
+        heads.append((points * 0.24 + center, triangles))
+    return _filling(joined(heads), size)
+
+
+def crumpled(size: Vector) -> Mesh:
+    """Cloth that was dropped: folds of many heights in a ragged outline."""
+    sections, rings = 16, 5
+    angles = np.arange(sections) * (2 * pi / sections)
+    outline = 1 + 0.16 * np.sin(3 * angles + 1) + 0.1 * np.sin(7 * angles)
+    profile = [(0.9, 0.0), *((1 - ring / rings, 0.35 + 0.13 * ring) for ring in range(rings))]
+    points, triangles = _turned(profile, sections)
+    for ring in range(len(profile)):
+        span = slice(ring * sections, (ring + 1) * sections)
+        points[span, :2] *= outline[:, None]
+        points[span, 2] *= 1 + 0.35 * np.sin(5 * angles + 2 * ring) * (ring < len(profile) - 1)
+    return _filling((points, triangles), size)
+
+
+def fruit(size: Vector) -> Mesh:
+    """A heap of round fruit."""
+    spots = [(0.42 * cos(a), 0.42 * sin(a), 0.0) for a in np.arange(5) * (2 * pi / 5)] + [(0.0, 0.0, 0.45)]
+    ball = _turned([(sin(a), 1 - cos(a)) for a in np.linspace(0.5, pi - 0.5, 3)], sections=7)
+    return _filling(joined([(ball[0] * 0.34 + np.array(spot), ball[1]) for spot in spots]), size)
+
+
+def kettle(size: Vector) -> Mesh:
+    """A kettle with a spout towards +x and a bow over its lid."""
+    body = _turned(((0.7, 0.0), (0.75, 0.1), (0.62, 0.6), (0.4, 0.74), (0.1, 0.8)))
+    spout = _tube([(0.5, 0.0, 0.3), (0.85, 0.0, 0.5), (1.0, 0.0, 0.68)], 0.1)
+    bow = _tube([(-0.6 * cos(a), 0.0, 0.55 + 0.45 * sin(a)) for a in np.linspace(0.0, 0.8 * pi, 6)], 0.06)
+    return _filling(joined([body, spout, bow]), size)
+
+
+def pan(size: Vector) -> Mesh:
+    """A pan with its handle towards +x."""
+    body = _turned(((0.8, 0.0), (1.0, 1.0), (0.95, 1.0), (0.76, 0.12)))
+    handle = _tube([(0.95, 0.0, 0.8), (2.3, 0.0, 1.1)], 0.13)
+    points, triangles = joined([body, handle])
+    return _filling((points, triangles), size)
+
+
+def draped(size: Vector) -> Mesh:
+    """A towel over a rail along y: two sheets in shallow folds, thicker at the rail."""
+    count = 17
+    y = np.linspace(-0.5, 0.5, count)
+    wave = 0.18 * np.sin(y * 2 * pi * 3)
+    rows = [
+        np.stack([side * (0.5 - 0.32 * (height == 0.5)) + wave * (height < 0.3), y, np.full(count, height)], axis=1)
+        for side, height in ((1, -0.5), (1, 0.3), (1, 0.5), (-1, 0.5), (-1, 0.3), (-1, -0.36))
+    ]
+    faces = []
+    here = np.arange(count - 1)
+    for row in range(len(rows)):
+        a, b = row * count + here, (row + 1) % len(rows) * count + here
+        faces += [np.stack([a, a + 1, b + 1], 1), np.stack([a, b + 1, b], 1)]
+    ends = np.arange(len(rows)) * count
+    fan = np.stack([np.full(4, ends[0]), ends[1:5], ends[2:6]], 1)
+    return _filling((np.concatenate(rows), np.concatenate([*faces, fan, fan[:, ::-1] + count - 1])), size)
+
+
+def _cube(row: Floats) -> tuple[Floats, Ints]:
+    """A grid on each face of a cube whose corners and edges are shared."""
+    places: dict[tuple[float, ...], int] = {}
+    triangles = []
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        for side in (1.0, -1.0):
+            for i in range(len(row) - 1):
+                for j in range(len(row) - 1):
+                    corners = []
+                    for u, v in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)):
+                        point = [0.0, 0.0, 0.0]
+                        point[axis], point[one], point[two] = side, float(row[u]), float(row[v])
+                        corners.append(places.setdefault(tuple(point), len(places)))
+                    a, b, c, d = corners if side > 0 else corners[::-1]
+                    triangles += [(a, b, c), (a, c, d)]
+    return np.array(list(places)), np.array(triangles)
+
+
+def _turned(profile: Sequence[tuple[float, float]], sections: int = _SECTIONS) -> tuple[Floats, Ints]:
+    """Rings of a profile, closed at both ends."""
+    angles = np.arange(sections) * (2 * pi / sections)
+    rings = [np.stack([r * np.cos(angles), r * np.sin(angles), np.full(sections, z)], 1) for r, z in profile]
+    points = [*rings, np.array([[0.0, 0.0, profile[0][1]], [0.0, 0.0, profile[-1][1]]])]
+    here, after = np.arange(sections), (np.arange(sections) + 1) % sections
+    low, high = len(profile) * sections, len(profile) * sections + 1
+    faces = [np.stack([np.full(sections, low), after, here], 1)]
+    for ring in range(len(profile) - 1):
+        a, b = here + ring * sections, after + ring * sections
+        faces += [np.stack([a, b, b + sections], 1), np.stack([a, b + sections, a + sections], 1)]
+    last = (len(profile) - 1) * sections
+    faces.append(np.stack([np.full(sections, high), here + last, after + last], 1))
+    return np.concatenate(points), np.concatenate(faces)
+
+
+def _tube(path: Sequence[Vector], radius: float, sides: int = 6) -> tuple[Floats, Ints]:
+    """A bent rod, closed at both ends."""
+    line = np.array(path)
+    ahead = np.gradient(line, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    # Paths lie in a plane: what is across all of it is one side, the other turns with the path.
+    flat = np.argmin(np.abs(ahead).max(axis=0))
+    one = np.zeros(3)
+    one[flat] = 1.0
+    two = np.cross(ahead, one)
+    angles = np.arange(sides) * (2 * pi / sides)
+    rings = [
+        center + radius * (np.outer(np.cos(angles), one) + np.outer(np.sin(angles), side))
+        for center, side in zip(line, two, strict=True)
+    ]
+    here, after = np.arange(sides), (np.arange(sides) + 1) % sides
+    faces = []
+    for ring in range(len(rings) - 1):
+        a, b = here + ring * sides, after + ring * sides
+        faces += [np.stack([a, b + sides, b], 1), np.stack([a, a + sides, b + sides], 1)]
+    fan = np.stack([np.zeros(sides - 2, np.int64), np.arange(1, sides - 1), np.arange(2, sides)], 1)
+    return np.concatenate(rings), np.concatenate([*faces, fan, fan[:, ::-1] + (len(rings) - 1) * sides])
+
+
+def _leaf(root: Vector, turn: float, lean: float, length: float, wide: float) -> tuple[Floats, Ints]:
+    """A closed, thin leaf that grows from its root, leans outwards and hangs a little at its end."""
+    out, up, aside = sin(lean), cos(lean), np.array([-sin(turn), cos(turn), 0.0])
+    away = np.array([cos(turn), sin(turn), 0.0])
+    middle = np.array(root) + 0.55 * length * (out * away + np.array([0.0, 0.0, up]))
+    tip = np.array(root) + length * ((out + 0.12) * away + np.array([0.0, 0.0, up - 0.18]))
+    across = np.array([0.0, 0.0, out]) - up * away  # what looks up or inwards
+    sides = middle + wide / 2 * aside, middle - wide / 2 * aside
+    points = np.array([root, sides[0], tip, sides[1], middle - 0.018 * across, middle - 0.042 * across])
+    upper = [(0, 3, 4), (3, 2, 4), (2, 1, 4), (1, 0, 4)]
+    lower = [(b, a, 5) for a, b, _ in upper]
+    return points, np.array(upper + lower)
+
+
+def _filling(made: tuple[Floats, Ints], size: Vector) -> Mesh:
+    """Stretched so that it fills a box about the origin."""
+    points, triangles = made
+    low, high = points.min(axis=0), points.max(axis=0)
+    return Mesh((points - (low + high) / 2) / (high - low) * np.array(size), triangles)

@@ -1,0 +1,106 @@
+"""Small things that stand about: what each kind looks like."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from random import Random
+
+from ..geometry.parts import CERAMIC, CHROME, STEEL, WHITE, Color, Vector, rgb
+from .forms import Shapes, turned_quat
+from .ornaments import Ornament, color_look
+
+_LEAF, _DARK_LEAF, _CLAY = rgb("5f8a56"), rgb("47714a"), rgb("b5694a")
+_CLOTH = (rgb("d8d2c4"), rgb("7f9aa8"), rgb("b98a7a"), rgb("8fa58b"), rgb("c9b079"))
+_GLAZE = (WHITE, rgb("3f5f7f"), rgb("9c4a3c"), rgb("c79a4b"), rgb("55705a"), rgb("b9aa94"))
+_GLASS = (rgb("3f6b4f"), rgb("8c4a2f"), rgb("b8c9c4"), rgb("d9b25a"))
+_WOOD = (rgb("b98a54"), rgb("7a5436"), rgb("d2b48c"))
+_PAPER = (rgb("e8e2d4"), rgb("9c4a3c"), rgb("3f5f7f"), rgb("c79a4b"), rgb("55705a"))
+SPINES = (*_PAPER, rgb("6b4a63"), rgb("2f3b4a"), rgb("a9b7a0"))
+"""Colours of books."""
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """One shape of a thing."""
+
+    form: str
+    size: Vector
+    colors: tuple[Color, ...]
+    up: float = 0.0
+    """Of its lower end above the thing's."""
+    turn: float = 0.0
+
+
+def _one(form: str, size: Vector, *colors: Color) -> tuple[Piece, ...]:
+    return (Piece(form, size, colors),)
+
+
+def _stack(*thicknesses: float) -> tuple[Piece, ...]:
+    """Books or papers on top of each other, none quite straight."""
+    bottoms = [sum(thicknesses[:index]) for index in range(len(thicknesses))]
+    return tuple(
+        Piece("block", (0.15 + 0.02 * (index % 2), 0.21, thick), SPINES, up, 0.25 * (-1) ** index)
+        for index, (thick, up) in enumerate(zip(thicknesses, bottoms, strict=True))
+    )
+
+
+THINGS: dict[str, tuple[Piece, ...]] = {
+    "board": _one("bevel", (0.05, 0.26, 0.36), *_WOOD),
+    "book_stack": _stack(0.03, 0.024, 0.035),
+    "books_two": _stack(0.028, 0.022),
+    "bottle": _one("bottle", (0.075, 0.075, 0.29), *_GLASS),
+    "bottles_small": (Piece("bottle", (0.05, 0.05, 0.16), (WHITE, *_GLAZE[1:3])),),
+    "bowl": _one("bowl", (0.22, 0.22, 0.09), *_GLAZE),
+    "box": _one("bevel", (0.2, 0.26, 0.14), *_CLOTH, *_WOOD),
+    "candle": (Piece("plate", (0.1, 0.1, 0.012), (STEEL,)), Piece("glass", (0.055, 0.055, 0.1), (WHITE,), 0.008)),
+    "clock": (Piece("bevel", (0.05, 0.1, 0.1), (rgb("2f3b4a"),)), Piece("block", (0.002, 0.08, 0.08), (WHITE,), 0.01)),
+    "folded": tuple(Piece("soft", (0.22, 0.3, 0.055), _CLOTH, 0.05 * index) for index in range(3)),
+    "frame": (
+        Piece("block", (0.018, 0.16, 0.21), _WOOD), Piece("block", (0.022, 0.12, 0.16), _CLOTH, 0.025),
+    ),
+    "fruit": (
+        Piece("bowl", (0.26, 0.26, 0.08), _GLAZE),
+        Piece("fruit", (0.19, 0.19, 0.12), (rgb("c9573d"), rgb("d9a441"), rgb("8fae4a")), 0.03),
+    ),
+    "glass": _one("glass", (0.07, 0.07, 0.11), rgb("c5d8de"), rgb("a9c4cf")),
+    "herb": (Piece("pot", (0.11, 0.11, 0.1), (_CLAY, WHITE)), Piece("bush", (0.2, 0.2, 0.17), (_LEAF,), 0.08)),
+    "jar": _one("jar", (0.1, 0.1, 0.16), *_GLAZE),
+    "jar_small": _one("jar", (0.07, 0.07, 0.1), rgb("c79a4b"), rgb("9c4a3c"), rgb("d8d2c4")),
+    "kettle": _one("kettle", (0.25, 0.17, 0.23), CHROME, STEEL, rgb("9c4a3c")),
+    "knives": (Piece("bevel", (0.1, 0.1, 0.2), _WOOD), Piece("block", (0.06, 0.07, 0.06), (rgb("2f3236"),), 0.2)),
+    "mug": _one("mug", (0.082, 0.082, 0.09), *_GLAZE),
+    "pan": _one("pan", (0.42, 0.24, 0.05), rgb("3a3d41")),
+    "papers": (Piece("block", (0.21, 0.297, 0.012), (rgb("f4f2ed"),)),),
+    "pens": (Piece("glass", (0.075, 0.075, 0.1), _GLAZE), Piece("sprigs", (0.06, 0.06, 0.06), (rgb("2f3b4a"),), 0.09)),
+    "plant": (
+        Piece("pot", (0.15, 0.15, 0.14), (_CLAY, *_GLAZE)), Piece("sprigs", (0.3, 0.3, 0.3), (_DARK_LEAF,), 0.11),
+    ),
+    "plant_bushy": (Piece("pot", (0.14, 0.14, 0.13), _GLAZE), Piece("bush", (0.28, 0.28, 0.24), (_LEAF,), 0.1)),
+    "plates": tuple(Piece("plate", (0.24, 0.24, 0.022), (CERAMIC,), 0.012 * index) for index in range(5)),
+    "pot": (
+        Piece("jar", (0.24, 0.24, 0.17), (STEEL, rgb("9c4a3c"))),
+        Piece("ball", (0.03, 0.03, 0.025), (rgb("2f3236"),), 0.17),
+    ),
+    "remote": (Piece("bevel", (0.17, 0.045, 0.018), (rgb("2f3236"),)),),
+    "roll": _one("jar", (0.11, 0.11, 0.22), WHITE),
+    "soap": _one("bottle", (0.07, 0.07, 0.18), *_GLAZE),
+    "vase": (Piece("vase", (0.11, 0.11, 0.2), _GLAZE), Piece("sprigs", (0.22, 0.22, 0.18), (_LEAF,), 0.17),
+             Piece("flowers", (0.2, 0.2, 0.1), (rgb("d98b8b"), rgb("e3c15a"), rgb("b59ac9"), WHITE), 0.28)),
+}  # fmt: skip
+"""What there is, each piece with the colours that it comes in."""
+
+
+def footprint_m(thing: str) -> tuple[float, float]:
+    """Depth and width of what a thing covers."""
+    pieces = THINGS[thing]
+    return max(piece.size[0] for piece in pieces), max(piece.size[1] for piece in pieces)
+
+
+def placed(
+    name: str, thing: str, spot: Vector, yaw: float, shapes: Shapes, dice: Random
+) -> Iterator[Ornament]:  # fmt: skip
+    """A thing as geoms; the first has its name, others are numbered."""
+    for index, piece in enumerate(THINGS[thing]):
+        center = (spot[0], spot[1], spot[2] + piece.up + piece.size[2] / 2)
+        look, quat = color_look(dice.choice(piece.colors)), turned_quat(yaw + piece.turn)
+        mesh = shapes.named(piece.form, piece.size)
+        yield Ornament(name if index == 0 else f"{name}_{index}", "mesh", center, (), look, quat, mesh)

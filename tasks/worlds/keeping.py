@@ -1,0 +1,51 @@
+"""Storing worlds that no generation job made: imported ones, and variations."""
+
+import tempfile
+from dataclasses import replace
+from pathlib import Path
+
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.wire.ids import IdPrefix, new_id
+from ...schemas.worlds.description import DESCRIPTION_FILE
+from ...schemas.worlds.world import World
+from ..catalog import Resource
+from ..service.patient_store import at_once, patiently
+from ..service.service import Service
+from ..worldforge.bundle.bundle import write_bundle
+from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
+from .generation import WORLDS_PREFIX, publish_bundle
+
+
+def keep_world(world: World, prefix: IdPrefix, tags: dict[str, str], service: Service) -> Resource:
+    """Stores a world's bundle and adds the world to the catalog.
+
+    Args:
+        world: the world.
+        prefix: what its id begins with.
+        tags: its tags.
+        service: where it is stored.
+
+    Raises:
+        StorageError: it cannot be stored.
+    """
+    with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
+        folder = Path(scratch, "bundle")
+        place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{write_bundle(world, folder)}")
+        held = replace(service, store=at_once(service.store))
+        return patiently(service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, held))
+
+
+def _kept(folder: Path, place: StoredPlace, prefix: IdPrefix, tags: dict[str, str], service: Service) -> Resource:
+    name = new_id(prefix, service.chance)
+    resource = Resource.new(
+        arn=service.arn("world", name),
+        kind="world",
+        id=name,
+        status="Active",
+        tags=tags,
+        labels={BUNDLE_LABEL: [bundle_label(place)]},
+        document=WorldDocument(bundle=place, description_key=f"{place.prefix}/{DESCRIPTION_FILE}"),
+    )
+    with bundle_held(place, service):
+        publish_bundle(service, place.prefix, folder, service.clock())
+        return service.catalog.create(resource, token=None)

@@ -1,0 +1,120 @@
+"""The console without a server, and jobs in the catalog as they are after they ran."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, closing
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from helpers.client_environments import node_modules
+
+from prefect_robomaker.deployments.console.console import Console
+from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
+from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument, StoredBatchPolicy
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.worlds import StoredPlace
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.storage import publish
+from prefect_robomaker.tasks.storage.folders import regular_files
+
+ADDRESS = "http://127.0.0.1:8057"
+StoreJob = Callable[..., str]
+BATCH, JOB = "simulation-job-batch", "simulation-job"
+
+
+class Browser:
+    """Asks an application as a browser does: keeps cookies; follows no redirects."""
+
+    def __init__(self, application: Any, address: str) -> None:
+        self._runner = asyncio.Runner()
+        self._client = httpx.AsyncClient(transport=httpx.ASGITransport(application), base_url=address)
+
+    def get(self, path: str, **more: Any) -> httpx.Response:
+        """Reads a page."""
+        return self._runner.run(self._client.get(path, **more))
+
+    def post(self, path: str, **more: Any) -> httpx.Response:
+        """Sends a form."""
+        return self._runner.run(self._client.post(path, **more))
+
+    def close(self) -> None:
+        """Ends the loop."""
+        self._runner.run(self._client.aclose())
+        self._runner.close()
+
+
+Visitor = Callable[..., Browser]
+
+
+@pytest.fixture
+def visitor(service: Service) -> Iterator[Visitor]:
+    """Opens a console, and a client of it that keeps cookies and follows no redirects."""
+    with ExitStack() as stack:
+
+        def open_console(
+            *keys: AccessKey, address: str = ADDRESS, spec_runs: SpecRuns | None = None, **members: Any
+        ) -> Browser:
+            by_id = {key.id: key for key in keys} or None
+            endpoint = make_application(service, access_keys=by_id, **members)
+            console = Console(endpoint, service, access_keys=by_id, spec_runs=spec_runs)
+            return stack.enter_context(closing(Browser(console, address)))
+
+        yield open_console
+
+
+@pytest.fixture
+def browser(visitor: Visitor) -> Browser:
+    """A visitor of a console that asks for no access key."""
+    return visitor()
+
+
+@pytest.fixture
+def store_job(service: Service, tmp_path: Any) -> StoreJob:
+    """Stores a job that has ended, with outputs if files are given, and returns its id."""
+
+    def store(
+        status: str = "Completed",
+        batch: str | None = None,
+        tags: dict[str, str] | None = None,
+        files: dict[str, bytes] | None = None,
+        **members: Any,
+    ) -> str:
+        if files is not None:
+            folder = tmp_path / f"outputs-{len(list(tmp_path.iterdir()))}"
+            for name, content in files.items():
+                path = folder / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            service.store.ensure_bucket("out")
+            publish(service.store, "out", folder.name, regular_files(folder), about={}, created_at=service.clock())
+            members["outputs"] = StoredPlace(bucket="out", prefix=folder.name)
+        document = SimulationJobDocument.model_validate({"request": {}, "seed": 3, **members})
+        return service.store_job(JOB, "sim", document, tags=tags, token=None, parent=batch, status=status).id
+
+    return store
+
+
+@pytest.fixture
+def store_batch(service: Service) -> Callable[..., str]:
+    """Stores a batch of some requests and returns its ARN."""
+
+    def store(requests: int, status: str = "InProgress", tags: dict[str, str] | None = None, **members: Any) -> str:
+        document = SimulationJobBatchDocument(
+            request={"createSimulationJobRequests": [{}] * requests},
+            batch_policy=StoredBatchPolicy(timeout_in_seconds=60, max_concurrency=2),
+            request_count=requests,
+            **members,
+        )
+        return service.store_job(BATCH, "batch", document, tags=tags, token=None, status=status).arn
+
+    return store
+
+
+@pytest.fixture
+def axe(pytestconfig: pytest.Config) -> str:
+    """The script of axe-core, which knows the rules of accessible pages."""
+    return (node_modules(pytestconfig, Path(__file__).with_name("axe")) / "axe-core" / "axe.min.js").read_text()

@@ -1,0 +1,70 @@
+"""Pages of fleets, applications and nights in Chromium: axe-core's rules, narrow and wide, by day and by night."""
+
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from helpers.browser import NEEDS_BROWSER, Page, browsing
+from helpers.client_environments import node_modules
+from helpers.deployed_robots import Yard, bad, deployable, good
+from helpers.endpoint_process import Serve
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.tasks.service.service import Service
+
+pytestmark = [pytest.mark.deep, NEEDS_BROWSER]
+
+
+@pytest.fixture
+def axe(pytestconfig: pytest.Config) -> str:
+    folder = Path(__file__).parents[1] / "axe"
+    return (node_modules(pytestconfig, folder) / "axe-core" / "axe.min.js").read_text()
+
+
+@pytest.fixture
+def paths(service: Service) -> list[str]:
+    """Addresses of pages that have something to show."""
+    yard = Yard(service)
+    robots = [yard.robot(f"rover-{number}", bad if number == 4 else good) for number in range(6)]
+    application = deployable(yard.fleets, "X86_64")
+    config = {"concurrentDeploymentPercentage": 34, "failureThresholdPercentage": 60}
+    deployment = yard.fleets.deploy(yard.arn, application, "once", deploymentConfig=config)["arn"]
+    yard.run(deployment)
+    runs = service.settings.home / "runs"
+    for night, verdicts in enumerate(("PPPPPPPPPP", "PPPPPPPPPF", "PPFFFFEFFF")):
+        metrics = {"duration_s": 10.0 + night, "distance_m": 20.0, "collisions": 3.0}
+        jobs = [make_job(index, letter, night=night, metrics=metrics) for index, letter in enumerate(verdicts)]
+        for index, each in enumerate(jobs):
+            metrics = {**each.metrics, "distance_m": 20.0 + index * (-1) ** night, "clearance_m": 0.1 * index}
+            jobs[index] = each.model_copy(update={"metrics": metrics if each.metrics else {}})
+        store_night(make_night(jobs, night, runs=runs))
+    before, _, after = sorted(folder.name for folder in runs.iterdir())
+    ids = [arn.partition("/")[2] for arn in (yard.arn, robots[4], application)]
+    return [
+        f"/deployments/{deployment.partition('/')[2]}", "/history/nightly", f"/compare?before={before}&after={after}",
+        f"/fleets/{ids[0]}", f"/robots/{ids[1]}", f"/applications/robot-application/{ids[2]}",
+        "/fleets", "/robots", "/applications", "/batches?status=Completed",
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def tab(tmp_path: Path) -> Iterator[Page]:
+    with browsing(tmp_path / "profile") as browser, browser.page() as page:
+        yield page
+
+
+def test_pages_keep_the_rules(serve: Serve, paths: list[str], tab: Page, axe: str, tmp_path: Path) -> None:
+    with serve("--execute", "none") as served:
+        for path, width in itertools.product(paths, (400, 1280)):
+            tab.load(f"{served.url}/console{path}", width)
+            assert tab.evaluate("document.documentElement.scrollWidth") <= width, path
+            tab.evaluate(f"{axe}\n;null")
+            for scheme in ("light", "dark"):
+                tab.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+                script = (
+                    "axe.run().then((found) => found.violations.map((each) => `${each.id}: ${each.nodes[0].html}`))"
+                )
+                assert tab.evaluate(script) == [], (path, scheme)
+                tab.picture(tmp_path / f"{path[1:].partition('/')[0].partition('?')[0]}-{width}-{scheme}.png")
+    assert tab.complaints == []

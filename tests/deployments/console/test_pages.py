@@ -1,0 +1,386 @@
+"""What pages show of what is stored."""
+
+import json
+import re
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.deployments.console.rendering import address
+from prefect_robomaker.deployments.console.sessions import Sessions
+from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
+from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.service.service import Service
+
+StoreJob = Callable[..., str]
+StoreBatch = Callable[..., str]
+BATCH = "simulation-job-batch"
+
+
+def id_of(arn: str) -> str:
+    return arn.rpartition("/")[2]
+
+
+def in_turn(find: Callable[..., Any], times: int) -> Callable[..., Any]:
+    """Sessions that are over when they have been asked for some times."""
+    left = iter(range(times))
+
+    def found(sessions: Sessions, token: str | None) -> Any:
+        return None if next(left, None) is None else find(sessions, token)
+
+    return found
+
+
+def events(stream: str) -> list[tuple[str, object]]:
+    """The events of a stream that has ended."""
+    found = [part.split("\n") for part in stream.split("\n\n") if part.startswith("event: ")]
+    return [(name.removeprefix("event: "), json.loads(data.removeprefix("data: "))) for name, data in found]
+
+
+def test_the_first_page_shows_what_runs_and_what_failed(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch
+) -> None:
+    assert "Nothing runs now." in browser.get("/console").text
+    batch = store_batch(3)
+    store_job(batch=batch, verdict="PASS")
+    failed = store_job(batch=batch, request_index=1, verdict="FAIL", verdict_reason="drives: 2 m of 9 m")
+    page = browser.get("/console").text
+
+    assert id_of(batch) in page
+    assert "2 of 3 jobs ended" in page
+    assert f'href="/console/jobs/{failed}"' in page
+    assert "drives: 2 m of 9 m" in page
+
+
+def test_a_batch_shows_its_rate_and_its_failures(browser: Any, store_job: StoreJob, store_batch: StoreBatch) -> None:
+    batch = store_batch(6)
+    for index in range(3):
+        store_job(batch=batch, request_index=index, verdict="PASS")
+    store_job("Failed", batch=batch, request_index=3, failure_code="RobotApplicationCrash", failure_reason="boom")
+    failed = store_job(batch=batch, request_index=4, verdict="FAIL", verdict_reason="late", files={"poster.png": b"p"})
+    page = browser.get(f"/console/batches/{id_of(batch)}").text
+
+    assert "3 of 4 that were judged" in page
+    assert "95&nbsp;% interval 30 to 95&nbsp;%" in page
+    assert "5 of 6 jobs ended" in page
+    assert "RobotApplicationCrash: boom" in page
+    assert f'src="/console/jobs/{failed}/files/poster.png"' in page
+    assert "request 6: waiting" in page
+
+
+def test_what_changes_of_a_batch_is_sent_until_it_ends(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch
+) -> None:
+    batch = store_batch(2, status="Completed")
+    job = store_job(batch=batch, verdict="PASS")
+    answer = browser.get(f"/console/batches/{id_of(batch)}/live")
+    sent = dict(events(answer.text))
+
+    assert answer.headers["content-type"].startswith("text/event-stream")
+    assert set(sent) == {"tiles", "parts", "end"}
+    assert job in sent["tiles"]["tile-1"]  # type: ignore[index]
+    assert set(sent["parts"]) == {"batch-acts", "batch-head", "failures"}  # type: ignore[call-overload]
+    assert "/cancel" not in sent["parts"]["batch-acts"]  # type: ignore[index]
+
+
+def test_lists_go_on_page_by_page(browser: Any, store_job: StoreJob) -> None:
+    jobs = {store_job(verdict="PASS", tags={"team": "red"}) for _ in range(60)}
+    for path in ("/console/jobs", "/console/jobs?tag=team%3Dred", "/console/jobs?status=Completed"):
+        first = browser.get(path).text
+        [link] = [part.partition('"')[0] for part in first.split('rel="next" href="')[1:]]
+        second = browser.get(link.replace("&amp;", "&")).text
+        shown = [{job for job in jobs if job in page} for page in (first, second)]
+
+        assert [len(each) for each in shown] == [50, 10], path
+        assert shown[0] | shown[1] == jobs
+        assert 'rel="next"' not in second
+    assert "No such jobs." in browser.get("/console/jobs?tag=team%3Dblue").text
+
+
+def test_a_job_that_ended_shows_its_files_and_logs(browser: Any, store_job: StoreJob) -> None:
+    files = {"logs/stdout.log": b"\x1b[31mhello\x1b[0m <b>", "video.mp4": b"film", "page.html": b"<script>"}
+    job = store_job("Failed", files=files, failure_code="Internal", failure_reason="boom")
+    page = browser.get(f"/console/jobs/{job}").text
+
+    assert "hello &lt;b&gt;" in page
+    assert f'<video controls preload="metadata" src="/console/jobs/{job}/files/video.mp4"' in page
+    assert f"robomaker repro {job}" in page
+    assert f"robomaker verify {job}" in page
+
+
+def test_a_log_is_followed_while_the_job_runs(
+    browser: Any, store_job: StoreJob, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    job = store_job("Running", run_id="run-1")
+    logs = service.folder("jobs", job, "run-1", "output", "logs")
+    (logs / "stdout.log").write_text("first line\n")
+    (logs / "stderr.log").symlink_to("/etc/passwd")
+    arn = service.arn("simulation-job", job)
+    read = service.catalog.get
+    looks = iter(("Running", "Running"))
+
+    def get(*words: str, **more: str) -> object:
+        if next(looks, None) is None:  # at the third look it has ended
+            with (logs / "stdout.log").open("a") as log:
+                log.write("last line\n")
+            service.catalog.transition(arn, "terminate")
+            service.catalog.transition(arn, "complete")
+        return read(*words, **more)
+
+    monkeypatch.setattr(service.catalog, "get", get)
+    sent = events(browser.get(f"/console/jobs/{job}/live").text)
+
+    assert [data for name, data in sent if name == "log"] == ["— logs/stdout.log —\nfirst line\n", "last line\n"]
+    assert [name for name, _ in sent][-2:] == ["reload", "end"]
+    assert "root:" not in str(sent)
+
+
+def test_a_folder_of_logs_that_is_a_link_is_not_followed(
+    browser: Any, store_job: StoreJob, service: Service, tmp_path: Any
+) -> None:
+    (tmp_path / "others").mkdir()
+    (tmp_path / "others" / "diary.log").write_text("private")
+    job = store_job(run_id="run-1")
+    (service.folder("jobs", job, "run-1", "output") / "logs").symlink_to(tmp_path / "others")
+    assert "private" not in browser.get(f"/console/jobs/{job}/live").text
+
+
+def test_who_logs_out_follows_nothing_any_more(
+    visitor: Any, store_job: StoreJob, store_batch: StoreBatch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    key = AccessKey("AKID", "word", "alice")
+    browser, batch = visitor(key), store_batch(2)
+    browser.post("/console/login", data={"key": key.id, "secret": key.secret})
+    monkeypatch.setattr(Sessions, "find", in_turn(Sessions.find, 3))
+    sent = events(browser.get(f"/console/batches/{id_of(batch)}/live").text)
+    assert sent[-1] == ("end", None)
+
+
+def test_a_generation_that_has_made_nothing_yet_is_shown(browser: Any, template: str, service: Service) -> None:
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 2}
+    asked = {"template": template, "worldCount": count}
+    generation = id_of(call("CreateWorldGenerationJob", asked, service)["arn"])
+    shown = browser.get(f"/console/generations/{generation}")
+    assert (shown.status_code, generation in shown.text) == (200, True)
+
+
+@pytest.mark.parametrize(
+    ("path", "status"),
+    [(f"/runs/{'a' * 300}", 404), (f"/search?q={'a' * 300}", 404), ("/jobs?tag=a%22b=c", 200)],
+    ids=["a long name", "a long search", "a tag with a quotation mark"],
+)
+def test_odd_questions_have_answers(browser: Any, path: str, status: int) -> None:
+    assert browser.get(f"/console{path}").status_code == status
+
+
+def test_files_have_types_that_run_nothing(browser: Any, store_job: StoreJob) -> None:
+    files = {"a.html": b"<script>", "a.svg": b"<svg>", "a.json": b"{}", "video.mp4": b"0123456789", "a.mcap": b"m"}
+    job = store_job(files=files)
+    types = {}
+    for name in files:
+        answer = browser.get(f"/console/jobs/{job}/files/{name}")
+        types[name] = (answer.headers["content-type"], answer.headers["content-disposition"].partition(";")[0])
+        assert answer.content == files[name]
+        assert answer.headers["content-security-policy"].startswith("sandbox;")
+
+    assert types == {
+        "a.html": ("application/octet-stream", "attachment"),
+        "a.svg": ("application/octet-stream", "attachment"),
+        "a.json": ("text/plain; charset=utf-8", "inline"),
+        "video.mp4": ("video/mp4", "inline"),
+        "a.mcap": ("application/octet-stream", "attachment"),
+    }
+    part = browser.get(f"/console/jobs/{job}/files/video.mp4", headers={"range": "bytes=2-4"})
+    assert (part.status_code, part.content) == (206, b"234")
+    for name in ("manifest.json", "%2e%2e/x", "..%2fmanifest.json", "nothing"):
+        assert browser.get(f"/console/jobs/{job}/files/{name}").status_code == 404
+
+
+@pytest.mark.parametrize("part", ["bytes=2-4", "bytes=99-", "nonsense"])
+def test_a_copy_from_a_store_elsewhere_goes_when_it_was_sent(
+    browser: Any, store_job: StoreJob, service: Service, monkeypatch: pytest.MonkeyPatch, part: str
+) -> None:
+    job = store_job(files={"video.mp4": b"0123456789"})
+    monkeypatch.setattr(type(service.store), "local_path", lambda *_: None)
+    answer = browser.get(f"/console/jobs/{job}/files/video.mp4", headers={"range": part})
+    assert answer.status_code == {"bytes=2-4": 206, "bytes=99-": 416}.get(part, 400)
+    assert list(service.folder("scratch").glob("console-*")) == []
+
+
+def test_a_template_shows_its_body_and_what_it_made(browser: Any, template: str, service: Service) -> None:
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 2}
+    asked = {"template": template, "worldCount": count, "worldTags": {"team": "red"}}
+    job = call("CreateWorldGenerationJob", asked, service)["arn"]
+    world = Resource.new(
+        arn=f"{service.arn('world', id_of(job))}/world-1",
+        kind="world",
+        id=f"{id_of(job)}/world-1",
+        parent=job,
+        tags={"team": "red"},
+        labels={"templateId": [id_of(template)]},
+        document={"template": template},
+    )
+    service.catalog.create(world, token=None)
+    page = browser.get(f"/console/worlds?template={id_of(template)}").text
+    assert "&#34;Buildings&#34;" in page
+    assert f"/console/generations/{id_of(job)}" in page
+    assert world.id in page
+    plain = browser.get("/console/worlds")
+    assert (plain.status_code, "Its body" in plain.text, world.id in plain.text) == (200, False, True)
+    for tag, is_there in (("team=red", True), ("team=blue", False)):
+        page = browser.get(f"/console/worlds?template={id_of(template)}&tag={tag}").text
+        assert (world.id in page, f"/console/batches?tag={tag.replace('=', '%3D')}" in page) == (is_there, True)
+    found = browser.get(f"/console/search?q={id_of(template)}")
+    assert found.headers["location"] == f"/console/worlds?template={id_of(template)}"
+
+
+def test_the_search_leads_to_pages(browser: Any, store_job: StoreJob, template: str, service: Service) -> None:
+    job, scout = store_job(), service.catalog.find("robot-application", "scout")
+    assert scout is not None
+    for wanted, place in (
+        (job, f"/console/jobs/{job}"),
+        ("team=red", "/console/jobs?tag=team%3Dred"),
+        ("two rooms", f"/console/worlds?template={id_of(template)}"),
+        ("scout", address(scout.kind, scout.id)),
+    ):
+        assert browser.get("/console/search", params={"q": wanted}).headers["location"] == place
+    assert browser.get("/console/search", params={"q": "nothing"}).status_code == 404
+
+
+def test_a_job_of_its_own_is_shown_however_many_jobs_batches_run(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch
+) -> None:
+    alone, batch = store_job("Running"), store_batch(20)
+    inside = [store_job("Running", batch=batch, request_index=index) for index in range(20)]
+    page = browser.get("/console").text
+
+    assert f"/console/jobs/{alone}" in page
+    assert not [job for job in inside if job in page]
+
+
+def test_a_change_that_others_see_late_is_not_missed(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("prefect_robomaker.deployments.console.batches._EVERY_S", 0.01)
+    batch = store_batch(2)
+    store_job(batch=batch, verdict="PASS")
+    read, now, late = service.catalog.child_revisions, service.clock(), []
+
+    def after_a_slow_commit(*words: Any) -> Any:
+        found = read(*words)
+        if not late:  # its time is from before what was just seen
+            monkeypatch.setattr(service.catalog, "_clock", lambda: now - timedelta(seconds=10))
+            late.append(store_job(batch=batch, request_index=1, verdict="FAIL", verdict_reason="late"))
+        elif len(late) == 1:
+            late.append("")
+            service.catalog.transition(batch, "drain")
+            service.catalog.transition(batch, "complete")
+        return found
+
+    monkeypatch.setattr(service.catalog, "child_revisions", after_a_slow_commit)
+    sent = events(browser.get(f"/console/batches/{id_of(batch)}/live").text)
+    tiles = [data for name, data in sent if name == "tiles"]
+
+    assert late[0] in str(tiles)
+
+
+def test_filters_of_batches_go_on_with_older_ones(browser: Any, store_batch: StoreBatch) -> None:
+    for _ in range(21):
+        store_batch(1, status="Completed", tags={"team": "red"})
+    page = browser.get("/console/batches?status=Completed&tag=team%3Dred").text
+    [link] = [part.partition('"')[0] for part in page.split('rel="next" href="')[1:]]
+
+    assert "status=Completed" in link
+    assert browser.get(link.replace("&amp;", "&")).status_code == 200
+
+
+def test_jobs_that_change_or_go_are_seen_and_only_they_are_read(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    batch = store_batch(3)
+    statuses = enumerate(("Completed", "Running", "Completed"))
+    passed, runs, gone = (store_job(each, batch=batch, request_index=index) for index, each in statuses)
+    page = f"/console/batches/{id_of(batch)}"
+    assert browser.get(page).text.count("/console/jobs/sim-") == 3
+    read: list[list[str]] = []
+    get_many = service.catalog.get_many
+
+    def counted(arns: Any, *members: Any) -> Any:
+        read.append([id_of(arn) for arn in arns if ":simulation-job/" in arn])
+        return get_many(arns, *members)
+
+    monkeypatch.setattr(service.catalog, "get_many", counted)
+    for event in ("terminate", "complete"):
+        service.catalog.transition(service.arn("simulation-job", runs), event)
+    service.catalog.delete(service.arn("simulation-job", gone))
+    again = browser.get(page).text
+    assert [each for each in read if each] == [[runs]]
+    assert (passed in again, f"{runs}: running" in again, gone in again) == (True, False, False)
+
+
+def test_a_batch_that_changes_is_read_again(browser: Any, store_batch: StoreBatch, service: Service) -> None:
+    batch = store_batch(3, tags={"team": "red"})
+    assert "0 of 3" in browser.get("/console/batches").text
+    service.catalog.transition(batch, "drain")
+    service.catalog.transition(batch, "complete", document_changes={"verdicts": {"PASS": 2, "FAIL": 1}})
+
+    assert "some failed" in browser.get("/console/batches").text
+
+
+def test_an_error_of_the_catalog_tells_no_path(
+    browser: Any, service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: Any, **__: Any) -> Any:
+        raise ServiceUnavailableException(f"the catalog sqlite:///{service.settings.home}/catalog.db does not answer")
+
+    monkeypatch.setattr(service.catalog, "list", fail)
+    answer = browser.get("/console/jobs")
+
+    assert (answer.status_code, str(service.settings.home) in answer.text) == (503, False)
+    assert "log says why" in answer.text
+    assert "does not answer" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("url", "shown"),
+    [("http://127.0.0.1:4321/", True), ("https://evil.example/", False), ("javascript:alert(1)", False), (7, False)],
+)
+def test_a_running_job_leads_to_its_live_view(
+    browser: Any, store_job: StoreJob, service: Service, monkeypatch: pytest.MonkeyPatch, url: object, shown: bool
+) -> None:
+    monkeypatch.setattr("prefect_robomaker.deployments.console.jobs._EVERY_S", 0.01)
+    job = store_job("Terminating", run_id="run-1")
+    (service.folder("jobs", job, "run-1", "work") / "live-view.json").write_text(json.dumps({"url": url, "pid": 1}))
+    read, looks = service.catalog.get, iter(range(1))
+
+    def get(*words: str, **more: str) -> object:
+        if next(looks, None) is None:
+            service.catalog.transition(service.arn("simulation-job", job), "complete")
+        return read(*words, **more)
+
+    monkeypatch.setattr(service.catalog, "get", get)
+    sent = events(browser.get(f"/console/jobs/{job}/live").text)
+    told = [data["live-view"] for name, data in sent if name == "parts" and isinstance(data, dict)]
+
+    assert [f'href="{url}"' in each for each in told] == [shown]
+
+
+def test_the_failing_jobs_video_is_a_click_from_where_the_quickstart_ends(
+    browser: Any, store_job: StoreJob, service: Service
+) -> None:
+    passed = store_job(verdict="PASS", files={"poster.png": b"p"})
+    failed = store_job(verdict="FAIL", verdict_reason="late", files={"video.mp4": b"film", "poster.png": b"p"})
+    records = [
+        make_job(index, letter).model_copy(update={"label": job, "arn": service.arn("simulation-job", job)})
+        for index, (letter, job) in enumerate((("P", passed), ("F", failed)))
+    ]
+    record = make_night(records, name="quickstart", runs=service.settings.home / "runs")
+    store_night(record)
+    for start in (f"/console/runs/{record.run_id}", "/console"):  # `robomaker run` ends with the first
+        links = re.findall(r'href="(/console/jobs/[^"]+)"', browser.get(start).text)
+        assert f'src="{links[0]}/files/video.mp4"' in browser.get(links[0]).text
