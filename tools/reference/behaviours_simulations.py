@@ -144,7 +144,7 @@ SIMULATIONS = (
         known="Every job offered `/robomaker/job/cancel`, `add_tags`, `remove_tags` and `list_tags`, with the types "
         "of `robomaker_simulation_msgs`, in ROS 1 and ROS 2.",
         here="Jobs that roslaunch starts offer them where rospy is installed; the types need not be in the bundle. "
-        "Jobs of ROS 2 do not.",
+        "Jobs of `ros2 launch` offer them where the bundle has built the types.",
     ),
     differs(
         "Recording ROS topics",

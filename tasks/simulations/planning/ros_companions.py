@@ -36,7 +36,7 @@ def with_ros_companions(
         wants_topics: whether all ROS topics are to be recorded.
     """
     found = list(programs)
-    if ros is not None and ros.launch.ros == 1:
+    if ros is not None and ros.launch.ros is not None:
         found = _with_services(found, ros, run_environment)
     if wants_topics and found:
         recorder = _recorder(ros, run_environment)
@@ -50,13 +50,13 @@ def with_ros_companions(
 
 
 def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """The services of ROS 1, where that has what nodes in Python need; all programs find the package of messages."""
+    """The job's services, where its ROS has what nodes in Python need; all programs find the package of messages."""
     folder = run_environment.sandbox.root / FOLDER
     folder.mkdir(parents=True)
 
     def node(task: str) -> tuple[str, ...]:
         assert ros.launch.launcher is not None
-        return in_ros(ros.code, ros.launch.launcher, ("python3", str(NODE), task, str(folder)))
+        return in_ros(ros.code, ros.launch.launcher, ("python3", str(NODE), task, str(ros.launch.ros), str(folder)))
 
     if not make_message_package(node("make"), ros.program.environment):
         remove(folder)

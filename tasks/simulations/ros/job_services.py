@@ -34,10 +34,10 @@ _logger = logging.getLogger(__name__)
 
 
 def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Makes the package of the services' messages for the ROS of a launch; says whether that has rospy and genpy.
+    """Makes the package of the services' messages for the ROS of a launch, or finds it there; says whether it is there.
 
     Args:
-        argv: `service_node.py make FOLDER` by the Python of that ROS.
+        argv: `service_node.py make` by the Python of that ROS.
         variables: environment variables of the launch.
     """
     environment = {"PATH": os.defpath, **variables}

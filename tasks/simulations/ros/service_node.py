@@ -1,7 +1,8 @@
-"""The ROS 1 services of a job, a node that the run starts beside a launch: `/robomaker/job/cancel` and of tags.
+"""The ROS services of a job, a node that the run starts beside a launch: `/robomaker/job/cancel` and of tags.
 
-    python3 service_node.py make FOLDER        makes the message package below FOLDER, where rospy and genpy are
-    python3 service_node.py serve FOLDER       answers calls, by asking the job worker over the socket in FOLDER
+    python3 service_node.py make 1 FOLDER      makes the message package below FOLDER, where rospy and genpy are
+    python3 service_node.py make 2 FOLDER      fails unless rclpy is there, and the workspace has the message package
+    python3 service_node.py serve 1|2 FOLDER   answers calls, by asking the job worker over the socket in FOLDER
 
 ROS's own Python runs this file by itself, in the environment of the launch: it imports nothing of this package.
 """
@@ -13,11 +14,13 @@ import os
 import socket
 import sys
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 PACKAGE = "robomaker_simulation_msgs"
+NAME = "robomaker_job_services"
 SOCKET = "job.sock"
 ANSWER = "bool success\nstring message\n"
 FILES = {
@@ -32,6 +35,13 @@ FILES = {
     '<maintainer email="jobs@example.com">robomaker</maintainer><license>Apache-2.0</license></package>\n',
 }
 """The package that nodes of RoboMaker jobs were built with: what their types are called and hashed by."""
+SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
+    "cancel": ("Cancel", lambda _: {}),
+    "add_tags": ("AddTags", lambda request: {"tags": {tag.key: tag.value for tag in request.tags}}),
+    "remove_tags": ("RemoveTags", lambda request: {"keys": list(request.keys)}),
+    "list_tags": ("ListTags", lambda _: {}),
+}
+"""Their types, and what of a request the job worker is told."""
 
 
 def make(folder: str) -> int:
@@ -52,26 +62,45 @@ def make(folder: str) -> int:
     return failed
 
 
+def find(_folder: str) -> int:
+    """ROS 2 compiles its messages: a workspace whose nodes call the services has built the package."""
+    import_module("rclpy")
+    import_module(f"{PACKAGE}.srv")
+    return 0
+
+
 def serve(folder: str) -> None:
-    """Offers the services until the node is told to end."""
-    rospy, msg, srv = import_module("rospy"), import_module(f"{PACKAGE}.msg"), import_module(f"{PACKAGE}.srv")
+    """Offers the services in ROS 1 until the node is told to end."""
+    rospy, srv = import_module("rospy"), import_module(f"{PACKAGE}.srv")
 
-    def offer(service: Any, operation: str, members: Callable[[Any], dict[str, Any]] | None = None) -> None:
-        def answer(request: Any) -> Any:
-            told = ask(folder, {**(members(request) if members else {}), "operation": operation})
-            reply = service._response_class(success=told["success"], message=told["message"])
-            if operation == "list_tags":
-                reply.tags = [msg.Tag(key=key, value=value) for key, value in sorted(told["tags"].items())]
-            return reply
+    def answering(operation: str, service: Any) -> Callable[[Any], Any]:
+        return lambda request: answered(folder, operation, request, service._response_class())
 
-        rospy.Service(f"/robomaker/job/{operation}", service, answer)
-
-    rospy.init_node("robomaker_job_services")
-    offer(srv.Cancel, "cancel")
-    offer(srv.AddTags, "add_tags", lambda request: {"tags": {tag.key: tag.value for tag in request.tags}})
-    offer(srv.RemoveTags, "remove_tags", lambda request: {"keys": list(request.keys)})
-    offer(srv.ListTags, "list_tags")
+    rospy.init_node(NAME)
+    for operation, (name, _) in SERVICES.items():
+        service = getattr(srv, name)
+        rospy.Service(f"/robomaker/job/{operation}", service, answering(operation, service))
     rospy.spin()
+
+
+def serve_2(folder: str) -> None:
+    """Offers the services in ROS 2 until the node is told to end."""
+    rclpy, srv = import_module("rclpy"), import_module(f"{PACKAGE}.srv")
+    rclpy.init()
+    node = rclpy.create_node(NAME)
+    for operation, (name, _) in SERVICES.items():
+        node.create_service(getattr(srv, name), f"/robomaker/job/{operation}", partial(answered, folder, operation))
+    rclpy.spin(node)
+
+
+def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
+    """A response that says what the job worker says to a request."""
+    told = ask(folder, {**SERVICES[operation][1](request), "operation": operation})
+    response.success, response.message = told["success"], told["message"]
+    if operation == "list_tags":
+        tag = import_module(f"{PACKAGE}.msg").Tag
+        response.tags = [tag(key=key, value=value) for key, value in sorted(told["tags"].items())]
+    return response
 
 
 def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
@@ -92,4 +121,5 @@ def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    sys.exit({"make": make, "serve": serve}[sys.argv[1]](sys.argv[2]))
+    task, ros, place = sys.argv[1:]
+    sys.exit({"make 1": make, "make 2": find, "serve 1": serve, "serve 2": serve_2}[f"{task} {ros}"](place))

@@ -3,6 +3,8 @@
 import json
 import os
 import socket
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,7 +15,7 @@ from helpers.small_flat import ROLE
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.ros import job_services
-from prefect_robomaker.tasks.simulations.ros.job_services import FOLDER, answering
+from prefect_robomaker.tasks.simulations.ros.job_services import FOLDER, NODE, answering
 from prefect_robomaker.tasks.simulations.ros.service_node import SOCKET, ask
 
 
@@ -105,3 +107,52 @@ def test_runs_without_ros_listen_to_nothing(service: Service, tmp_path: Path) ->
     root.mkdir()
     with answering(root, "arn", service), answering(None, "arn", service):
         assert list(root.iterdir()) == []
+
+
+RCLPY = """
+from types import SimpleNamespace
+
+offered = {}
+
+def init(): ...
+
+def create_node(name):
+    return SimpleNamespace(create_service=lambda kind, name, answer: offered.update({name: (kind, answer)}))
+
+def spin(node):
+    add, remove, tags, cancel = (offered[f"/robomaker/job/{name}"] for name in NAMES)
+    said = [
+        add[1](add[0].Request(tags=[SimpleNamespace(key="a", value="1"), SimpleNamespace(key="b", value="2")]), kind()),
+        remove[1](remove[0].Request(keys=["b"]), kind()),
+        tags[1](tags[0].Request(), kind()),
+        cancel[1](cancel[0].Request(), kind()),
+    ]
+    print([(response.success, response.message) for response in said], said[2].tags[0].key, said[2].tags[0].value)
+
+NAMES = ("add_tags", "remove_tags", "list_tags", "cancel")
+kind = SimpleNamespace
+"""
+"""As much of rclpy as the node calls, with one client; ROS 2 itself has no package in Debian."""
+
+
+def test_a_node_of_ros_2_offers_the_services(folder: Path, job: str, service: Service, tmp_path: Path) -> None:
+    modules = tmp_path / "modules"
+    messages = modules / "robomaker_simulation_msgs"
+    messages.mkdir(parents=True)
+    (modules / "rclpy.py").write_text(RCLPY)
+    kinds = "from types import SimpleNamespace as N\n" + "".join(
+        f"{name} = N(Request=N)\n" for name in ("Cancel", "AddTags", "RemoveTags", "ListTags")
+    )
+    (messages / "srv.py").write_text(kinds)
+    (messages / "msg.py").write_text("from types import SimpleNamespace as Tag\n")
+
+    def run(task: str) -> subprocess.CompletedProcess[str]:
+        argv = [sys.executable, str(NODE), task, "2", str(folder)]
+        return subprocess.run(argv, env={"PYTHONPATH": str(modules)}, capture_output=True, text=True, check=False)
+
+    assert run("make").returncode == 0
+    assert run("serve").stdout == "[(True, ''), (True, ''), (True, ''), (True, '')] a 1\n"
+    assert call("ListTagsForResource", {"resourceArn": job}, service)["tags"] == {"a": "1"}
+    assert service.catalog.cancel_requested(job)
+    (messages / "srv.py").unlink()
+    assert run("make").returncode, "a workspace without the messages"
