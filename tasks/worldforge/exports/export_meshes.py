@@ -5,11 +5,12 @@
 
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from trimesh import Trimesh, creation
+from trimesh import creation
 
 from .export_scene import Kind
 
@@ -21,14 +22,23 @@ _LEVEL = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles with a normal at each vertex, counter-clockwise seen from outside."""
+    """Triangles, counter-clockwise seen from outside."""
 
     positions: NDArray[np.float64]
     """Shape (vertices, 3)."""
     normals: NDArray[np.float64]
-    """Shape (vertices, 3)."""
+    """Shape (vertices, 3), or (triangles, 3) where it is flat."""
     triangles: NDArray[np.int64]
     """Shape (triangles, 3)."""
+    flat: bool = False
+    """Whether it has edges between all its faces: a normal for each face instead of each vertex."""
+
+    def apart(self) -> "Mesh":
+        """The mesh with a normal at each vertex: faces of a flat one have their corners for themselves."""
+        if not self.flat:
+            return self
+        corners = self.positions[self.triangles.ravel()]
+        return Mesh(corners, np.repeat(self.normals, 3, axis=0), np.arange(len(corners)).reshape(-1, 3))
 
 
 @cache
@@ -39,7 +49,8 @@ def unit_mesh(kind: Kind) -> Mesh:
         ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
     """
     if kind == "box":
-        return _flat(creation.box((2.0, 2.0, 2.0)))
+        box = creation.box((2.0, 2.0, 2.0))
+        return Mesh(np.array(box.vertices), np.array(box.face_normals), np.array(box.faces), flat=True)
     if kind == "plane":
         corners = np.array([[-1.0, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
         return Mesh(corners, np.tile([0.0, 0, 1], (4, 1)), np.array([[0, 1, 2], [0, 2, 3]]))
@@ -48,7 +59,8 @@ def unit_mesh(kind: Kind) -> Mesh:
         ball = creation.revolve(np.column_stack([np.cos(up), np.sin(up)]), sections=_SEGMENTS)
         return Mesh(np.array(ball.vertices), np.array(ball.vertices), np.array(ball.faces))
     if kind == "cylinder":
-        mesh = _flat(creation.cylinder(1.0, 2.0, sections=_SEGMENTS))
+        solid = creation.cylinder(1.0, 2.0, sections=_SEGMENTS)
+        mesh = Mesh(np.array(solid.vertices), np.array(solid.face_normals), np.array(solid.faces), flat=True).apart()
         on_end = np.abs(mesh.normals[:, 2:]) > _LEVEL
         return Mesh(mesh.positions, np.where(on_end, mesh.normals, mesh.positions * [1, 1, 0]), mesh.triangles)
     raise ValueError(f"kind {kind!r}: has no unit mesh")
@@ -66,12 +78,19 @@ def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
     """A mesh of the compiled MJCF, flat-shaded."""
     start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
-    vertices, triangles = model.mesh_vert[start : start + count], model.mesh_face[first : first + faces]
-    return _flat(Trimesh(vertices, triangles, process=False))
+    vertices = model.mesh_vert[start : start + count].astype(np.float64)
+    triangles = model.mesh_face[first : first + faces].astype(np.int64)
+    one, two, three = (vertices[triangles[:, corner]] for corner in range(3))
+    normals = np.cross(two - one, three - one)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    # A face without an area has no normal.
+    return Mesh(
+        vertices, np.divide(normals, lengths, out=np.zeros_like(normals), where=lengths > 0), triangles, flat=True
+    )
 
 
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
-    """Places on a picture of the vertices that `compiled_mesh` gives: repetitions to the right and down.
+    """Places on a picture of each corner of the faces that `compiled_mesh` gives: repetitions to the right and down.
 
     None for a mesh that has none.
     """
@@ -87,21 +106,23 @@ def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = 
 
     Args:
         mesh: the mesh.
-        places: of its vertices on a picture, repetitions to the right and up; without, it has none.
+        places: on a picture, of its vertices, or of the corners of its faces where it is flat: repetitions to the
+            right and up; without, it has none.
         look: name of its material, and of the `.mtl` file beside it that has that.
     """
-    lines = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
-    lines += [f"v {x:.5g} {y:.5g} {z:.5g}" for x, y, z in mesh.positions + 0.0]
-    lines += [f"vn {x:.4g} {y:.4g} {z:.4g}" for x, y, z in mesh.normals + 0.0]
+    head = [f"mtllib {look}.mtl", f"usemtl {look}"] if look else []
+    corners = mesh.triangles + 1
+    normals = np.repeat(np.arange(1, len(corners) + 1), 3).reshape(-1, 3) if mesh.flat else corners
+    spots = np.arange(1, corners.size + 1).reshape(-1, 3) if mesh.flat else corners
+    parts = [_lines("v %.5g %.5g %.5g", mesh.positions + 0.0), _lines("vn %.4g %.4g %.4g", mesh.normals + 0.0)]
     if places is None:
-        lines += [f"f {a}//{a} {b}//{b} {c}//{c}" for a, b, c in mesh.triangles + 1]
+        parts.append(_lines("f %d//%d %d//%d %d//%d", np.stack([corners, normals], axis=2)))
     else:
-        lines += [f"vt {right:.5g} {up:.5g}" for right, up in places + 0.0]
-        lines += [f"f {a}/{a}/{a} {b}/{b}/{b} {c}/{c}/{c}" for a, b, c in mesh.triangles + 1]
-    return "\n".join([*lines, ""])
+        parts.append(_lines("vt %.5g %.5g", places + 0.0))
+        parts.append(_lines("f %d/%d/%d %d/%d/%d %d/%d/%d", np.stack([corners, spots, normals], axis=2)))
+    return "\n".join([*head, *parts, ""])
 
 
-def _flat(solid: Trimesh) -> Mesh:
-    """The mesh with each face's corners for itself, so that it has edges."""
-    normals = np.repeat(solid.face_normals, 3, axis=0)
-    return Mesh(solid.triangles.reshape(-1, 3), normals, np.arange(len(normals)).reshape(-1, 3))
+def _lines(line: str, rows: NDArray[Any]) -> str:
+    """Formats all rows at once: meshes have a hundred thousand numbers."""
+    return "\n".join([line] * len(rows)) % tuple(rows.ravel().tolist())

@@ -34,14 +34,17 @@ def drawn_mesh(model: mujoco.MjModel, shape: Shape) -> Mesh:
     mesh = unit_mesh(shape.kind)
     normals = mesh.normals / np.maximum(shape.half, 1e-9)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return Mesh(mesh.positions * shape.half, normals, mesh.triangles)
+    return Mesh(mesh.positions * shape.half, normals, mesh.triangles, mesh.flat)
 
 
 def picture_coordinates(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.float64]:
-    """Where vertices of its mesh, in true size, are on its picture: repetitions to the right, and up from the foot."""
+    """Where vertices of its mesh, in true size, are on its picture: repetitions to the right, and up from the foot.
+
+    Of a flat mesh, the corners of its faces.
+    """
     places = picture_places(model, shape.mesh) if shape.kind == "mesh" else None
     if places is None:
-        return _projected(model, shape, mesh)
+        return _projected(model, shape, mesh.apart())
     return places * [1.0, -1.0] + [0.0, 1.0]
 
 

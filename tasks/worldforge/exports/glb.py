@@ -123,7 +123,7 @@ class _Writer:
         fixed = textured or form in ("capsule", "mesh")
         key = f"{form} {shape.half if fixed else ''} {shape.mesh} {material}"
         if key not in self._built.geometry:
-            mesh = _mesh_of(self._model, shape, form, scaled=textured)
+            mesh = _mesh_of(self._model, shape, form, scaled=textured).apart()
             uv = picture_coordinates(self._model, shape, mesh) if textured else None
             self._built.geometry[key] = trimesh.Trimesh(
                 mesh.positions,
@@ -166,7 +166,7 @@ def _mesh_of(model: mujoco.MjModel, shape: Shape, form: str, *, scaled: bool) ->
     mesh = unit_mesh("plane") if form == "ceiling" else unit_mesh(shape.kind)
     if form == "ceiling":
         mesh = Mesh(mesh.positions, -mesh.normals, mesh.triangles[:, ::-1])
-    return Mesh(mesh.positions * shape.half, mesh.normals, mesh.triangles) if scaled else mesh
+    return Mesh(mesh.positions * shape.half, mesh.normals, mesh.triangles, mesh.flat) if scaled else mesh
 
 
 def _matrix(position: Vector, rotation: Matrix) -> Matrix:

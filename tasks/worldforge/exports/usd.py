@@ -152,11 +152,12 @@ def _mesh(scene: Scene, shape: Shape, name: str) -> Prim:
     prim.set("int[]", "faceVertexCounts", integers([3] * len(mesh.triangles)))
     prim.set("int[]", "faceVertexIndices", integers(mesh.triangles.ravel().tolist()))
     prim.set("point3f[]", "points", vectors(mesh.positions))
-    prim.attributes.append(f'normal3f[] normals = {vectors(mesh.normals)} (\n        interpolation = "vertex"\n    )')
+    where = f'(\n        interpolation = "{"faceVarying" if mesh.flat else "vertex"}"\n    )'
+    prim.attributes.append(f"normal3f[] normals = {vectors(mesh.normals, times=3 if mesh.flat else 1)} {where}")
     prim.set("uniform token", "subdivisionScheme", '"none"')
     if is_pictured(scene.model, shape):
         places = vectors(picture_coordinates(scene.model, shape, mesh))
-        prim.attributes.append(f'texCoord2f[] primvars:st = {places} (\n        interpolation = "vertex"\n    )')
+        prim.attributes.append(f"texCoord2f[] primvars:st = {places} {where}")
     return prim
 
 

@@ -85,11 +85,16 @@ def numbers(values: Iterable[float]) -> str:
     return f"({', '.join(map(number, values))})"
 
 
-def vectors(rows: NDArray[np.float64]) -> str:
-    """An array of vectors, as `numbers` writes each; at once, since meshes have a hundred thousand numbers."""
-    each = f"({', '.join(['%.10g'] * rows.shape[1])})" if len(rows) else ""
-    rounded = (round(value, _DIGITS) + 0.0 for value in rows.ravel().tolist())
-    return f"[{', '.join([each] * len(rows)) % tuple(rounded)}]"
+def vectors(rows: NDArray[np.float64], *, times: int = 1) -> str:
+    """An array of vectors; formatted at once, since meshes have a hundred thousand numbers.
+
+    Args:
+        rows: shape (vectors, components).
+        times: how often each vector stands there, one after the other.
+    """
+    each = f"({', '.join(['%.10g'] * rows.shape[1])})"
+    text = "\n".join([each] * len(rows)) % tuple((np.round(rows, _DIGITS) + 0.0).ravel().tolist())
+    return f"[{', '.join([', '.join([row] * times) for row in text.splitlines()])}]"
 
 
 def integers(values: Sequence[int]) -> str:

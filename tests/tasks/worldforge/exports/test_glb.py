@@ -138,7 +138,7 @@ def test_colours_are_linear_and_glass_lets_light_through() -> None:
 
 @pytest.mark.parametrize("kind", ["box", "sphere", "ellipsoid", "cylinder"])
 def test_unit_meshes_are_closed_and_face_outwards(kind: Kind) -> None:
-    mesh = unit_mesh(kind)
+    mesh = unit_mesh(kind).apart()
     solid = trimesh.Trimesh(mesh.positions, mesh.triangles, process=True, merge_norm=True, merge_tex=True)
     volume = {"box": 8.0, "cylinder": 2 * np.pi}.get(kind, 4 / 3 * np.pi)
     assert solid.is_watertight

@@ -266,10 +266,12 @@ def test_pictures_lie_in_the_archive_and_have_their_size_on_floors_and_walls(exp
             assert size_m is not None
             # Each edge is as long on the picture, laid out in its size, as in the room.
             corners = np.array([line.split()[1:] for line in files[1].read_text().splitlines() if line[:2] == "f "])
-            faces = np.array([[int(corner.partition("/")[0]) - 1 for corner in face] for face in corners])
+            faces, on_picture = (
+                np.array([[int(corner.split("/")[part]) - 1 for corner in face] for face in corners]) for part in (0, 1)
+            )
             for one, other in ((0, 1), (1, 2)):
                 long = np.linalg.norm(spots[faces[:, one]] - spots[faces[:, other]], axis=1)
-                laid = np.linalg.norm((places[faces[:, one]] - places[faces[:, other]]) * size_m, axis=1)
+                laid = np.linalg.norm((places[on_picture[:, one]] - places[on_picture[:, other]]) * size_m, axis=1)
                 assert np.abs(long - laid).max() < 2e-3, mesh
             seen[files[0].stem.partition("_")[0]] += 1
             if (visual.get("name") or "").startswith("floor_"):

@@ -59,7 +59,25 @@ for prim in stage.GetDefaultPrim().GetChildren():
                 UsdPhysics.MaterialAPI(material).GetStaticFrictionAttr().Get(),
                 list(boxes.ComputeWorldBound(child).ComputeAlignedRange().GetSize()),
             ]
+meshes, uneven = {}, []
+for prim in stage.Traverse():
+    if not prim.IsA(UsdGeom.Mesh):
+        continue
+    mesh, picture = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
+    corners, points = mesh.GetFaceVertexIndicesAttr().Get(), mesh.GetPointsAttr().Get()
+    many = {"faceVarying": len(corners), "vertex": len(points)}
+    normals, how = mesh.GetNormalsAttr().Get(), mesh.GetNormalsInterpolation()
+    meshes[how] = meshes.get(how, 0) + 1
+    if len(normals) != many[how] or picture.HasValue() and len(picture.Get()) != many[picture.GetInterpolation()]:
+        uneven.append(str(prim.GetPath()))
+    for corner in range(0, len(corners), 3):
+        one, two, three = (points[at] for at in corners[corner : corner + 3])
+        normal = normals[corner if how == "faceVarying" else corners[corner]]
+        face = Gf.Cross(two - one, three - one)
+        if how == "faceVarying" and face.GetLength() > 1e-9 and Gf.Dot(face.GetNormalized(), normal) < 0.99:
+            uneven.append(f"{prim.GetPath()}: {corner}")
 print(json.dumps({
+    "meshes": meshes, "uneven": uneven[:5],
     "errors": [f"{error.GetName()}: {error.GetMessage()}" for error in errors], "things": things, "joints": joints,
     "solids": solids, "up": UsdGeom.GetStageUpAxis(stage), "metres": UsdGeom.GetStageMetersPerUnit(stage),
     "kilograms": UsdPhysics.GetStageKilogramsPerUnit(stage),
@@ -116,6 +134,8 @@ def test_a_rotation_is_told_whatever_its_angle() -> None:
 @pytest.mark.deep
 def test_usd_s_own_validators_find_nothing(stage: dict[str, Any]) -> None:
     assert stage["errors"] == []
+    assert stage["uneven"] == [], "each mesh has as many normals and places on pictures as it says"
+    assert stage["meshes"]["faceVarying"] > stage["meshes"]["vertex"] > 0
     assert (stage["up"], stage["metres"], stage["kilograms"]) == ("Z", 1.0, 1.0)
 
 
