@@ -25,9 +25,19 @@ def timing() -> Timing:
     return Timing()
 
 
+@pytest.fixture(scope="session")
+def empty_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The home of an empty service: making the tables of a catalog takes as long as most tests."""
+    home = tmp_path_factory.mktemp("empty") / "home"
+    Service.open(Settings.from_environment({"ROBOMAKER_HOME": str(home)}), {}).catalog.close()
+    return home
+
+
 @pytest.fixture
-def service(settings: Settings, timing: Timing) -> Service:
+def service(settings: Settings, timing: Timing, empty_home: Path) -> Service:
     """An empty service."""
+    if not settings.home.exists():
+        shutil.copytree(empty_home, settings.home)
     return replace(Service.open(settings, {}), timing=timing)
 
 
