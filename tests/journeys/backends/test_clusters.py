@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-from .conftest import CLUSTERS, BatchOnCluster
+from .conftest import CLUSTERS, ONE_OF_THEM, BatchOnCluster
 
 Order = Callable[..., dict[str, Any]]
 Begin = Callable[..., BatchOnCluster]
@@ -44,8 +44,7 @@ def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
     assert cluster.remains() == []
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_machines_come_and_die_while_a_batch_runs(order: Order, cluster: Cluster, begin: Begin) -> None:
     batch = begin([order(LONG, maxJobDurationInSeconds=600) for _ in range(2)], maxConcurrency=2)
     cluster.add("first")
@@ -77,8 +76,7 @@ def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster
     assert batch.machines() == ["second"]
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: Cluster, begin: Begin) -> None:
     from prefect.client.orchestration import get_client
 
@@ -98,8 +96,7 @@ def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: C
     assert batch.ending.result()["status"] == "Completed"
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
     order: Order, cluster: Cluster, begin: Begin, service: Service, tmp_path: Path
 ) -> None:
@@ -121,8 +118,7 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
     assert not of_home(cluster.home("right"))
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_a_cluster_that_goes_away_is_waited_for(order: Order, cluster: Cluster, begin: Begin) -> None:
     cluster.add("first")
     batch = begin([order({"DURATION_S": "10"}) for _ in range(2)], maxConcurrency=1)
@@ -151,8 +147,7 @@ def test_a_cluster_that_does_not_answer_is_an_error_that_says_what_to_check(kind
             pytest.fail("no cluster is there")
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_job_workers_end_with_the_process_that_runs_the_batch(
     order: Order, cluster: Cluster, service: Service, prefect_server: str, tmp_path: Path
 ) -> None:
