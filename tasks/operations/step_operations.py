@@ -1,5 +1,7 @@
 """What steps of specifications call: the service's operations, and those that only steps have."""
 
+import hashlib
+import json
 from collections.abc import Mapping
 from functools import cache
 
@@ -24,7 +26,7 @@ def step_registry() -> Mapping[str, Operation]:
 
 
 def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:
-    """Makes each variation of each world and stores it, also one that breaks guarantees."""
+    """Makes each variation of each world and stores it, also one that breaks guarantees; those that are there, once."""
     made = [
         _varied(arn, variation, f"variations[{number}] of world {arn}", service)
         for arn in request.worlds
@@ -39,21 +41,35 @@ def _varied(arn: str, wanted: WorldVariation, what: str, service: Service) -> Va
     from ..worldforge.proofs.guarantees import violations
     from ..worldforge.variations import Move, Wanted, vary
     from ..worlds.keeping import keep_world
+    from ..worlds.reuse import find_by_origin
 
     resource = service.catalog.get(arn, kind="world")
+    origin = _origin_of(arn, wanted)
     try:
-        folder = world_bundle(resource, service)
-        doors = {**dict.fromkeys(wanted.shut, 0.0), **wanted.open}
-        moved = {piece: Move(*by) for piece, by in wanted.move.items()}
-        changes = Wanted(doors, moved, wanted.remove, wanted.light)
-        world = vary(read_world(folder), changes, content_hash(folder), arn)
+        if kept := find_by_origin(origin, service):  # by this step, before its answer was lost
+            world = read_world(world_bundle(kept, service))
+        else:
+            folder = world_bundle(resource, service)
+            doors = {**dict.fromkeys(wanted.shut, 0.0), **wanted.open}
+            moved = {piece: Move(*by) for piece, by in wanted.move.items()}
+            changes = Wanted(doors, moved, wanted.remove, wanted.light)
+            world = vary(read_world(folder), changes, content_hash(folder), arn)
     except (ConfigurationError, StorageError, ValueError) as error:
         raise InvalidParameterException(f"{what}: {error}") from error
     assert world.variation is not None
     assert world.checks is not None
+    kept = kept or keep_world(world, "variation", {}, service, origin=origin)
     return VariedWorld(
-        arn=keep_world(world, "variation", {}, service).arn,
+        arn=kept.arn,
         world=arn,
         changes=[f"{each.what} {each.thing}: {each.after}" for each in world.variation.changes],
         brokenGuarantees=violations(world.checks),
     )
+
+
+def _origin_of(arn: str, wanted: WorldVariation) -> str:
+    """Names what a variation is made of."""
+    from ..worldforge.generator import GENERATOR_VERSION
+
+    made_of = [GENERATOR_VERSION, arn, wanted.to_wire()]
+    return hashlib.sha256(json.dumps(made_of).encode()).hexdigest()

@@ -13,10 +13,12 @@ from ..service.patient_store import at_once, patiently
 from ..service.service import Service
 from ..worldforge.bundle.bundle import write_bundle
 from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
-from .generation import WORLDS_PREFIX, publish_bundle
+from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
 
 
-def keep_world(world: World, prefix: IdPrefix, tags: dict[str, str], service: Service) -> Resource:
+def keep_world(
+    world: World, prefix: IdPrefix, tags: dict[str, str], service: Service, *, origin: str | None = None
+) -> Resource:
     """Stores a world's bundle and adds the world to the catalog.
 
     Args:
@@ -24,6 +26,7 @@ def keep_world(world: World, prefix: IdPrefix, tags: dict[str, str], service: Se
         prefix: what its id begins with.
         tags: its tags.
         service: where it is stored.
+        origin: what it was made of, by which it is found again.
 
     Raises:
         StorageError: it cannot be stored.
@@ -31,11 +34,19 @@ def keep_world(world: World, prefix: IdPrefix, tags: dict[str, str], service: Se
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")
         place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{write_bundle(world, folder)}")
+        labels = {BUNDLE_LABEL: [bundle_label(place)], **({ORIGIN_LABEL: [origin]} if origin else {})}
         held = replace(service, store=at_once(service.store))
-        return patiently(service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, held))
+        return patiently(service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, labels, held))
 
 
-def _kept(folder: Path, place: StoredPlace, prefix: IdPrefix, tags: dict[str, str], service: Service) -> Resource:
+def _kept(
+    folder: Path,
+    place: StoredPlace,
+    prefix: IdPrefix,
+    tags: dict[str, str],
+    labels: dict[str, list[str]],
+    service: Service,
+) -> Resource:
     name = new_id(prefix, service.chance)
     resource = Resource.new(
         arn=service.arn("world", name),
@@ -43,7 +54,7 @@ def _kept(folder: Path, place: StoredPlace, prefix: IdPrefix, tags: dict[str, st
         id=name,
         status="Active",
         tags=tags,
-        labels={BUNDLE_LABEL: [bundle_label(place)]},
+        labels=labels,
         document=WorldDocument(bundle=place, description_key=f"{place.prefix}/{DESCRIPTION_FILE}"),
     )
     with bundle_held(place, service):

@@ -24,7 +24,12 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
     Returns:
         The newest whose bundle is stored; `None`: there is none.
     """
-    filters = {ORIGIN_LABEL: [origin_of(template_body, seeds)]}
+    return find_by_origin(origin_of(template_body, seeds), service)
+
+
+def find_by_origin(origin: str, service: Service) -> Resource | None:
+    """The newest world that was made of this and whose bundle is stored; `None`: there is none."""
+    filters = {ORIGIN_LABEL: [origin]}
     world = next(iter(service.catalog.list("world", filters=filters, limit=1).resources), None)
     bundle = WorldDocument.of(world).bundle if world is not None else None
     return world if bundle is not None and _is_stored(bundle, service) else None
