@@ -193,7 +193,7 @@ def test_what_setup_calls_are_commands_of_ours() -> None:
         build_parser().parse_args(words)
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_setup_makes_pool_and_deployment_and_may_run_again(prefect_server: str, tmp_path: Path) -> None:
     from prefect.client.orchestration import get_client
 

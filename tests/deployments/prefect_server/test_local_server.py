@@ -216,7 +216,7 @@ def test_a_process_with_the_id_of_a_dead_server_is_not_stopped(settings: Setting
         other.kill()
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_a_server_that_does_not_end_has_ended_when_it_counts_as_stopped(settings: Settings) -> None:
     folder = settings.home / "prefect"
     folder.mkdir(parents=True)

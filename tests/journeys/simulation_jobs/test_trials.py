@@ -196,6 +196,7 @@ def test_trials_of_programs_are_refused(swing: Simulate) -> None:
         swing(robot={"launchConfig": {"command": ["sleep", "1"]}}, job={"trials": {"seeds": 2}})
 
 
+@pytest.mark.deep
 def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finished(
     service: Service, swing: Simulate, perform_elsewhere: PerformElsewhere
 ) -> None:

@@ -205,6 +205,7 @@ def plan_of(make_plan: Any, run_id: str, arena: dict[str, str], **members: Any) 
     return make_plan(simulation_application=simulation, robot_application=driver, run_id=run_id, **members)
 
 
+@pytest.mark.deep
 def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, make_plan: Any, tmp_path: Path) -> None:
     looked = tmp_path / "looked"
     slowly = {"PAUSE_S": "0.1", "UNTIL": str(looked)}  # 15 s for the viewer, who needs less than one
@@ -231,6 +232,7 @@ def test_a_run_is_the_same_whether_somebody_looks_or_not(launcher: Launcher, mak
     assert not file.exists()
 
 
+@pytest.mark.deep
 def test_the_screen_of_a_program_is_refused_in_the_log(launcher: Launcher, make_plan: Any) -> None:
     program = ProgramPlan(
         name="robot", role="robot", kind="application", argv=["/bin/sh", "-c", "echo hello"], folder=Path("/")

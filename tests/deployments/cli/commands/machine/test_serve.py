@@ -24,6 +24,7 @@ LONG = {"DURATION_S": "200"}
 BATCH = "simulation-job-batch"
 
 
+@pytest.mark.deep
 def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
@@ -73,6 +74,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     assert len(service.catalog.children(batch, kind="simulation-job")) == 1
 
 
+@pytest.mark.deep
 def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
