@@ -88,15 +88,20 @@ def latest_runs(visit: Visit) -> list[RunRecord]:
     return _latest(visit, _MOST_LATEST)
 
 
+def names_of_seen(visit: Visit) -> list[str]:
+    """The specifications of the newest runs that the visitor may see."""
+    return sorted({record.name for record in _latest(visit, _MOST_LOOKED_AT)})
+
+
 def _latest(visit: Visit, most: int) -> list[RunRecord]:
     paths = (visit.service.settings.home / "runs").glob(f"*/{RECORD_NAME}")
     # The name of a run's folder ends with when it began.
     newest = sorted(paths, key=lambda path: path.parent.name.rpartition("-")[2], reverse=True)[:_MOST_LOOKED_AT]
     records = (record for path in newest if (record := _read(path, path.stat().st_mtime_ns)) is not None)
-    return list(islice((record for record in records if _sees(visit, record)), most))
+    return list(islice((record for record in records if sees_run(visit, record)), most))
 
 
-def _sees(visit: Visit, record: RunRecord) -> bool:
+def sees_run(visit: Visit, record: RunRecord) -> bool:
     """Whether a visitor may see a run: it is the visitor's own, or so is each resource that its record names."""
     if visit.sees_all:
         return True
@@ -122,7 +127,7 @@ def is_known(name: str, visit: Visit) -> bool:
     path = _place(name, visit)
     if not is_name or not path.is_file():
         return False
-    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and _sees(visit, record))
+    return visit.sees_all or ((record := _read(path, path.stat().st_mtime_ns)) is not None and sees_run(visit, record))
 
 
 def _path(visit: Visit) -> Path:

@@ -1,6 +1,7 @@
 """A specification night by night, and two runs of it beside each other, as plots."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 from starlette.responses import RedirectResponse, Response
 
 from ....schemas.reports.comparison import MetricChange
+from ....schemas.reports.run_record import RunRecord
 from ....schemas.specs.model import is_spec_name
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....tasks.comparison.better_or_worse import compare
@@ -16,15 +18,17 @@ from ....tasks.comparison.nights import NightRun
 from ....tasks.inspection.run_records import find_records, names_of_specifications, read_record
 from ....tasks.reporting import HistoryPage, view_history
 from ..rendering import HOME
-from ..runs import is_known
+from ..runs import is_known, names_of_seen, sees_run
 from ..visit import Visit
 
 _MOST_NIGHTS = 60
+_MOST_NIGHTS_SEEN = 20
+"""For a confined key: each job of each night is looked up."""
 
 
 def show_all(visit: Visit) -> Response:
     """The specifications that have runs; where there is one, its history."""
-    names = names_of_specifications(_runs(visit)) if visit.sees_all else []
+    names = names_of_specifications(_runs(visit)) if visit.sees_all else names_of_seen(visit)
     if len(names) == 1:
         return RedirectResponse(f"{HOME}/history/{names[0]}", 303)
     return visit.page("histories.html.j2", names=names)
@@ -33,10 +37,14 @@ def show_all(visit: Visit) -> Response:
 def show(visit: Visit) -> Response:
     """The history of one specification."""
     name, runs = visit.request.path_params["name"], _runs(visit)
-    known = sorted(runs.glob(f"{name}-*/run.json")) if visit.sees_all and is_spec_name(name) else []
+    known = sorted(runs.glob(f"{name}-*/run.json")) if is_spec_name(name) else []
     if not known:
         raise ResourceNotFoundException(f"there is no run of {name!r} in the data home of this server")
-    page = _history(name, runs, len(known), known[-1].stat().st_mtime_ns)
+    if visit.sees_all:
+        page = _history(name, runs, len(known), known[-1].stat().st_mtime_ns)
+    else:  # not kept: what a key may see changes with the tags of resources
+        seen = [record for record in find_records(runs, name, _MOST_NIGHTS_SEEN).records if sees_run(visit, record)]
+        page = _view(name, runs, seen)
     if page is None:
         raise ResourceNotFoundException(f"there is no run of {name!r} in the data home of this server")
     nights = [replace(night, link=f"{HOME}/runs/{night.night.run_id}") for night in page.nights]
@@ -66,9 +74,13 @@ def _history(name: str, runs: Path, count: int, changed_at: int) -> HistoryPage 
     """The history; kept until a run is added or removed."""
     del count, changed_at
     found = find_records(runs, name, _MOST_NIGHTS)
-    if not found.records:
+    return _view(name, runs, found.records, found.left_out)
+
+
+def _view(name: str, runs: Path, records: Sequence[RunRecord], left_out: int = 0) -> HistoryPage | None:
+    if not records:
         return None
-    return view_history(history_of(name, [NightRun.of(each) for each in found.records], found.left_out), runs)
+    return view_history(history_of(name, [NightRun.of(each) for each in records], left_out), runs)
 
 
 def _bar(metric: MetricChange) -> tuple[float, float, float] | None:

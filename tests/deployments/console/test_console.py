@@ -235,8 +235,16 @@ def test_a_confined_key_sees_runs_of_which_it_may_see_everything(
         for path in ("", "/report"):
             assert client.get(f"/console/runs/{run.run_id}{path}").status_code == status, (run.name, path)
     assert client.get(f"/console/runs/{own.run_id}/report").text == "report of own"
+    listed = client.get("/console/history").text
+    assert [name for name in ("own", "mixed", "others", "ordered") if f"/history/{name}" in listed] == [
+        "own",
+        "ordered",
+    ]
+    assert client.get("/console/history/own").text.count('class="night"') == 1
+    assert client.get("/console/history/mixed").status_code == 404
     service.catalog.set_tags(own.jobs[1].arn or "", {"team": "blue"})
     assert client.get(f"/console/runs/{own.run_id}/report").status_code == 404
+    assert client.get("/console/history/own").status_code == 404
 
 
 def test_a_confined_key_does_not_see_the_body_of_a_template_of_others(
