@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.deployments.cli.main import main
+from prefect_robomaker.deployments.prefect_server.local_server import stop_server
+from prefect_robomaker.schemas.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,9 @@ def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         return Outcome(code, out, err)
 
     yield run
+    if (home / "prefect").exists():
+        was_running = stop_server(Settings.from_environment({"ROBOMAKER_HOME": str(home)}))
+        assert not was_running, "a command started a server that stays; give it that of `prefect_server`"
     # Commands tell Prefect by variables where its server is.
     os.environ.clear()
     os.environ.update(before)

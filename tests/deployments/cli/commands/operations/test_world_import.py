@@ -1,8 +1,11 @@
 """`robomaker world import` and `vary`: worlds of the catalog like any other."""
 
 import json
+import os
 import re
 import shlex
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 
@@ -14,7 +17,7 @@ ROLE = "arn:aws:iam::000000000000:role/test"
 
 
 def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
-    robomaker, home: Path, tmp_path: Path
+    robomaker, home: Path, tmp_path: Path, prefect_server: str
 ) -> None:
     made = robomaker("world", "import", FLAT, "--seed", 4)
     assert (made.code, made.err) == (0, "")
@@ -52,8 +55,11 @@ def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
         "outputLocation": {"s3Bucket": "robomaker", "s3Prefix": "x"},
         "iamRole": ROLE,
     }
-    exported = robomaker("call", "CreateWorldExportJob", "--input", json.dumps(order), "--wait")
-    assert json.loads(exported.out)["status"] == "Completed", exported.err
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "call", "CreateWorldExportJob"]
+    environ = {**os.environ, "PREFECT_API_URL": prefect_server}
+    command += ["--input", json.dumps(order), "--wait"]
+    exported = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
+    assert json.loads(exported.stdout)["status"] == "Completed", exported.stderr
     [archive] = home.rglob("x/*.zip")
     names = zipfile.ZipFile(archive).namelist()
     for each in (arn, facts["arn"]):
