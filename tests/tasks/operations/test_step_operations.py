@@ -4,6 +4,7 @@ import pytest
 from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.schemas.worlds.step_operations import VaryWorldsRequest, VaryWorldsResponse
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.step_operations import step_registry
 from prefect_robomaker.tasks.service.service import Service
@@ -18,10 +19,11 @@ def world(service: Service) -> str:
     return keep_world(made, "import", {}, service).arn
 
 
-def varied(service: Service, world: str, *variations: dict[str, object]) -> list[str]:
-    operation = step_registry()["VaryWorlds"]
-    request = operation.shape.request.model_validate({"worlds": [world], "variations": list(variations)})
-    return operation.handler(request, service).to_wire()["worlds"]
+def varied(service: Service, world: str, *variations: dict[str, str]) -> list[str]:
+    request = VaryWorldsRequest.model_validate({"worlds": [world], "variations": list(variations)})
+    answer = step_registry()["VaryWorlds"].handler(request, service)
+    assert isinstance(answer, VaryWorldsResponse)
+    return answer.worlds
 
 
 def test_a_step_that_is_asked_for_again_makes_nothing_twice(service: Service, world: str) -> None:
