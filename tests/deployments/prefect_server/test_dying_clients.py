@@ -24,8 +24,8 @@ from prefect_robomaker.schemas.settings import Settings
 NOTHING = {"PREFECT_PROFILES_PATH": "/nowhere"}
 CLIENTS = 4
 MOST_ANSWERS = 4.0
-"""Until when a client dies, in times of an answer, from when it has sent its request: else a busy machine would get more
-requests than it can answer, which is another matter."""
+"""Until when a client dies, in times of an answer, from when it has sent its request. A time in seconds would overload
+a busy machine, which is another matter."""
 TRIED = 5
 """Answers that are timed."""
 
