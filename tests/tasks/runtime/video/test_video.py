@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 import pytest
 from helpers.paths import REPOSITORY
+from helpers.required_programs import missing
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -124,7 +125,7 @@ def test_opengl_and_rays_agree(name: str, tmp_path: Path) -> None:
     """In a process of its own, which may choose its OpenGL."""
     [backend] = [item for item in available_video_backends() if item.name == name]
     if not backend.works:
-        pytest.skip(f"{name} does not work on this machine: {backend.problem}")
+        missing(name, f"{name} does not work on this machine: {backend.problem}")
     (tmp_path / "take.py").write_text(TAKE_PICTURES)
     (tmp_path / "model.xml").write_text(MODEL)
     arguments = [sys.executable, *(str(tmp_path / item) for item in ("take.py", "model.xml", ""))]
