@@ -6,15 +6,17 @@ so runs are closed also on a server that others keep.
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 
 from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_client
 from prefect.settings import get_current_settings
 
-from ..tasks.execution.dead_flow_runs import ensure_automation, sweep
+from ..tasks.backends.backend import JOB_WORKER_FLOW
+from ..tasks.execution.dead_flow_runs import UNHEARD_S, close_unheard, ensure_automation, sweep
 from ..tasks.execution.prefect_settings import asking_once
-from ..tasks.operations.registry import flow_names
+from ..tasks.operations.registry import flow_names, registry
 
 SWEEP_S = 5.0
 """Time from one sweep to the next."""
@@ -57,8 +59,11 @@ def _close_until_end(connect: Callable[[], SyncPrefectClient], make_automation: 
                 if make_automation:
                     ensure_automation(client)
                     make_automation = False
+                answers_since = time.monotonic()
                 while not pause.wait(SWEEP_S):
                     sweep(client, flow_names())
+                    if time.monotonic() - answers_since > UNHEARD_S:
+                        close_unheard(client, _watched_flows())
                     is_told = False
         except Exception as error:  # whatever breaks a sweep, runs die later too
             if not is_told:
@@ -73,3 +78,9 @@ def _sweep_once() -> None:
             sweep(client, flow_names())
     except Exception as error:  # what the user has begun has nothing to do with it
         _logger.debug("dead runs are not closed: %s", error)
+
+
+def _watched_flows() -> set[str]:
+    """The names of those flows that give signs of life: of what they carry out."""
+    jobs = [entry for entry in registry().values() if entry.run_job]
+    return {"RunPipeline", JOB_WORKER_FLOW, *(entry.perform_name for entry in jobs), *(entry.name for entry in jobs)}

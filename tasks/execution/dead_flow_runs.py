@@ -1,7 +1,8 @@
 """Flow runs and task runs whose process has died, closed in Prefect: it would show them as running for ever.
 
-A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server. Nothing in
-Prefect closes what ran in it: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
+A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server; `close_unheard`
+closes those that the automation missed, as one that died before its first sign had arrived. Nothing in Prefect closes
+what ran in them: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
 """
 
 import logging
@@ -18,6 +19,7 @@ from prefect.client.schemas.filters import (
     FlowRunFilterEndTime,
     FlowRunFilterId,
     FlowRunFilterParentTaskRunId,
+    FlowRunFilterStartTime,
     FlowRunFilterState,
     FlowRunFilterStateType,
     TaskRunFilter,
@@ -27,6 +29,7 @@ from prefect.client.schemas.filters import (
 )
 from prefect.client.schemas.objects import StateType, TaskRun
 from prefect.events.actions import ChangeFlowRunState
+from prefect.events.filters import EventFilter, EventNameFilter, EventOccurredFilter, EventResourceFilter
 from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
 from prefect.events.schemas.events import ResourceSpecification
 from prefect.states import Crashed, Running
@@ -40,6 +43,9 @@ AUTOMATION = "robomaker: close dead runs"
 SILENCE_S = 30.0
 """How long a run may give no sign of life before it counts as dead: three of them may be late."""
 
+UNHEARD_S = 90.0
+"""How long a run may give no sign of life before it is closed without the automation, which is quicker."""
+
 _SETTLE_S = 5.0
 """How long after its flow run a task run may still be closed by an event that is on its way."""
 
@@ -49,6 +55,7 @@ _TASK_OF_DEAD = "the flow run that it belongs to has died"
 
 _OPEN = [StateType.RUNNING, StateType.PENDING]
 _CLOSED = [StateType.CRASHED, StateType.CANCELLED]
+_EVENTS_PAGE = 50  # the most that the server gives at once
 _DEPTH = 4
 """How deep flows are in each other at most."""
 
@@ -107,6 +114,38 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     return Swept(flow_runs, task_runs)
 
 
+def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> list[UUID]:
+    """Closes flow runs that have run for `UNHEARD_S`, and gave no sign of life meanwhile.
+
+    Args:
+        client: of a server that has answered for as long: else it may not have heard those that live.
+        flow_names: names of the flows that give signs of life; others on the server are left alone.
+        now: the time; absent: the present.
+
+    Returns:
+        The ids of those that are closed now.
+    """
+    until = now or datetime.now(UTC)
+    since = until - timedelta(seconds=UNHEARD_S)
+    chosen = FlowRunFilter(
+        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.RUNNING])),
+        start_time=FlowRunFilterStartTime.model_validate({"before_": since}),
+        parent_task_run_id=FlowRunFilterParentTaskRunId(is_null_=True),
+    )
+    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
+    runs = [run.id for run in client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)]
+    unheard: list[UUID] = []
+    for at in range(0, len(runs), _EVENTS_PAGE):
+        page = runs[at : at + _EVENTS_PAGE]
+        heard = _heard(client, page, since, until)
+        unheard += [run for run in page if run not in heard]
+    for run in unheard:
+        client.set_flow_run_state(run, Crashed(message=_NO_SIGN), force=True)
+    if unheard:
+        _logger.info("closed %d flow runs that were not heard of for %g s", len(unheard), UNHEARD_S)
+    return unheard
+
+
 def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UUID]:
     """Which of some flow runs were closed since they gave no sign of life.
 
@@ -150,6 +189,17 @@ def _automation() -> AutomationCore:
     action = ChangeFlowRunState(name="Crashed", state=StateType.CRASHED, message=_NO_SIGN, force=False)
     words = "Closes flow runs of RoboMaker operations whose process has died; made by prefect-robomaker."
     return AutomationCore(name=AUTOMATION, description=words, trigger=trigger, actions=[action])
+
+
+def _heard(client: SyncPrefectClient, runs: list[UUID], since: datetime, until: datetime) -> set[UUID]:
+    """Which of some flow runs have given a sign of life between two times; at most a page of them."""
+    resource_of = {f"prefect.flow-run.{run}": run for run in runs}
+    asked = EventFilter(
+        occurred=EventOccurredFilter.model_validate({"since": since, "until": until}),
+        event=EventNameFilter(name=[HEARTBEAT]),
+        resource=EventResourceFilter(id=list(resource_of), distinct=True),
+    )
+    return {resource_of[event.resource.id] for event in client.read_events(asked, limit=_EVENTS_PAGE).events}
 
 
 def _dead(before: datetime, ids: Iterable[UUID] | None = None) -> FlowRunFilter:

@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -108,14 +109,16 @@ class Pool:
 
         return wait_for(look, f"{count} job workers that run", timeout_s)
 
-    def ended(self, batch: str, timeout_s: float = 120.0) -> list[Any]:
+    def ended(self, batch: str, timeout_s: float = 180.0) -> list[Any]:
         """Waits until none is scheduled or runs; returns those that were."""
-
-        def look() -> bool:
-            return all(run.state is not None and run.state.is_final() for run in self.runs(batch))
-
-        wait_for(look, "the ends of all job workers", timeout_s)
-        return self.runs(batch)
+        deadline = time.monotonic() + timeout_s
+        while True:
+            runs = self.runs(batch)
+            left = [f"{run.name}: {run.state}" for run in runs if run.state is None or not run.state.is_final()]
+            if not left:
+                return runs
+            assert time.monotonic() < deadline, f"job workers that have not ended: {left}"
+            time.sleep(0.5)
 
 
 def deployed_pool(settings: Settings, prefect_url: str, folder: Path) -> Pool:

@@ -14,7 +14,7 @@ from helpers.endpoint_process import Serve
 from helpers.processes import started, wait_for, working_below
 from prefect.events.schemas.automations import EventTrigger
 
-from prefect_robomaker.tasks.execution.dead_flow_runs import AUTOMATION, ensure_automation
+from prefect_robomaker.tasks.execution.dead_flow_runs import AUTOMATION, UNHEARD_S, ensure_automation
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -82,6 +82,27 @@ def test_a_killed_run_is_closed_with_its_subflows_and_tasks(
     assert state_of(inner, WITHIN_S).type.value == "CRASHED"
     wait_for(lambda: not open_task_runs(outer) + open_task_runs(inner), "the ends of the task runs", WITHIN_S)
     print(f"closed after {time.monotonic() - killed_at:.0f} s, load {os.getloadavg()[0]:.1f}")
+
+
+def test_a_killed_run_that_the_automation_missed_is_closed_all_the_same(
+    service: Service, order: Order, environ: dict[str, str], spec: Any, flow_run: Any, state_of: Any
+) -> None:
+    from prefect.client.orchestration import get_client
+
+    path = spec({"drive": {"operation": "CreateSimulationJob", "input": order(LONG)}})
+    with get_client(sync_client=True) as client:
+        (automation,) = wait_for(lambda: client.read_automations_by_name(AUTOMATION), "the automation")
+        client.delete_automation(automation.id)
+        try:
+            with started([*ROBOMAKER, "run", str(path)], environ, stderr=subprocess.PIPE) as run:
+                wait_for(lambda: working_below(service.settings.home), "the simulation")
+                outer = flow_run(str(path)).id
+                run.kill()
+            seen = state_of(outer, UNHEARD_S + WITHIN_S + SLOW_MACHINE_S)
+        finally:
+            ensure_automation(client)
+
+    assert (seen.type.value, seen.message.partition(":")[0]) == ("CRASHED", "gave no sign of life for 30 s")
 
 
 def test_a_process_that_slept_takes_its_runs_back_and_goes_on(

@@ -7,9 +7,11 @@ from uuid import UUID
 from helpers.processes import wait_for
 from prefect import flow, task
 from prefect.client.orchestration import SyncPrefectClient, get_client
+from prefect.events import emit_event
+from prefect.events.filters import EventFilter, EventNameFilter, EventResourceFilter
 from prefect.states import Crashed, Running
 
-from prefect_robomaker.tasks.execution.dead_flow_runs import sweep
+from prefect_robomaker.tasks.execution.dead_flow_runs import HEARTBEAT, close_unheard, closed_as_dead, sweep
 
 
 @task(name="open")
@@ -44,3 +46,40 @@ def test_what_others_run_on_the_same_server_is_left_alone(prefect_server: str) -
 
         wait_for(lambda: state_of(ours) == "CRASHED", "the end of our task run")
         assert state_of(of_others) == "RUNNING"
+
+
+def running_run(client: SyncPrefectClient, name: str) -> UUID:
+    """Makes a flow run that Prefect shows as running, though no process carries it out."""
+
+    @flow(name=name)
+    def begun() -> None:
+        """Does nothing."""
+
+    return client.create_flow_run(begun, state=Running()).id
+
+
+def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server: str) -> None:
+    later = datetime.now(UTC) + timedelta(seconds=100)
+    with get_client(sync_client=True) as client:
+        died, heard, of_others = (running_run(client, name) for name in ("RunPipeline", "RunPipeline", "of-others"))
+        resource = {"prefect.resource.id": f"prefect.flow-run.{heard}"}
+        for ago_s in (20, 30):
+            emit_event(HEARTBEAT, resource=resource, occurred=later - timedelta(seconds=ago_s))
+
+        def heartbeats() -> int:
+            of_it = EventResourceFilter(id=[f"prefect.flow-run.{heard}"])
+            asked = EventFilter.model_validate({"event": EventNameFilter(name=[HEARTBEAT]), "resource": of_it})
+            asked.occurred.until = later  # type: ignore[assignment]
+            return len(client.read_events(asked, limit=50).events)
+
+        wait_for(lambda: heartbeats() == 2, "the signs of life")
+        assert close_unheard(client, {"RunPipeline"}, datetime.now(UTC) + timedelta(seconds=60)) == []
+        closed = close_unheard(client, {"RunPipeline"}, later)
+
+        assert died in closed
+        assert not {heard, of_others} & set(closed)
+        states = [client.read_flow_run(run).state for run in (died, heard, of_others)]
+        assert [state.type.value if state else "" for state in states] == ["CRASHED", "RUNNING", "RUNNING"]
+        assert closed_as_dead(client, [died]) == [died], "a process that lives takes it back"
+        for run in (heard, of_others):
+            client.set_flow_run_state(run, Crashed(), force=True)
