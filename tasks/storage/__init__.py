@@ -29,8 +29,6 @@ __all__ = [
     "publish",
     "read_manifest",
     "removed_before",
-    "s3",
-    "s3_failures",
     "split_stored",
     "store_unfinished",
     "thin",

@@ -10,8 +10,9 @@ import base64
 import hashlib
 import os
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -20,6 +21,9 @@ from ...schemas.wire.errors import ChecksumMismatchError
 _CHUNK_BYTES = 1 << 20
 _ATTRIBUTE = "user.robomaker.etag"
 _REMEMBERED = 16_384
+_CRC32_POLYNOMIAL = 0xEDB88320  # of zlib, PNG and S3; the highest power is the lowest bit
+_ONE = 1 << 31
+_X_TO_THE_8 = 1 << 23
 
 _computed: dict[tuple[int, str], str] = {}
 
@@ -27,6 +31,40 @@ _computed: dict[tuple[int, str], str] = {}
 def crc32_of(data: bytes) -> str:
     """The CRC32 of bytes, in base64."""
     return _written(zlib.crc32(data))
+
+
+def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
+    """The CRC32 of a whole, in base64, from those of its parts in their order: CRC32 and size of each.
+
+    What a part adds is its own CRC32; those before it are shifted by its size, which in the arithmetic of CRCs is a
+    product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
+    """
+    whole = 0
+    for crc, size in parts:
+        whole = _product(_shift(size), whole) ^ crc
+    return _written(whole)
+
+
+@lru_cache(maxsize=64)  # the parts of a file have one size, and the last one another
+def _shift(size: int) -> int:
+    """The power of x by the bits of so many bytes, modulo the polynomial."""
+    shift, power = _ONE, _X_TO_THE_8
+    while size:
+        if size & 1:
+            shift = _product(power, shift)
+        power = _product(power, power)
+        size >>= 1
+    return shift
+
+
+def _product(a: int, b: int) -> int:
+    """The product of two polynomials over GF(2), modulo that of CRC32."""
+    product = 0
+    for place in range(31, -1, -1):
+        if a >> place & 1:
+            product ^= b
+        b = b >> 1 ^ _CRC32_POLYNOMIAL if b & 1 else b >> 1
+    return product
 
 
 def measure(file: BinaryIO) -> tuple[int, str]:

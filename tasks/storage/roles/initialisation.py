@@ -150,7 +150,7 @@ def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
     """What a server calls itself, also when it refuses."""
     from botocore.exceptions import BotoCoreError, ClientError
 
-    from ..s3_failures import from_client_error
+    from ..s3.failures import from_client_error
 
     session: Any = own_session(environ)
     try:
@@ -188,7 +188,7 @@ class _IamUsers:
     def _ask(self, doing: str, call: Any, expected: str = "") -> Any:
         from botocore.exceptions import BotoCoreError, ClientError
 
-        from ..s3_failures import from_client_error
+        from ..s3.failures import from_client_error
 
         try:
             return call()
@@ -200,7 +200,7 @@ class _IamUsers:
             raise from_client_error(error, f"cannot {doing} at {self._endpoint}") from error
 
     def _refused(self, error: Any, doing: str) -> StorageError:
-        from ..s3_failures import from_client_error
+        from ..s3.failures import from_client_error
 
         why = from_client_error(error, f"cannot {doing} at {self._endpoint}")
         advice = "users are made through the interface of AWS IAM, for which the server and these keys have to be made"

@@ -12,7 +12,7 @@ from botocore.session import get_session
 from ....schemas.roles import ITSELF, Role
 from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableError
 from ..opening import own_session
-from ..s3_failures import from_client_error
+from ..s3.failures import from_client_error
 from .keys import Keys, ReadBlock
 from .policies import policy_of
 

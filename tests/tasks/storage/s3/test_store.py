@@ -32,7 +32,7 @@ from prefect_robomaker.schemas.wire.errors import (
     TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.s3 import S3Store
-from prefect_robomaker.tasks.storage.s3_failures import from_client_error
+from prefect_robomaker.tasks.storage.s3.failures import from_client_error
 
 BUCKET = "s3-tests"
 LARGE = bytes(range(256)) * 80_000
@@ -157,14 +157,14 @@ def test_a_large_object_replaced_while_it_is_fetched_arrives_in_one_version(
     (tmp_path / "old").write_bytes(LARGE)
     (tmp_path / "new").write_bytes(LARGE[::-1])
     s3.put_file(BUCKET, "replaced", tmp_path / "old")
-    download = s3._transfers.download
+    download = s3._downloads.download
 
     def replace_and_download(*args, **kwargs):
         monkeypatch.undo()
         s3.put_file(BUCKET, "replaced", tmp_path / "new")
         return download(*args, **kwargs)
 
-    monkeypatch.setattr(s3._transfers, "download", replace_and_download)
+    monkeypatch.setattr(s3._downloads, "download", replace_and_download)
     info = s3.get_file(BUCKET, "replaced", tmp_path / "fetched")
     assert (tmp_path / "fetched").read_bytes() == LARGE[::-1]
     assert info == s3.head(BUCKET, "replaced")

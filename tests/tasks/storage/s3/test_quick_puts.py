@@ -20,11 +20,10 @@ from helpers.processes import wait_for
 from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
-from prefect_robomaker.tasks.storage import quick_puts
 from prefect_robomaker.tasks.storage.base import ObjectInfo
 from prefect_robomaker.tasks.storage.parallel import WORKERS, WORKERS_FOR_SMALL
-from prefect_robomaker.tasks.storage.quick_puts import QuickPuts
-from prefect_robomaker.tasks.storage.s3 import S3Store
+from prefect_robomaker.tasks.storage.s3 import S3Store, quick_puts
+from prefect_robomaker.tasks.storage.s3.quick_puts import QuickPuts
 
 BUCKET = "quick-puts"
 NOW = datetime(2026, 3, 2, 4, 5, 6, tzinfo=UTC)

@@ -1,4 +1,4 @@
-"""Small objects stored past boto3's client, which spends three times as long on each as it takes to sign and send it.
+"""Objects and parts stored past boto3's client, which takes three times as long for each as to sign and to send it.
 
 Only what the client would do first is done here: one signed request, with the same CRC32, over the client's own
 connections, so that its proxies, certificates and timeouts count. Whatever has another answer than that the object is
@@ -7,15 +7,17 @@ stored is left to the client, which tries again, finds regions and says what is 
 
 import hashlib
 import hmac
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any, Protocol, cast
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, cast
 from urllib.parse import quote, urlsplit
 
 import boto3
 from botocore.awsrequest import AWSPreparedRequest
 from botocore.exceptions import BotoCoreError
 
-from .checksums import crc32_of
+from ..checksums import crc32_of
 
 if TYPE_CHECKING:
     from types_boto3_s3 import S3Client
@@ -23,6 +25,16 @@ if TYPE_CHECKING:
 _STORED = 200
 _USUAL_PORTS = {"http": 80, "https": 443}
 _ALGORITHM = "AWS4-HMAC-SHA256"
+_PIECE_BYTES = 256 << 10
+"""Between two pieces it is asked whether to go on: a slow connection takes seconds for one."""
+
+
+class Stored(NamedTuple):
+    """What a server says of what it has stored."""
+
+    etag: str
+    crc32: str | None
+    """In base64; `None`: it does not say."""
 
 
 class _Answer(Protocol):
@@ -75,14 +87,24 @@ class QuickPuts:
         # There is no public way to a client's connections; where a release has them elsewhere, the client stores all.
         self._http: Any = getattr(getattr(client, "_endpoint", None), "http_session", None)
 
-    def put(self, bucket: str, key: str, data: bytes) -> str | None:
-        """Stores an object, if that is done with one request.
+    def put(
+        self, bucket: str, key: str, data: bytes, *, query: str = "", stopped: Callable[[], bool] | None = None
+    ) -> Stored | None:
+        """Stores an object or a part, if that is done with one request.
+
+        Args:
+            bucket: the bucket.
+            key: the object's key.
+            data: its content, or the part's.
+            query: names the part, quoted, with its members in order; none for an object.
+            stopped: says, between two pieces, whether it is not wanted any more.
 
         Returns:
-            Its ETag; `None`: it may not be stored, for a reason that the client will find.
+            What is said of it; `None`: it may not be stored, for a reason that the client will find.
 
         Raises:
             StorageError: the credentials of a role could not be had again.
+            CancelledError: `stopped` said so.
         """
         try:
             credentials = self._session.get_credentials()
@@ -90,14 +112,21 @@ class QuickPuts:
                 return None
             path = f"/{bucket}/{quote(key, safe='/~')}"
             keys = cast("Credentials", credentials.get_frozen_credentials())
-            headers: Any = self.signed(path, data, keys, datetime.now(UTC))
-            request = AWSPreparedRequest("PUT", f"{self._endpoint_url}{path}", headers, data, stream_output=False)
-            answer = cast("_Answer", self._http.send(request))
+            headers: Any = self.signed(path, data, keys, datetime.now(UTC), query)
+            url = f"{self._endpoint_url}{path}" + (f"?{query}" if query else "")
+            body: Any = data if stopped is None else _pieces(data, stopped)
+            answer = cast(
+                "_Answer", self._http.send(AWSPreparedRequest("PUT", url, headers, body, stream_output=False))
+            )
         except BotoCoreError:
             return None
-        return answer.headers["ETag"].strip('"') if answer.status_code == _STORED else None
+        if answer.status_code != _STORED:
+            return None
+        return Stored(answer.headers["ETag"].strip('"'), answer.headers.get("x-amz-checksum-crc32"))
 
-    def signed(self, path: str, data: bytes, credentials: Credentials, now: datetime) -> dict[str, str]:
+    def signed(
+        self, path: str, data: bytes, credentials: Credentials, now: datetime, query: str = ""
+    ) -> dict[str, str]:
         """The headers of a put, signed with Signature Version 4, as botocore's signer does in four times the time.
 
         Args:
@@ -105,6 +134,7 @@ class QuickPuts:
             data: the body.
             credentials: who signs.
             now: the time, in UTC.
+            query: of the URL, quoted and in order.
         """
         day, time = f"{now:%Y%m%d}", f"{now:%Y%m%dT%H%M%SZ}"
         digest = hashlib.sha256(data).hexdigest()
@@ -117,7 +147,7 @@ class QuickPuts:
         if credentials.token:
             headers["x-amz-security-token"] = credentials.token
         names = ";".join(headers)
-        request = "\n".join(["PUT", path, "", *(f"{name}:{headers[name]}" for name in headers), "", names, digest])
+        request = "\n".join(["PUT", path, query, *(f"{name}:{headers[name]}" for name in headers), "", names, digest])
         scope = (day, self._region, "s3", "aws4_request")
         place = "/".join(scope)
         secret = f"AWS4{credentials.secret_key}".encode()
@@ -130,3 +160,11 @@ class QuickPuts:
             "Content-Length": str(len(data)),
             "User-Agent": self._user_agent,
         }
+
+
+def _pieces(data: bytes, stopped: Callable[[], bool]) -> Iterator[memoryview]:
+    view = memoryview(data)
+    for start in range(0, len(view), _PIECE_BYTES):
+        if stopped():
+            raise CancelledError
+        yield view[start : start + _PIECE_BYTES]

@@ -23,7 +23,7 @@ from botocore.exceptions import (
 from botocore.exceptions import ConnectionError as NoConnectionError
 from s3transfer.exceptions import RetriesExceededError, S3DownloadFailedError, S3UploadFailedError, S3ValidationError
 
-from ...schemas.wire.errors import (
+from ....schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
     CredentialsRefusedError,
@@ -34,7 +34,7 @@ from ...schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
-from .failures import from_os_error
+from ..failures import from_os_error
 
 _BY_CODE: dict[str, type[StorageError]] = {
     "NoSuchBucket": BucketNotFoundError,

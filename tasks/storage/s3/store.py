@@ -10,7 +10,6 @@ them: `robomaker fsck --mend` aborts such uploads, and so does a lifecycle rule 
 """
 
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from datetime import datetime
@@ -23,10 +22,10 @@ import boto3
 from boto3.s3.transfer import TransferConfig, create_transfer_manager
 from botocore.config import Config
 from botocore.exceptions import ClientError, IncompleteReadError, ReadTimeoutError, ResponseStreamingError
-from s3transfer.exceptions import CancelledError, S3DownloadFailedError
+from s3transfer.exceptions import S3DownloadFailedError
 from s3transfer.subscribers import BaseSubscriber
 
-from ...schemas.wire.errors import (
+from ....schemas.wire.errors import (
     BucketNotFoundError,
     CredentialsRefusedError,
     ObjectNotFoundError,
@@ -34,12 +33,13 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
     TransferStoppedError,
 )
-from .base import ObjectInfo, Stopped, UnfinishedUpload, never
-from .checksums import compare, crc32_of, has_content, measure
-from .naming import check_bucket, check_key, check_prefix
-from .parallel import WORKERS, WORKERS_FOR_SMALL, run_all
+from ..base import ObjectInfo, Stopped, UnfinishedUpload, never
+from ..checksums import compare, crc32_of, has_content, measure
+from ..naming import check_bucket, check_key, check_prefix
+from ..parallel import WORKERS, WORKERS_FOR_SMALL, run_all
+from .failures import s3_failures
+from .parts import PartedUploads
 from .quick_puts import QuickPuts
-from .s3_failures import s3_failures
 
 if TYPE_CHECKING:
     from types_boto3_s3 import S3Client
@@ -51,11 +51,10 @@ if TYPE_CHECKING:
         PutObjectRequestTypeDef,
     )
 
-_PART_BYTES = 16 << 20
+_LARGE_BYTES = 16 << 20
 _SMALL_BYTES = 1 << 20
 _CONFLICTS = 5
 _RESTARTS = 4
-_LOOK_S = 0.05
 _PROBE_S = 4
 # The last one is what a transfer makes of an object that is replaced between its parts.
 _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3DownloadFailedError)
@@ -112,6 +111,7 @@ class S3Store:
         connect = cast("_Session", session).client
         self._client = connect("s3", region_name=region, endpoint_url=endpoint_url, config=config)
         self._quick = QuickPuts(self._client, endpoint_url, region, session) if endpoint_url else None
+        self._parts = PartedUploads(self._client, self._quick)
         once = config.merge(Config(retries={"total_max_attempts": 1}, connect_timeout=_PROBE_S, read_timeout=_PROBE_S))
         self._connect_prober = lambda: connect("s3", region_name=region, endpoint_url=endpoint_url, config=once)
         self._probing: S3Client | None = None
@@ -119,14 +119,14 @@ class S3Store:
         self._turns = threading.BoundedSemaphore(WORKERS)  # of files that fill memory
         self._region = region
         self._endpoint = endpoint_url or f"AWS S3 ({region})"
-        transfers = TransferConfig(
-            multipart_threshold=_PART_BYTES,
-            multipart_chunksize=_PART_BYTES,
+        downloads = TransferConfig(
+            multipart_threshold=_LARGE_BYTES,
+            multipart_chunksize=_LARGE_BYTES,
             max_concurrency=WORKERS,
             # The other one, chosen by itself where awscrt is installed, ignores the endpoint and writes to AWS.
             preferred_transfer_client="classic",
         )
-        self._transfers = create_transfer_manager(self._client, transfers)
+        self._downloads = create_transfer_manager(self._client, downloads)
 
     def ensure_bucket(self, bucket: str) -> None:
         """Creates the bucket unless it exists.
@@ -189,7 +189,7 @@ class S3Store:
             with nullcontext() if size < _SMALL_BYTES else self._turns:
                 if stopped():
                     raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
-                if size < _PART_BYTES:
+                if size < _LARGE_BYTES:
                     return self._put(bucket, key, path.read_bytes(), create_only=False)
                 return self._put_large(bucket, key, path, stopped)
 
@@ -333,8 +333,8 @@ class S3Store:
         return True
 
     def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
-        if self._quick and not create_only and (etag := self._quick.put(bucket, key, data)):
-            return ObjectInfo(bucket, key, len(data), etag)
+        if self._quick and not create_only and (stored := self._quick.put(bucket, key, data)):
+            return ObjectInfo(bucket, key, len(data), stored.etag)
         request: PutObjectRequestTypeDef = {"Bucket": bucket, "Key": key, "Body": data, "ChecksumCRC32": crc32_of(data)}
         if create_only:
             request["IfNoneMatch"] = "*"
@@ -350,16 +350,7 @@ class S3Store:
         raise AssertionError("the last attempt returns or raises")
 
     def _put_large(self, bucket: str, key: str, path: Path, stopped: Stopped) -> ObjectInfo:
-        with path.open("rb") as file:
-            size, crc = measure(file)
-        try:
-            _wait(self._transfers.upload(str(path), bucket, key, extra_args={"ChecksumCRC32": crc}), stopped)
-        except CancelledError:
-            raise TransferStoppedError(f"{bucket}/{key} is not wanted any more") from None
-        except ClientError as error:
-            # When the answer to the last request is lost, repeating it finds the upload gone because it is complete.
-            if _code(error) != "NoSuchUpload":
-                raise
+        size, crc = self._parts.upload(bucket, key, path, stopped)
         answer = self._head(bucket, key)
         compare(answer, size, crc, f"{bucket}/{key} as stored at {self._endpoint}")
         return _info(bucket, key, answer)
@@ -394,10 +385,10 @@ class S3Store:
         """Receives the version that was answered: small ones at once, parts of large ones side by side."""
         # Not `with answer["Body"]`: that gives the raw stream, which compares and translates nothing.
         with closing(answer["Body"]) as body:
-            if answer["ContentLength"] < _PART_BYTES:
+            if answer["ContentLength"] < _LARGE_BYTES:
                 target.write(body.read())  # here the client itself compares the checksum
                 return
-        self._transfers.download(bucket, key, target, subscribers=[_Known(answer)]).result()
+        self._downloads.download(bucket, key, target, subscribers=[_Known(answer)]).result()
         target.seek(0)
         compare(answer, *measure(target), f"{bucket}/{key} as fetched from {self._endpoint}")
 
@@ -411,20 +402,6 @@ class _Known(BaseSubscriber):
     def on_queued(self, future: Any, **kwargs: Any) -> None:  # noqa: ARG002 - s3transfer's signature
         future.meta.provide_transfer_size(self._answer["ContentLength"])
         future.meta.provide_object_etag(self._answer["ETag"])
-
-
-def _wait(transfer: Any, stopped: Stopped) -> None:
-    """Waits for a transfer's end; one that is stopped aborts at the server what it has begun."""
-    try:
-        while stopped is not never and not transfer.done():
-            if stopped():
-                transfer.cancel()
-                break
-            time.sleep(_LOOK_S)
-    except BaseException:  # Ctrl-C, or the question itself failed
-        transfer.cancel()
-        raise
-    transfer.result()
 
 
 def _check(bucket: str, key: str) -> None:
