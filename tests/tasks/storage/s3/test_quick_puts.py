@@ -55,19 +55,19 @@ def quick(store: S3Store) -> QuickPuts:
     "endpoint", ["http://127.0.0.1:9000", "https://s3.example.com:443", "http://[::1]:80", "http://s3.example.com"]
 )
 @pytest.mark.parametrize("data", [b"", b"content"])
+@pytest.mark.parametrize("query", ["", "partNumber=12&uploadId=a%2Fb~c"])
 def test_it_signs_as_botocore_does(
-    endpoint: str, token: str | None, data: bytes, monkeypatch: pytest.MonkeyPatch
+    endpoint: str, token: str | None, data: bytes, query: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keys: Any = ReadOnlyCredentials("key", "secret+/", token)
     session = boto3.Session("key", "secret")
     store = S3Store(endpoint, "eu-west-1", session)
     path = "/bucket/a%20b/%C3%BC~%2B"
-    ours = quick(store).signed(path, data, keys, NOW)
+    ours = quick(store).signed(path, data, keys, NOW, query)
 
     monkeypatch.setattr(auth, "get_current_datetime", lambda: NOW)
-    request = AWSRequest(
-        "PUT", endpoint + path, headers={"x-amz-checksum-crc32": ours["x-amz-checksum-crc32"]}, data=data
-    )
+    url = endpoint + path + (f"?{query}" if query else "")
+    request = AWSRequest("PUT", url, headers={"x-amz-checksum-crc32": ours["x-amz-checksum-crc32"]}, data=data)
     S3SigV4Auth(keys, "s3", "eu-west-1").add_auth(request)
     assert ours["Authorization"] == request.headers["Authorization"]
     assert ours.get("x-amz-security-token") == token

@@ -1,13 +1,11 @@
 """What is particular to S3: credentials, endpoints, checksums of large objects, broken connections."""
 
-import base64
 import io
 import json
 import socket
 import subprocess
 import sys
 import threading
-import zlib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -29,7 +27,6 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageError,
     StorageFullError,
     StorageUnavailableError,
-    TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.s3 import S3Store
 from prefect_robomaker.tasks.storage.s3.failures import from_client_error
@@ -51,71 +48,6 @@ def store_of(server: S3Server, key: str, secret: str) -> S3Store:
 def test_uri_and_no_local_path(s3: S3Store):
     assert s3.uri("bucket", "a/b") == "s3://bucket/a/b"
     assert s3.local_path("bucket", "a/b") is None
-
-
-def test_large_objects_carry_the_crc32_of_the_whole(s3: S3Store, s3_server: S3Server, tmp_path: Path):
-    (tmp_path / "large").write_bytes(LARGE)
-    s3.put_file(BUCKET, "large", tmp_path / "large")
-    seen = s3_server.client("s3").head_object(Bucket=BUCKET, Key="large", ChecksumMode="ENABLED")
-    assert seen["ETag"].endswith('-2"'), "two parts"
-    assert base64.b64decode(seen["ChecksumCRC32"]) == zlib.crc32(LARGE).to_bytes(4, "big")
-
-
-def test_a_stopped_upload_leaves_no_parts_at_the_server(s3: S3Store, s3_server: S3Server, tmp_path: Path):
-    (tmp_path / "large").write_bytes(LARGE * 5)
-    client = s3_server.client("s3")
-
-    def begun() -> bool:
-        return bool(client.list_multipart_uploads(Bucket=BUCKET).get("Uploads"))
-
-    with pytest.raises(TransferStoppedError, match="stopped"):
-        s3.put_file(BUCKET, "stopped", tmp_path / "large", stopped=begun)
-
-    assert not begun()
-    with pytest.raises(ObjectNotFoundError):
-        s3.head(BUCKET, "stopped")
-
-
-def test_a_large_file_written_to_during_its_upload_is_not_stored(
-    s3: S3Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    path = tmp_path / "changing"
-    path.write_bytes(LARGE)
-    upload = s3._transfers.upload
-
-    def change_and_upload(*args, **kwargs):
-        path.write_bytes(LARGE[:-1] + b"!")
-        return upload(*args, **kwargs)
-
-    monkeypatch.setattr(s3._transfers, "upload", change_and_upload)
-    with pytest.raises(ChecksumMismatchError, match="changing"):
-        s3.put_file(BUCKET, "torn", path)
-    with pytest.raises(ObjectNotFoundError):
-        s3.head(BUCKET, "torn")
-
-
-def test_a_lost_answer_to_the_completion_of_an_upload_is_no_failure(
-    s3: S3Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-):
-    """Some servers answer a repeated completion with NoSuchUpload; then what is stored decides."""
-    (tmp_path / "large").write_bytes(LARGE)
-    upload = s3._transfers.upload
-    answer: Any = {"Error": {"Code": "NoSuchUpload", "Message": "gone"}, "ResponseMetadata": {"HTTPStatusCode": 404}}
-
-    def upload_and_lose_the_answer(*args, **kwargs):
-        upload(*args, **kwargs).result()
-        raise ClientError(answer, "CompleteMultipartUpload")
-
-    monkeypatch.setattr(s3._transfers, "upload", upload_and_lose_the_answer)
-    assert s3.put_file(BUCKET, "completed", tmp_path / "large") == s3.head(BUCKET, "completed")
-    (tmp_path / "large").write_bytes(LARGE[::-1])
-
-    def upload_nothing(*args, **kwargs):
-        raise ClientError(answer, "CompleteMultipartUpload")
-
-    monkeypatch.setattr(s3._transfers, "upload", upload_nothing)
-    with pytest.raises(ChecksumMismatchError, match="completed"):
-        s3.put_file(BUCKET, "completed", tmp_path / "large")
 
 
 @pytest.mark.parametrize(("conflicts", "stored"), [(2, True), (100, False)])
