@@ -1,7 +1,7 @@
 # pyright: reportUnsupportedDunderAll=false
 """Object stores: a directory or an S3 endpoint, one layout.
 
-May import: `schemas`.
+May import: `schemas`, `.s3`.
 """
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
@@ -17,7 +17,9 @@ __all__ = [
     "ObjectInfo",
     "ObjectStore",
     "base",
+    "checksums",
     "directory",
+    "failures",
     "fetch",
     "finish_thinning",
     "folders",

@@ -7,7 +7,6 @@ of the processor time that an upload takes.
 import os
 import threading
 import zlib
-from collections.abc import Mapping
 from concurrent.futures import FIRST_EXCEPTION, CancelledError, Future, ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass
@@ -130,7 +129,7 @@ class PartedUploads:
             stored := self._quick.put(upload.bucket, upload.key, data, query=query, stopped=upload.over.is_set)
         ):
             return stored
-        answer: Mapping[str, str] = self._client.upload_part(
+        answer = self._client.upload_part(
             Bucket=upload.bucket,
             Key=upload.key,
             UploadId=upload.id,

@@ -142,15 +142,19 @@ def test_a_body_of_the_client_is_not_read_further_when_it_is_not_wanted() -> Non
         body.read(3)
 
 
-@pytest.mark.parametrize("content", [LARGE[:-1] + b"!", LARGE + b"more", LARGE[:-1], LARGE[: PART_BYTES // 2]])
+@pytest.mark.parametrize(
+    ("at", "more"), [(len(LARGE) - 1, b"!"), (0, b"!"), (len(LARGE), b"more"), (PART_BYTES // 2, b"")]
+)
 def test_a_file_written_to_during_its_upload_is_not_stored(
-    s3: S3Store, s3_server: S3Server, large: Path, monkeypatch: pytest.MonkeyPatch, content: bytes
+    s3: S3Store, s3_server: S3Server, large: Path, monkeypatch: pytest.MonkeyPatch, at: int, more: bytes
 ) -> None:
     send = s3._parts._send
 
     def change_and_send(upload: Any, number: int, *place: int) -> Any:
         if number == 1:
-            large.write_bytes(content)
+            with large.open("r+b") as file:
+                file.seek(at)
+                file.write(more) if more else file.truncate()
         return send(upload, number, *place)
 
     monkeypatch.setattr(s3._parts, "_send", change_and_send)
