@@ -55,6 +55,10 @@ _TASK_OF_DEAD = "the flow run that it belongs to has died"
 
 _OPEN = [StateType.RUNNING, StateType.PENDING]
 _CLOSED = [StateType.CRASHED, StateType.CANCELLED]
+_BEGAN = "prefect.flow-run.Running"
+_EVENTS_KEPT = timedelta(days=30)
+"""Longer than servers keep events; a week, unless they are told otherwise."""
+
 _EVENTS_PAGE = 50  # the most that the server gives at once
 _DEPTH = 4
 """How deep flows are in each other at most."""
@@ -117,6 +121,8 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
 def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> list[UUID]:
     """Closes flow runs that have run for `UNHEARD_S`, and gave no sign of life meanwhile.
 
+    Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
+
     Args:
         client: of a server that has answered for as long: else it may not have heard those that live.
         flow_names: names of the flows that give signs of life; others on the server are left alone.
@@ -137,8 +143,9 @@ def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: dat
     unheard: list[UUID] = []
     for at in range(0, len(runs), _EVENTS_PAGE):
         page = runs[at : at + _EVENTS_PAGE]
-        heard = _heard(client, page, since, until)
-        unheard += [run for run in page if run not in heard]
+        heard = _with_event(client, page, HEARTBEAT, since, until)
+        silent = [run for run in page if run not in heard]
+        unheard += _with_event(client, silent, _BEGAN, until - _EVENTS_KEPT, until) if silent else ()
     for run in unheard:
         client.set_flow_run_state(run, Crashed(message=_NO_SIGN), force=True)
     if unheard:
@@ -191,15 +198,15 @@ def _automation() -> AutomationCore:
     return AutomationCore(name=AUTOMATION, description=words, trigger=trigger, actions=[action])
 
 
-def _heard(client: SyncPrefectClient, runs: list[UUID], since: datetime, until: datetime) -> set[UUID]:
-    """Which of some flow runs have given a sign of life between two times; at most a page of them."""
+def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: datetime, until: datetime) -> set[UUID]:
+    """Which of some flow runs have had an event between two times; at most a page of them."""
     resource_of = {f"prefect.flow-run.{run}": run for run in runs}
     asked = EventFilter(
         occurred=EventOccurredFilter.model_validate({"since": since, "until": until}),
-        event=EventNameFilter(name=[HEARTBEAT]),
+        event=EventNameFilter(name=[event]),
         resource=EventResourceFilter(id=list(resource_of), distinct=True),
     )
-    return {resource_of[event.resource.id] for event in client.read_events(asked, limit=_EVENTS_PAGE).events}
+    return {resource_of[found.resource.id] for found in client.read_events(asked, limit=_EVENTS_PAGE).events}
 
 
 def _dead(before: datetime, ids: Iterable[UUID] | None = None) -> FlowRunFilter:

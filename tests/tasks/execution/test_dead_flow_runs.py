@@ -2,8 +2,10 @@
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from unittest.mock import Mock
 from uuid import UUID
 
+import pytest
 from helpers.processes import wait_for
 from prefect import flow, task
 from prefect.client.orchestration import SyncPrefectClient, get_client
@@ -74,12 +76,30 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
 
         wait_for(lambda: heartbeats() == 2, "the signs of life")
         assert close_unheard(client, {"RunPipeline"}, datetime.now(UTC) + timedelta(seconds=60)) == []
-        closed = close_unheard(client, {"RunPipeline"}, later)
+        closed: list[UUID] = []
 
-        assert died in closed
+        def is_closed() -> bool:
+            closed.extend(close_unheard(client, {"RunPipeline"}, later))
+            return died in closed
+
+        wait_for(is_closed, "the end of the run that died")
         assert not {heard, of_others} & set(closed)
         states = [client.read_flow_run(run).state for run in (died, heard, of_others)]
         assert [state.type.value if state else "" for state in states] == ["CRASHED", "RUNNING", "RUNNING"]
         assert closed_as_dead(client, [died]) == [died], "a process that lives takes it back"
         for run in (heard, of_others):
             client.set_flow_run_state(run, Crashed(), force=True)
+
+
+def test_silence_says_nothing_where_a_server_keeps_no_events(
+    prefect_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with get_client(sync_client=True) as client:
+        run = running_run(client, "RunPipeline")
+        with monkeypatch.context() as patch:
+            patch.setattr(client, "read_events", lambda *args, **kwargs: Mock(events=[]))
+            assert close_unheard(client, {"RunPipeline"}, datetime.now(UTC) + timedelta(seconds=100)) == []
+        state = client.read_flow_run(run).state
+        assert state is not None
+        assert state.type.value == "RUNNING"
+        client.set_flow_run_state(run, Crashed(), force=True)
