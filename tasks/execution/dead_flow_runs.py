@@ -139,7 +139,9 @@ def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: dat
         parent_task_run_id=FlowRunFilterParentTaskRunId(is_null_=True),
     )
     ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
-    runs = [run.id for run in client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)]
+    found = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
+    # One that was taken back a moment ago runs for long already, and its signs are still on their way.
+    runs = [run.id for run in found if run.state and run.state.timestamp < since]
     unheard: list[UUID] = []
     for at in range(0, len(runs), _EVENTS_PAGE):
         page = runs[at : at + _EVENTS_PAGE]

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +37,28 @@ def open_task_runs(flow_run: Any) -> list[str]:
     return [task.name for task in tasks if task.state is None or not task.state.is_final()]
 
 
-def test_the_automation_is_made_once(prefect_server: str) -> None:
+@pytest.fixture
+def apart(own_server: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, str]]:
+    """Variables of a server of the test's own, which Prefect in this process uses, too: others need the automation."""
+    from prefect.settings import PREFECT_API_AUTH_STRING, PREFECT_API_URL, temporary_settings
+
+    variables, _ = own_server
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    chosen: dict[Any, Any] = {
+        PREFECT_API_URL: variables["PREFECT_API_URL"],
+        PREFECT_API_AUTH_STRING: variables["PREFECT_API_AUTH_STRING"],
+    }
+    with temporary_settings(chosen):
+        yield variables
+
+
+@pytest.mark.usefixtures("apart")
+def test_the_automation_is_made_once() -> None:
     from prefect.client.orchestration import get_client
 
     with get_client(sync_client=True) as client:
-        # The server of the test run has made it when it started.
+        # The server has made it when it started.
         wait_for(lambda: client.read_automations_by_name(AUTOMATION), "the automation")
         first = ensure_automation(client)
         assert ensure_automation(client) == first
@@ -85,24 +102,26 @@ def test_a_killed_run_is_closed_with_its_subflows_and_tasks(
 
 
 def test_a_killed_run_that_the_automation_missed_is_closed_all_the_same(
-    service: Service, order: Order, environ: dict[str, str], spec: Any, flow_run: Any, state_of: Any
+    service: Service, order: Order, environ: dict[str, str], spec: Any, flow_run: Any, state_of: Any, apart: Any
 ) -> None:
+    without_automation()
+    path = spec({"drive": {"operation": "CreateSimulationJob", "input": order(LONG)}})
+    with started([*ROBOMAKER, "run", str(path)], {**environ, **apart}, stderr=subprocess.PIPE) as robomaker:
+        wait_for(lambda: working_below(service.settings.home), "the simulation")
+        outer = flow_run(str(path)).id
+        robomaker.kill()
+
+    seen = state_of(outer, UNHEARD_S + WITHIN_S + SLOW_MACHINE_S)
+    assert (seen.type.value, seen.message.partition(":")[0]) == ("CRASHED", "gave no sign of life for 30 s")
+
+
+def without_automation() -> None:
+    """Takes the automation from the server."""
     from prefect.client.orchestration import get_client
 
-    path = spec({"drive": {"operation": "CreateSimulationJob", "input": order(LONG)}})
     with get_client(sync_client=True) as client:
         (automation,) = wait_for(lambda: client.read_automations_by_name(AUTOMATION), "the automation")
         client.delete_automation(automation.id)
-        try:
-            with started([*ROBOMAKER, "run", str(path)], environ, stderr=subprocess.PIPE) as run:
-                wait_for(lambda: working_below(service.settings.home), "the simulation")
-                outer = flow_run(str(path)).id
-                run.kill()
-            seen = state_of(outer, UNHEARD_S + WITHIN_S + SLOW_MACHINE_S)
-        finally:
-            ensure_automation(client)
-
-    assert (seen.type.value, seen.message.partition(":")[0]) == ("CRASHED", "gave no sign of life for 30 s")
 
 
 def test_a_process_that_slept_takes_its_runs_back_and_goes_on(

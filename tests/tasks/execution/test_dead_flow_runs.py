@@ -13,7 +13,17 @@ from prefect.events import emit_event
 from prefect.events.filters import EventFilter, EventNameFilter, EventResourceFilter
 from prefect.states import Crashed, Running
 
-from prefect_robomaker.tasks.execution.dead_flow_runs import HEARTBEAT, close_unheard, closed_as_dead, sweep
+from prefect_robomaker.tasks.execution.dead_flow_runs import (
+    HEARTBEAT,
+    UNHEARD_S,
+    close_unheard,
+    closed_as_dead,
+    sweep,
+    take_back,
+)
+
+OURS = "of-this-test"
+"""No flow that other tests run on the same server meanwhile."""
 
 
 @task(name="open")
@@ -63,7 +73,7 @@ def running_run(client: SyncPrefectClient, name: str) -> UUID:
 def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server: str) -> None:
     later = datetime.now(UTC) + timedelta(seconds=100)
     with get_client(sync_client=True) as client:
-        died, heard, of_others = (running_run(client, name) for name in ("RunPipeline", "RunPipeline", "of-others"))
+        died, heard, of_others = (running_run(client, name) for name in (OURS, OURS, "of-others"))
         resource = {"prefect.resource.id": f"prefect.flow-run.{heard}"}
         for ago_s in (20, 30):
             emit_event(HEARTBEAT, resource=resource, occurred=later - timedelta(seconds=ago_s))
@@ -75,11 +85,11 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
             return len(client.read_events(asked, limit=50).events)
 
         wait_for(lambda: heartbeats() == 2, "the signs of life")
-        assert close_unheard(client, {"RunPipeline"}, datetime.now(UTC) + timedelta(seconds=60)) == []
+        assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=60)) == []
         closed: list[UUID] = []
 
         def is_closed() -> bool:
-            closed.extend(close_unheard(client, {"RunPipeline"}, later))
+            closed.extend(close_unheard(client, {OURS}, later))
             return died in closed
 
         wait_for(is_closed, "the end of the run that died")
@@ -87,7 +97,13 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
         states = [client.read_flow_run(run).state for run in (died, heard, of_others)]
         assert [state.type.value if state else "" for state in states] == ["CRASHED", "RUNNING", "RUNNING"]
         assert closed_as_dead(client, [died]) == [died], "a process that lives takes it back"
-        for run in (heard, of_others):
+        take_back(client, [died])
+        again = client.read_flow_run(died).state
+        assert again is not None
+        soon = again.timestamp + timedelta(seconds=UNHEARD_S - 0.001)
+        assert died not in close_unheard(client, {OURS}, soon), "its signs of life are on their way"
+        assert died in close_unheard(client, {OURS}, soon + timedelta(seconds=1))
+        for run in (died, heard, of_others):
             client.set_flow_run_state(run, Crashed(), force=True)
 
 
@@ -95,10 +111,10 @@ def test_silence_says_nothing_where_a_server_keeps_no_events(
     prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with get_client(sync_client=True) as client:
-        run = running_run(client, "RunPipeline")
+        run = running_run(client, OURS)
         with monkeypatch.context() as patch:
             patch.setattr(client, "read_events", lambda *args, **kwargs: Mock(events=[]))
-            assert close_unheard(client, {"RunPipeline"}, datetime.now(UTC) + timedelta(seconds=100)) == []
+            assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=100)) == []
         state = client.read_flow_run(run).state
         assert state is not None
         assert state.type.value == "RUNNING"
