@@ -58,12 +58,12 @@ class _Wall:
         """
         low, high = self.face.inner
         reach = wide / 2 + _FROM_CORNER_M
-        high = [box for box, height in self.standing if height > below]
+        in_the_way = [box for box, height in self.standing if height > below]
         for spot in ((low + high) / 2 + side * 0.1 * count for count in range(40) for side in (1, -1)):
             span = (spot - reach, spot + reach)
             if span[0] < low or span[1] > high or any(span[0] < end and start < span[1] for start, end in self.taken):
                 continue
-            if not hits(self.face.strip(span, 0.0, _STRIP_M), high):
+            if not hits(self.face.strip(span, 0.0, _STRIP_M), in_the_way):
                 return spot
         return None
 
