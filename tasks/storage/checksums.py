@@ -30,7 +30,12 @@ _computed: dict[tuple[int, str], str] = {}
 
 def crc32_of(data: bytes) -> str:
     """The CRC32 of bytes, in base64."""
-    return _written(zlib.crc32(data))
+    return crc32_text(zlib.crc32(data))
+
+
+def crc32_text(crc: int) -> str:
+    """A CRC32 as S3 writes it, in base64."""
+    return base64.b64encode(crc.to_bytes(4, "big")).decode()
 
 
 def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
@@ -42,7 +47,7 @@ def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
     whole = 0
     for crc, size in parts:
         whole = _product(_shift(size), whole) ^ crc
-    return _written(whole)
+    return crc32_text(whole)
 
 
 @lru_cache(maxsize=64)  # the parts of a file have one size, and the last one another
@@ -73,7 +78,7 @@ def measure(file: BinaryIO) -> tuple[int, str]:
     while chunk := file.read(_CHUNK_BYTES):
         size += len(chunk)
         crc = zlib.crc32(chunk, crc)
-    return size, _written(crc)
+    return size, crc32_text(crc)
 
 
 def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
@@ -114,10 +119,6 @@ def has_content(answer: Mapping[str, Any], path: Path) -> bool:
         # Of an object in one piece it is the MD5, but not where the server encrypts; then they differ.
         digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False))
         return digest.hexdigest() == answer["ETag"].strip('"')
-
-
-def _written(crc: int) -> str:
-    return base64.b64encode(crc.to_bytes(4, "big")).decode()
 
 
 def store_etag(descriptor: int, etag: str) -> None:

@@ -19,7 +19,7 @@ from botocore.exceptions import BotoCoreError, ClientError
 
 from ....schemas.wire.errors import ChecksumMismatchError, TransferStoppedError
 from ..base import Stopped, never
-from ..checksums import crc32_of, crc32_of_parts
+from ..checksums import crc32_of_parts, crc32_text
 from ..parallel import WORKERS
 from .quick_puts import QuickPuts, Stored
 
@@ -117,16 +117,17 @@ class PartedUploads:
         data = os.pread(descriptor, size, start)
         if len(data) != size:
             raise ChecksumMismatchError(f"the file was cut off while it was stored as {upload.bucket}/{upload.key}")
-        stored = self._store(upload, number, data)
+        crc = zlib.crc32(data)
+        stored = self._store(upload, number, data, crc32_text(crc))
         part: CompletedPartTypeDef = {"PartNumber": number, "ETag": stored.etag}
         if stored.crc32:
             part["ChecksumCRC32"] = stored.crc32
-        return part, zlib.crc32(data), size
+        return part, crc, size
 
-    def _store(self, upload: _Upload, number: int, data: bytes) -> Stored:
+    def _store(self, upload: _Upload, number: int, data: bytes, crc32: str) -> Stored:
         query = f"partNumber={number}&uploadId={quote(upload.id, safe='~')}"
         if self._quick and (
-            stored := self._quick.put(upload.bucket, upload.key, data, query=query, stopped=upload.over.is_set)
+            stored := self._quick.put(upload.bucket, upload.key, data, crc32, query=query, stopped=upload.over.is_set)
         ):
             return stored
         answer = self._client.upload_part(
@@ -135,7 +136,7 @@ class PartedUploads:
             UploadId=upload.id,
             PartNumber=number,
             Body=_Body(data, upload.over),
-            ChecksumCRC32=crc32_of(data),
+            ChecksumCRC32=crc32,
         )
         return Stored(answer["ETag"].strip('"'), answer.get("ChecksumCRC32"))
 

@@ -17,8 +17,6 @@ import boto3
 from botocore.awsrequest import AWSPreparedRequest
 from botocore.exceptions import BotoCoreError
 
-from ..checksums import crc32_of
-
 if TYPE_CHECKING:
     from types_boto3_s3 import S3Client
 
@@ -88,7 +86,14 @@ class QuickPuts:
         self._http: Any = getattr(getattr(client, "_endpoint", None), "http_session", None)
 
     def put(
-        self, bucket: str, key: str, data: bytes, *, query: str = "", stopped: Callable[[], bool] | None = None
+        self,
+        bucket: str,
+        key: str,
+        data: bytes,
+        crc32: str,
+        *,
+        query: str = "",
+        stopped: Callable[[], bool] | None = None,
     ) -> Stored | None:
         """Stores an object or a part, if that is done with one request.
 
@@ -96,6 +101,7 @@ class QuickPuts:
             bucket: the bucket.
             key: the object's key.
             data: its content, or the part's.
+            crc32: of the data, in base64; the server compares it.
             query: names the part, quoted, with its members in order; none for an object.
             stopped: says, between two pieces, whether it is not wanted any more.
 
@@ -112,7 +118,7 @@ class QuickPuts:
                 return None
             path = f"/{bucket}/{quote(key, safe='/~')}"
             keys = cast("Credentials", credentials.get_frozen_credentials())
-            headers: Any = self.signed(path, data, keys, datetime.now(UTC), query)
+            headers: Any = self.signed(path, data, crc32, keys, datetime.now(UTC), query)
             url = f"{self._endpoint_url}{path}" + (f"?{query}" if query else "")
             body: Any = data if stopped is None else _pieces(data, stopped)
             answer = cast(
@@ -125,13 +131,14 @@ class QuickPuts:
         return Stored(answer.headers["ETag"].strip('"'), answer.headers.get("x-amz-checksum-crc32"))
 
     def signed(
-        self, path: str, data: bytes, credentials: Credentials, now: datetime, query: str = ""
+        self, path: str, data: bytes, crc32: str, credentials: Credentials, now: datetime, query: str = ""
     ) -> dict[str, str]:
         """The headers of a put, signed with Signature Version 4, as botocore's signer does in four times the time.
 
         Args:
             path: of the URL, quoted.
             data: the body.
+            crc32: of the body, in base64.
             credentials: who signs.
             now: the time, in UTC.
             query: of the URL, quoted and in order.
@@ -140,7 +147,7 @@ class QuickPuts:
         digest = hashlib.sha256(data).hexdigest()
         headers = {  # in the order in which they are signed
             "host": self._host,
-            "x-amz-checksum-crc32": crc32_of(data),
+            "x-amz-checksum-crc32": crc32,
             "x-amz-content-sha256": digest,
             "x-amz-date": time,
         }

@@ -1,8 +1,8 @@
 """Objects on an S3 endpoint: AWS, SeaweedFS, MinIO, versitygw or any other that speaks S3.
 
 Uploads carry their CRC32, which the server checks before it keeps anything; large ones go in parts
-and are looked at again afterwards, size and CRC32 of the whole. One client and one set of transfer
-threads serve the whole process.
+and are looked at again afterwards, size and CRC32 of the whole. A store has one client, and one set
+of threads for the parts of all its uploads.
 
 `create_only` needs a server that honours `If-None-Match`, as AWS, SeaweedFS, MinIO and versitygw do.
 An uploader that is killed leaves the parts of large files at the server, where no client sees or needs
@@ -333,9 +333,10 @@ class S3Store:
         return True
 
     def _put(self, bucket: str, key: str, data: bytes, *, create_only: bool) -> ObjectInfo:
-        if self._quick and not create_only and (stored := self._quick.put(bucket, key, data)):
+        crc = crc32_of(data)
+        if self._quick and not create_only and (stored := self._quick.put(bucket, key, data, crc)):
             return ObjectInfo(bucket, key, len(data), stored.etag)
-        request: PutObjectRequestTypeDef = {"Bucket": bucket, "Key": key, "Body": data, "ChecksumCRC32": crc32_of(data)}
+        request: PutObjectRequestTypeDef = {"Bucket": bucket, "Key": key, "Body": data, "ChecksumCRC32": crc}
         if create_only:
             request["IfNoneMatch"] = "*"
         for last in [False] * _CONFLICTS + [True]:
