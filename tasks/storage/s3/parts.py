@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 from urllib.parse import quote
 
 from botocore.exceptions import BotoCoreError, ClientError
@@ -39,6 +39,15 @@ class _Upload:
     id: str
     over: threading.Event
     """Set when it is not wanted any more, or a part could not be stored."""
+
+
+class _Sent(NamedTuple):
+    """A part that the server has."""
+
+    part: "CompletedPartTypeDef"
+    """What the server is told of it at the end."""
+    crc: int
+    size: int
 
 
 class PartedUploads:
@@ -82,18 +91,15 @@ class PartedUploads:
                 after = os.fstat(file.fileno())
                 if (before.st_size, before.st_mtime_ns) != (after.st_size, after.st_mtime_ns):
                     raise ChecksumMismatchError(f"{path} was written to while it was stored as {bucket}/{key}")
-                whole = crc32_of_parts((crc, size) for _, crc, size in sent)
-                self._complete(upload, [part for part, _, _ in sent], whole)
+                whole = crc32_of_parts((each.crc, each.size) for each in sent)
+                self._complete(upload, [each.part for each in sent], whole)
             except BaseException:  # Ctrl-C, too
                 with suppress(ClientError, BotoCoreError):
                     self._client.abort_multipart_upload(Bucket=bucket, Key=key, UploadId=upload.id)
                 raise
         return before.st_size, whole
 
-    def _send_all(
-        self, upload: _Upload, descriptor: int, size: int, stopped: Stopped
-    ) -> "list[tuple[CompletedPartTypeDef, int, int]]":
-        """Sends all parts; returns each with its CRC32 and size."""
+    def _send_all(self, upload: _Upload, descriptor: int, size: int, stopped: Stopped) -> list[_Sent]:
         bytes_each = max(PART_BYTES, -(-size // _MOST_PARTS))
         starts = range(0, size, bytes_each)
         futures = [
@@ -109,9 +115,7 @@ class PartedUploads:
             wait(futures)  # the file is closed, and the upload aborted, after the last one has ended
         return [future.result() for future in futures]
 
-    def _send(
-        self, upload: _Upload, number: int, descriptor: int, start: int, size: int
-    ) -> "tuple[CompletedPartTypeDef, int, int]":
+    def _send(self, upload: _Upload, number: int, descriptor: int, start: int, size: int) -> _Sent:
         if upload.over.is_set():
             raise CancelledError
         data = os.pread(descriptor, size, start)
@@ -122,7 +126,7 @@ class PartedUploads:
         part: CompletedPartTypeDef = {"PartNumber": number, "ETag": stored.etag}
         if stored.crc32:
             part["ChecksumCRC32"] = stored.crc32
-        return part, crc, size
+        return _Sent(part, crc, size)
 
     def _store(self, upload: _Upload, number: int, data: bytes, crc32: str) -> Stored:
         query = f"partNumber={number}&uploadId={quote(upload.id, safe='~')}"
@@ -169,7 +173,7 @@ class _Body(BytesIO):
         return super().read(size)
 
 
-def _await(futures: "list[Future[tuple[CompletedPartTypeDef, int, int]]]", stopped: Stopped, what: str) -> None:
+def _await(futures: list[Future[_Sent]], stopped: Stopped, what: str) -> None:
     """Waits for all parts, or for the first that fails.
 
     Raises:
