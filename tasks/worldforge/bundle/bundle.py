@@ -3,13 +3,14 @@
 import hashlib
 import shutil
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 from ....schemas.worlds.appearance import DAY, appearance_named, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import World
 from ..doors.leaves import leaf_outlines
-from ..geometry.occupancy import occupancy_grid, write_map
+from ..geometry.occupancy import map_files, occupancy_grid
 from ..materials.sky import SKY, sky_png
 from ..materials.textures import texture_png, texture_size_m
 from ..model.description import description_text
@@ -43,15 +44,18 @@ def write_bundle(world: World, folder: Path) -> str:
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        _write_files(world, temporary)
-        content = content_hash(temporary)
+        files = _files(world)
+        for inner in {(temporary / name).parent for name in files}:
+            inner.mkdir(exist_ok=True)
+        for name, content in files.items():
+            (temporary / name).write_bytes(content)
         # Made private by mkdtemp; a bundle is as readable as any other folder.
         temporary.chmod(0o755)
         temporary.rename(folder)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    return content
+    return _hash(files)
 
 
 def read_world(folder: Path) -> World:
@@ -66,34 +70,34 @@ def read_world(folder: Path) -> World:
 
 def content_hash(folder: Path) -> str:
     """SHA-256 over the names and bytes of a bundle's files; the preview is left out, being only a picture."""
-    digest = hashlib.sha256()
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
-    for name in sorted(files):
-        if name != PREVIEW_FILE:
-            content = files[name].read_bytes()
-            digest.update(f"{name}\0{len(content)}\0".encode())
-            digest.update(content)
+    return _hash({name: path.read_bytes() for name, path in files.items() if name != PREVIEW_FILE})
+
+
+def _hash(files: Mapping[str, bytes]) -> str:
+    digest = hashlib.sha256()
+    for name, content in sorted(files.items()):
+        digest.update(f"{name}\0{len(content)}\0".encode())
+        digest.update(content)
     return digest.hexdigest()
 
 
-def _write_files(world: World, folder: Path) -> None:
-    (folder / WORLD_FILE).write_text(world.to_text(), encoding="utf-8")
+def _files(world: World) -> dict[str, bytes]:
+    """All files of a bundle, by their paths in it."""
     model, meshes = decorated_mjcf(world)
     if world.appearance != DAY:
         model = relit(model, appearance_named(world.appearance))
-    (folder / MODEL_FILE).write_text(model, encoding="utf-8")
-    for path, text in meshes.items():
-        (folder / path).parent.mkdir(exist_ok=True)
-        (folder / path).write_text(text, encoding="utf-8")
-    _write_textures(world, folder / TEXTURES_FOLDER)
-    (folder / PLAN_FILE).write_text(floorplan_svg(world), encoding="utf-8")
-    write_map(occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan)), folder)
-    (folder / DESCRIPTION_FILE).write_text(description_text(world), encoding="utf-8")
+    texts = {
+        WORLD_FILE: world.to_text(),
+        MODEL_FILE: model,
+        **meshes,
+        PLAN_FILE: floorplan_svg(world),
+        DESCRIPTION_FILE: description_text(world),
+    }
+    grid = occupancy_grid(world.floorplan, world.furniture, leaf_outlines(world.floorplan))
+    return {**{name: text.encode() for name, text in texts.items()}, **_textures(world), **map_files(grid)}
 
 
-def _write_textures(world: World, folder: Path) -> None:
-    folder.mkdir()
-    for name in surfaces(world):
-        if texture_size_m(name) is not None:
-            (folder / f"{name}.png").write_bytes(texture_png(name))
-    (folder / f"{SKY}.png").write_bytes(sky_png())
+def _textures(world: World) -> dict[str, bytes]:
+    pictures = {name: texture_png(name) for name in surfaces(world) if texture_size_m(name) is not None}
+    return {f"{TEXTURES_FOLDER}/{name}.png": picture for name, picture in {**pictures, SKY: sky_png()}.items()}

@@ -9,7 +9,7 @@ from ..ornaments.forms import Shapes
 from ..ornaments.ornaments import Mesh, Ornament, mesh_path
 from .ceilings import ceilings
 from .curtains import curtains
-from .faces import windows_in
+from .faces import faces, windows_in
 from .furnishings import furnishings
 from .lights import lamp_shades
 from .on_tops import things_on_tops
@@ -54,13 +54,17 @@ def decorate(world: World, sides: Sides, shapes: Shapes) -> Decoration:
 def _ornaments(world: World, sides: Sides, shapes: Shapes) -> Iterator[tuple[Ornament, Mesh | None]]:
     # As cheap and as lasting as chance gets: nothing else takes draws from it.
     dice = Random(world.floorplan_seed * 1_000_003 + world.interior_seed)  # noqa: S311 (chance, not secrecy)
+    walls = list(faces(world))
     for number, wall in enumerate(world.floorplan.walls):
         if windows_in(wall, world):
             yield from pierced_wall(number, wall, sides(wall, world), world)
     yield from ceilings(world)
     yield from lamp_shades(world)
-    for ornament in (*window_frames(world), *skirting(world)):
-        yield ornament, None
-    yield from curtains(world, dice)
-    for ornament in (*furnishings(world, shapes, dice), *things_on_tops(world, shapes, dice)):
+    for ornament in (
+        *window_frames(world, walls),
+        *skirting(world, walls),
+        *curtains(world, walls, shapes, dice),
+        *furnishings(world, walls, shapes, dice),
+        *things_on_tops(world, shapes, dice),
+    ):
         yield ornament, None

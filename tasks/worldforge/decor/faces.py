@@ -32,6 +32,8 @@ class Face:
     """1 or -1: the direction from the wall into the room."""
     span: Span
     """Where the wall begins and ends."""
+    windows: list[tuple[int, Span]]
+    """Numbers and sides of the windows in the wall, in order along it."""
 
     def box(self, along: Span, off: Span, up: Span) -> tuple[Vector, Vector]:
         """Middle and half extents of a box by its distances off the face."""
@@ -76,11 +78,13 @@ def faces(world: World) -> Iterator[Face]:
             continue
         along_x, at, span = wall_span(wall)
         middle = (span[0] + span[1]) / 2
+        windows = windows_in(wall, world)
         for name in wall.rooms:
             for side in (1.0, -1.0):
                 across = at + side * wall.thickness_m
                 if contains(rooms[name].polygon, *((middle, across) if along_x else (across, middle))):
-                    yield Face(number, wall, rooms[name], along_x, at + side * wall.thickness_m / 2, side, span)
+                    face_at = at + side * wall.thickness_m / 2
+                    yield Face(number, wall, rooms[name], along_x, face_at, side, span, windows)
 
 
 def window_span(window: Window) -> tuple[bool, float, Span]:

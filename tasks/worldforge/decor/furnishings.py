@@ -1,6 +1,6 @@
 """What hangs over counters and lies on floors: upper cabinets and rugs."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from random import Random
 
 from ....schemas.worlds.world import Furniture, World
@@ -9,7 +9,7 @@ from ..geometry.boxes import Box, pose_of
 from ..geometry.parts import CHROME, Color, Span, rgb
 from ..ornaments.forms import Shapes
 from ..ornaments.ornaments import Ornament, color_look
-from .faces import Face, faces, windows_in
+from .faces import Face
 from .on_walls import things_on_walls
 
 _COUNTERS = ("DishWashers", "Storage", "WashingMachinesAndDryers")
@@ -25,11 +25,11 @@ _RUG_M = 0.006
 _BORDER_M = 0.12
 
 
-def furnishings(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
+def furnishings(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """All of it, and what hangs on walls where there is room left."""
     yield from _rugs(world, dice)
-    yield from _upper_cabinets(world)
-    yield from things_on_walls(world, shapes, dice)
+    yield from _upper_cabinets(world, faces)
+    yield from things_on_walls(world, faces, shapes, dice)
 
 
 def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
@@ -63,7 +63,7 @@ def _flat(name: str, box: Box, top: float, color: Color) -> Ornament:
     return Ornament(name, "box", center, ((box[2] - box[0]) / 2, (box[3] - box[1]) / 2, top / 2), color_look(color))
 
 
-def _upper_cabinets(world: World) -> Iterator[Ornament]:
+def _upper_cabinets(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
     """Over each counter whose wall has no window there, in the colour of the room's counters."""
     kitchens = {room.name for room in world.floorplan.rooms if room.type == "Kitchen"}
     colors = {item.room: _counter_color(item) for item in world.furniture if item.model_type == "Storage"}
@@ -71,12 +71,12 @@ def _upper_cabinets(world: World) -> Iterator[Ornament]:
         is_counter = item.model_type in _COUNTERS and item.height_m <= _COUNTER_MOST_M
         if item.room not in kitchens or not is_counter or item.room not in colors:
             continue
-        face = _behind(item, world)
+        face = _behind(item, faces)
         if face is None:
             continue
         middle = item.x if face.along_x else item.y
         span = (middle - item.width_m / 2, middle + item.width_m / 2)
-        windows = [sides for _, sides in windows_in(face.wall, world)]
+        windows = [sides for _, sides in face.windows]
         above = _UPPER[1] < world.floorplan.ceiling_height_m - 0.1
         if above and all(high + 0.12 <= span[0] or span[1] <= low - 0.12 for low, high in windows):
             yield from _cabinet(f"cabinet_{item.id}", face, span, colors[item.room])
@@ -87,10 +87,10 @@ def _counter_color(item: Furniture) -> Color:
     return style.main
 
 
-def _behind(item: Furniture, world: World) -> Face | None:
+def _behind(item: Furniture, faces: Sequence[Face]) -> Face | None:
     """The face of the wall that a piece has its back to."""
     x0, y0, x1, y1 = pose_of(item).box(-item.depth_m / 2 - 0.1, 0.0, -0.05, 0.05)
-    for face in faces(world):
+    for face in faces:
         along, across = ((x0, x1), (y0, y1)) if face.along_x else ((y0, y1), (x0, x1))
         reaches = face.span[0] <= along[0] and along[1] <= face.span[1]
         if face.room.name == item.room and reaches and across[0] <= face.at <= across[1]:

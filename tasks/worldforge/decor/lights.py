@@ -11,7 +11,7 @@ from ....schemas.worlds.world import Room, World
 from ..geometry.parts import Vector, rgb
 from ..interiors.placement import room_rects
 from ..ornaments.ornaments import Mesh, Ornament, numbers, turned
-from .faces import faces, windows_in
+from .faces import faces
 
 MOST_LAMPS = 6
 """Beside the headlight and the sun."""
@@ -61,7 +61,7 @@ def _sun_direction(world: World) -> Vector:
     """From the south-east or the south-west: where there is more glass."""
     east = west = 0.0
     for face in faces(world):
-        for _, (low, high) in windows_in(face.wall, world):
+        for _, (low, high) in face.windows:
             if not face.along_x:
                 east, west = east + (high - low) * (face.inward < 0), west + (high - low) * (face.inward > 0)
     return _SUN_DIRECTIONS[0] if east >= west else _SUN_DIRECTIONS[1]

@@ -13,7 +13,7 @@ from ..ornaments.forms import Shapes, turned_quat
 from ..ornaments.ornaments import CYLINDER_QUAT, Ornament, color_look
 from ..ornaments.things import footprint_m, placed
 from .boxes import Standing, covered
-from .faces import Face, faces, windows_in
+from .faces import Face
 
 _FRAMES = (rgb("3a332d"), rgb("c89f6d"), rgb("f2efe8"))
 _MOUNT = rgb("f6f3ec")
@@ -196,12 +196,11 @@ _OVER_COUNTERS = ("Kitchen",)
 """Rooms in which cabinets hang over what stands at walls."""
 
 
-def things_on_walls(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
+def things_on_walls(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """What hangs in all rooms, one thing after another on the wall that has least."""
-    walls = list(faces(world))
     for index, room in enumerate(world.floorplan.rooms):
         standing = [*covered(world, room.name), *_swept(world, room)]
-        own = [_Wall(face, standing, _windows(face, world)) for face in walls if face.room.name == room.name]
+        own = [_Wall(face, standing, _windows(face)) for face in faces if face.room.name == room.name]
         for number, kind in enumerate(_IN_ROOMS[room.type]):
             hang, wide, below = _HANGINGS[kind]
             limit = min(below, 0.5) if room.type in _OVER_COUNTERS else below
@@ -213,8 +212,8 @@ def things_on_walls(world: World, shapes: Shapes, dice: Random) -> Iterator[Orna
                     break
 
 
-def _windows(face: Face, world: World) -> list[Span]:
-    return [(low - _BESIDE_WINDOW_M, high + _BESIDE_WINDOW_M) for _, (low, high) in windows_in(face.wall, world)]
+def _windows(face: Face) -> list[Span]:
+    return [(low - _BESIDE_WINDOW_M, high + _BESIDE_WINDOW_M) for _, (low, high) in face.windows]
 
 
 def _swept(world: World, room: Room) -> Iterator[Standing]:

@@ -13,7 +13,7 @@ from ....schemas.worlds.world import Wall, World
 from ..geometry.parts import Color, Span, Vector, rgb
 from ..materials.textures import texture_size_m
 from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, color_look, joined, sheet
-from .faces import Face, faces, wall_span, window_heights, windows_in
+from .faces import Face, wall_span, window_heights, windows_in
 
 Rectangle = tuple[float, float, float, float]
 """Low, bottom, high, top: along a wall and upwards."""
@@ -119,11 +119,11 @@ def _normals(vertices: Floats, triangles: np.ndarray) -> Floats:
     return normals
 
 
-def window_frames(world: World) -> Iterator[Ornament]:
+def window_frames(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
     """Frames, crossbars and sills."""
     up = window_heights(world)
-    for face in faces(world):
-        for number, span in windows_in(face.wall, world):
+    for face in faces:
+        for number, span in face.windows:
             for name, along, off, high, color in _bars(face, span, up):
                 center, half = face.box(along, off, high)
                 yield Ornament(f"window_{number}_{name}", "box", center, half, color_look(color))

@@ -1,12 +1,12 @@
 """Skirting boards at the foot of plastered and papered walls."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from ....schemas.worlds.world import World
 from ..geometry.parts import rgb
 from ..materials.materials import surface_finish, surface_name
 from ..ornaments.ornaments import Ornament, color_look
-from .faces import faces
+from .faces import Face
 
 SKIRTED = ("plain", "stripes", "trellis", "sprigs", "panels")
 """Patterns of walls that have skirting; tiles, bricks and stones go down to the floor."""
@@ -17,10 +17,10 @@ _CASING_M = 0.06
 _COLOR = rgb("f3f1ec")
 
 
-def skirting(world: World) -> Iterator[Ornament]:
+def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
     """A board along each face of a wall; walls end at ways between rooms, so boards do."""
     ends = {end for passage in world.floorplan.passages if passage.door for end in (passage.start, passage.end)}
-    for number, face in enumerate(faces(world)):
+    for number, face in enumerate(faces):
         if surface_finish(surface_name("wall", face.room)).pattern not in SKIRTED:
             continue
         low, high = face.span

@@ -1,8 +1,8 @@
 """Furniture parts in the world's frame, as both the MJCF and the preview need them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from math import cos, pi, sin
+from typing import NamedTuple
 
 from ....schemas.worlds.world import Furniture
 from ..geometry.parts import Axis, Color, Part, Shape, Vector
@@ -11,8 +11,7 @@ from .catalogue import parts_of
 _EXACT_TURNS = {0: (1.0, 0.0), 1: (0.0, 1.0), 2: (-1.0, 0.0), 3: (0.0, -1.0)}
 
 
-@dataclass(frozen=True, slots=True)
-class Solid:
+class Solid(NamedTuple):
     """One primitive in the world."""
 
     name: str

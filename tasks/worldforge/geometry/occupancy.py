@@ -8,6 +8,7 @@ the floor.
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from io import BytesIO
 from math import ceil, cos, floor, hypot, sin, sqrt
 from pathlib import Path
 
@@ -236,30 +237,42 @@ def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bo
 
 def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
     """Cells whose middle lies inside a room's polygon, walls included up to their centre lines."""
-    rows, columns = grid.occupied.shape
-    x = grid.origin[0] + (np.arange(columns) + 0.5) * grid.resolution_m
-    y = (grid.origin[1] + (np.arange(rows) + 0.5) * grid.resolution_m)[:, np.newaxis]
-    inside = np.zeros((rows, columns), np.bool_)
+    xs, ys = zip(*room.polygon, strict=True)
+    # Only what is around the room is looked at.
+    (west, east), (south, north) = (
+        (max(0, floor((min(values) - first) / grid.resolution_m)), ceil((max(values) - first) / grid.resolution_m))
+        for values, first in zip((xs, ys), grid.origin, strict=True)
+    )
+    inside = np.zeros_like(grid.occupied)
+    around = inside[south:north, west:east]
+    x = grid.origin[0] + (np.arange(west, west + around.shape[1]) + 0.5) * grid.resolution_m
+    y = (grid.origin[1] + (np.arange(south, south + around.shape[0]) + 0.5) * grid.resolution_m)[:, np.newaxis]
     for index in range(len(room.polygon)):
         (x0, y0), (x1, y1) = room.polygon[index - 1], room.polygon[index]
         if x0 == x1:  # polygons are axis-aligned: only these edges cross an eastward ray
-            inside ^= (x < x0) & (min(y0, y1) <= y) & (y < max(y0, y1))
+            around ^= (x < x0) & (min(y0, y1) <= y) & (y < max(y0, y1))
     return inside
 
 
 def write_map(grid: OccupancyGrid, folder: Path, said: str | None = None) -> None:
-    """Writes `map.pgm` and `map.yaml` as Nav2's map server reads them (mode trinary).
+    """Writes the files of `map_files` into a folder."""
+    for name, content in map_files(grid, said).items():
+        (folder / name).write_bytes(content)
+
+
+def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
+    """The files `map.pgm` and `map.yaml`, by their names, as Nav2's map server reads them (mode trinary).
 
     Args:
         grid: the map.
-        folder: where to.
         said: what `map.yaml` says of it, as a comment.
     """
     pixels = np.full(grid.occupied.shape, UNKNOWN_PIXEL, np.uint8)
     pixels[grid.free] = FREE_PIXEL
     pixels[grid.occupied] = OCCUPIED_PIXEL
+    picture = BytesIO()
     # A picture's first row is its top, which is north.
-    Image.fromarray(pixels[::-1]).save(folder / "map.pgm", format="PPM")
+    Image.fromarray(pixels[::-1]).save(picture, format="PPM")
     # An unknown pixel is occupied with probability (255 - 205) / 255 = 0.1961; that must not be below
     # free_thresh, or the map server would read unknown as free.
     lines = [
@@ -272,7 +285,7 @@ def write_map(grid: OccupancyGrid, folder: Path, said: str | None = None) -> Non
         "occupied_thresh: 0.65",
         "free_thresh: 0.196",
     ]
-    (folder / "map.yaml").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return {"map.pgm": picture.getvalue(), "map.yaml": ("\n".join(lines) + "\n").encode()}
 
 
 def read_map(folder: Path) -> OccupancyGrid:

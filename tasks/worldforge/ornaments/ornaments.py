@@ -1,10 +1,10 @@
 """Ornaments: geoms for the eye only, and the procedural meshes that some of them have."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from math import sqrt
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,19 +26,29 @@ Floats = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]
 
 
+class _Texts(dict[float, str]):
+    """Texts of numbers; sizes and heights of things come again and again."""
+
+    # `lru_cache` takes four times as long to find one, and a world's file has ten thousand.
+    def __missing__(self, value: float) -> str:
+        if len(self) >= _MOST_TEXTS:
+            self.clear()
+        text = self[value] = f"{round(value, 4) + 0.0:g}"
+        return text
+
+
+_MOST_TEXTS = 1 << 15
+"""Some 4 MB."""
+
+_text_of = _Texts().__getitem__
+
+
 def numbers(*values: float) -> str:
     """Numbers as the MJCF has them."""
-    return " ".join(map(_number, values))
+    return " ".join(map(_text_of, values))
 
 
-@lru_cache(maxsize=1 << 14)
-def _number(value: float) -> str:
-    """One of them; sizes and heights of things come again and again."""
-    return f"{round(value, 4) + 0.0:g}"
-
-
-@dataclass(frozen=True, slots=True)
-class Ornament:
+class Ornament(NamedTuple):
     """One geom that never collides."""
 
     name: str
@@ -87,8 +97,9 @@ class Mesh:
     def obj_text(self) -> str:
         """The mesh, which has a picture, as a Wavefront OBJ file; that counts rows of pictures from the foot."""
         assert self.places is not None
-        lines = [f"v {numbers(*spot)}" for spot in self.vertices.tolist()]
-        lines += [f"vt {numbers(right, 1 - down)}" for right, down in self.places.tolist()]
+        lines = [f"v {x} {y} {z}" for x, y, z in zip(*_texts(self.vertices), strict=True)]
+        right, up = _texts(np.stack([self.places[:, 0], 1 - self.places[:, 1]], axis=1))
+        lines += [f"vt {u} {v}" for u, v in zip(right, up, strict=True)]
         lines += [f"f {a}/{a} {b}/{b} {c}/{c}" for a, b, c in (self.triangles + 1).tolist()]
         return "\n".join([*lines, ""])
 
@@ -96,6 +107,11 @@ class Mesh:
 def mesh_path(name: str) -> str:
     """Where the file of a mesh is, from where the model is."""
     return f"{MESHES_FOLDER}/{name}.obj"
+
+
+def _texts(values: Floats) -> Iterator[Iterator[str]]:
+    """The numbers of each column."""
+    return (map(_text_of, column) for column in values.T.tolist())
 
 
 def _list(values: Floats) -> str:

@@ -12,6 +12,8 @@ Shape = Callable[[Vector], Mesh]
 """Makes a mesh about the origin that fills a box of a size."""
 
 _SECTIONS = 14
+_FOLDS = 5
+_CLOTH_M = 0.004
 _GOLDEN = 2.399963
 """Angle between two leaves of a stem."""
 
@@ -153,6 +155,40 @@ def pan(size: Vector) -> Mesh:
     handle = _tube([(0.95, 0.0, 0.8), (2.3, 0.0, 1.1)], 0.13)
     points, triangles = joined([body, handle])
     return _filling((points, triangles), size)
+
+
+def curtain(size: Vector) -> Mesh:
+    """A closed strip of cloth in waves along x, gathered a little at the top."""
+    wide, deep, tall = size
+    count = _FOLDS * 5 + 1
+    share = np.arange(count) / (count - 1)
+    wave = np.sin(share * (2 * np.pi * _FOLDS))
+    wave *= (deep - _CLOTH_M) / 2 / wave.max()
+    rows = [
+        np.stack([(share - 0.5) * wide, wave * gathered + side * _CLOTH_M / 2, np.full(count, height * tall)], axis=1)
+        for height, gathered in ((-0.5, 1.0), (0.0, 0.9), (0.5, 0.6))
+        for side in (1.0, -1.0)
+    ]
+    # Rows come in pairs: the side towards +y, then the side towards -y.
+    bands = [(0, 2, False), (1, 3, True), (2, 4, False), (3, 5, True), (0, 1, True), (4, 5, False)]
+    triangles = [_band(low * count, high * count, count, facing) for low, high, facing in bands]
+    for side in (_side(low * count, count) for low in (0, 2)):
+        triangles += [side, side[:, ::-1] + count - 1]
+    return Mesh(np.concatenate(rows), np.concatenate(triangles))
+
+
+def _band(first: int, second: int, count: int, facing: bool) -> Ints:
+    """Triangles between two rows of vertices; seen from -y, the second above the first, they face the eye or not."""
+    a = first + np.arange(count - 1)
+    b = second + np.arange(count - 1)
+    faces_eye = np.concatenate([np.stack([a, a + 1, b + 1], axis=1), np.stack([a, b + 1, b], axis=1)])
+    return faces_eye if facing else faces_eye[:, ::-1]
+
+
+def _side(first: int, count: int) -> Ints:
+    """Two triangles that close one side between four rows of vertices, seen from -x."""
+    a, b, c, d = first + count * np.array([0, 1, 3, 2])
+    return np.array([[a, b, c], [a, c, d]])
 
 
 def draped(size: Vector) -> Mesh:

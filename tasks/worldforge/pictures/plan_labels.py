@@ -5,6 +5,8 @@ from itertools import pairwise, product
 from math import cos, sin
 from typing import NamedTuple
 
+import numpy as np
+
 from ....schemas.worlds.world import Furniture, Point, Room
 
 NAME_PX = 15
@@ -14,8 +16,13 @@ _PADDING_PX = 8
 _GLYPH_WIDTH = 0.58
 """Mean width of a letter over the font's size: enough to fit labels without measuring fonts."""
 
-_STEPS = (0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9)
+_STEPS = np.array((0.5, 0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9))
 """Places tried along each side of the room, the middle first."""
+
+_NEAREST_FIRST = np.array(
+    sorted(product(range(len(_STEPS)), repeat=2), key=lambda at: float(np.sum(np.abs(_STEPS[list(at)] - 0.5))))
+)
+"""Pairs of them, the middle of the room first, shape (81, 2)."""
 
 _ORIGIN_MARK = (-0.3, -0.3, 0.3, 0.3)
 
@@ -57,28 +64,15 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 
 def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
     """The middle of the place for a box of this size that covers least, nearest to the room's middle."""
+    west, south, east, north = np.array([room, *obstacles]).T[:, :, None]
     free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
-    near = [
-        box
-        for box in obstacles
-        if _common(box[0], box[2], room[0], room[2]) * _common(box[1], box[3], room[1], room[3])
-    ]
-    columns = {x: room[0] + (room[2] - room[0] - free_x) / 2 + free_x * x for x in _STEPS}
-    rows = {y: room[1] + (room[3] - room[1] - free_y) / 2 + free_y * y for y in _STEPS}
-    across = {x: [_common(at - width / 2, at + width / 2, box[0], box[2]) for box in near] for x, at in columns.items()}
-    up = {y: [_common(at - height / 2, at + height / 2, box[1], box[3]) for box in near] for y, at in rows.items()}
-
-    def covered(step: tuple[float, float]) -> float:
-        return round(sum(u * v for u, v in zip(across[step[0]], up[step[1]], strict=True)), 3)
-
-    steps = sorted(product(_STEPS, _STEPS), key=lambda step: abs(step[0] - 0.5) + abs(step[1] - 0.5))
-    x, y = next((step for step in steps if not covered(step)), None) or min(steps, key=covered)
-    return columns[x], rows[y]
-
-
-def _common(low: float, high: float, other_low: float, other_high: float) -> float:
-    """Length that two spans have in common."""
-    return max(0.0, min(high, other_high) - max(low, other_low))
+    columns = room[0] + (room[2] - room[0] - free_x) / 2 + free_x * _STEPS
+    rows = room[1] + (room[3] - room[1] - free_y) / 2 + free_y * _STEPS
+    across = np.minimum(columns + width / 2, east[1:]) - np.maximum(columns - width / 2, west[1:])
+    up = np.minimum(rows + height / 2, north[1:]) - np.maximum(rows - height / 2, south[1:])
+    covered = np.sum(np.maximum(across, 0.0)[:, :, None] * np.maximum(up, 0.0)[:, None, :], axis=0)
+    x, y = _NEAREST_FIRST[int(np.argmin(np.round(covered[tuple(_NEAREST_FIRST.T)], 3)))]
+    return float(columns[x]), float(rows[y])
 
 
 def _bounds(item: Furniture) -> Box:

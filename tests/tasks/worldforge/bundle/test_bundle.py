@@ -7,7 +7,6 @@ import mujoco
 import pytest
 
 from prefect_robomaker.schemas.worlds.world import World
-from prefect_robomaker.tasks.worldforge.bundle import bundle
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.materials.textures import texture_size_m
 from prefect_robomaker.tasks.worldforge.model.mjcf import surfaces
@@ -57,10 +56,12 @@ def test_equal_worlds_have_equal_hashes(flat: World, tmp_path: Path) -> None:
 
 
 def test_nothing_half_written_is_left(flat: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail(*_: object) -> None:
-        raise OSError("disk full")
+    def write(file: Path, content: bytes) -> int:
+        if file.name == "map.pgm":
+            raise OSError("disk full")
+        return file.write_text(content.decode("latin-1"))
 
-    monkeypatch.setattr(bundle, "write_map", fail)
+    monkeypatch.setattr(Path, "write_bytes", write)
     with pytest.raises(OSError, match="disk full"):
         write_bundle(flat, tmp_path / "flat")
     assert list(tmp_path.iterdir()) == []
