@@ -95,8 +95,10 @@ class FleetServer:
         return [report for report in said if report.feedback.action_id == action_id]
 
     def wait_for_end(self, action_id: int) -> OrderFeedback | CancelFeedback:
-        """Waits until the robot has ended an order; returns how."""
-        return wait_for(lambda: self.ends(action_id), f"the end of order {action_id}")[-1]
+        """Waits until the robot has ended an order and another may be offered; returns how."""
+        what = f"the end of order {action_id}"
+        wait_for(lambda: self.ends(action_id) and not self.orders.state(ROBOT).has(action_id), what)
+        return self.ends(action_id)[-1]
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
         """Answers one request."""
