@@ -9,10 +9,12 @@ grow, and their ratio tells more than either.
 
 import hashlib
 import json
+import multiprocessing
 import os
 import resource
 import time
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +37,7 @@ from prefect_robomaker.tasks.worldforge.pictures.preview import render_preview
 WORLDS = 12
 STEPS = 20_000
 SEEDS = 1000
+THOUSAND, LOOPS = 1000, 50
 FLAT = (
     ("Living Room", "Living", 26.0),
     ("Kitchen", "Kitchen", 14.0),
@@ -119,6 +122,39 @@ def test_what_a_world_costs(kind: str, tmp_path: Path, capsys: pytest.CaptureFix
             print(f"  {name:26s} {median:6.1f} ms median, {worst:6.1f} ms worst, {1e3 / median:5.1f} a second")
         print(f"  {np.median(geoms):.0f} geoms in the median, {max(geoms)} at most; {np.median(pieces):.0f} pieces")
     assert max(geoms) < 1500
+
+
+@pytest.mark.benchmark
+@pytest.mark.timeout(900)
+def test_what_a_thousand_flats_take(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with ProcessPoolExecutor(2, multiprocessing.get_context("spawn")) as pool:
+        list(pool.map(calibration_of, range(2)))  # both have started
+        begun = time.monotonic()
+        parts = list(pool.map(flats_of, [tmp_path] * 2, range(2)))
+        wall = time.monotonic() - begun
+    loops, flats = (sum(each) for each in zip(*parts, strict=True))
+    with capsys.disabled():
+        print(
+            f"\n{THOUSAND} flats with every proof, map and bundle: {wall:.1f} s in two processes, "
+            f"{1e3 * flats / THOUSAND:.1f} CPU-ms a flat, {flats / loops * LOOPS / THOUSAND:.2f} loops of plain Python "
+            f"({1e3 * loops / LOOPS:.1f} ms)"
+        )
+
+
+def calibration_of(_: int) -> float:
+    return calibration_ms()
+
+
+def flats_of(folder: Path, first: int) -> tuple[float, float]:
+    """CPU seconds of the loops and of every second flat."""
+    body, loops, flats = WorldTemplateBody.model_validate(template("flat")), 0.0, 0.0
+    for index in range(first, THOUSAND, 2):
+        if index % (2 * THOUSAND // LOOPS) == first:
+            loops += 1e-3 * calibration_ms()
+        start = time.process_time()
+        write_bundle(generate_world(body, *seeds_for(7, index, 0)), folder / f"{index}")
+        flats += time.process_time() - start
+    return loops, flats
 
 
 @pytest.mark.benchmark
