@@ -1,7 +1,6 @@
 """Doors as solids in the world, and as hinged bodies in the MJCF."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from math import cos, sin
 
 from ....schemas.worlds.world import Door, Floorplan, Wall
@@ -39,7 +38,7 @@ def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
         height = min(solid.size[2], top_m - low)
         if height > 0:
             center = (solid.center[0], solid.center[1], low + height / 2)
-            yield replace(solid, center=center, size=(solid.size[0], solid.size[1], height))
+            yield solid._replace(center=center, size=(solid.size[0], solid.size[1], height))
 
 
 def doorframe_solids(plan: Floorplan) -> Iterator[Solid]:
