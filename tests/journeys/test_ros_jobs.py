@@ -6,6 +6,7 @@ Debian has them as python3-roslaunch, python3-rosmaster and rosout; where they a
 import shutil
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,10 @@ def ended(service: Service, arn: str) -> Ending:
 
 def launched(arn: str) -> list[str]:
     """The programs of a job that roslaunch has started."""
-    lines = [Path(f"/proc/{pid}/cmdline").read_bytes().decode() for pid in processes_with(arn)]
+    lines = []
+    for pid in processes_with(arn):
+        with suppress(OSError):  # it has ended meanwhile
+            lines.append(Path(f"/proc/{pid}/cmdline").read_bytes().decode())
     return [line for line in lines if "__name:=" in line or "rosmaster" in line]
 
 

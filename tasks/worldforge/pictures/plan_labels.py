@@ -64,12 +64,12 @@ def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Lab
 
 def _clearest(room: Box, width: float, height: float, obstacles: list[Box]) -> Point:
     """The middle of the place for a box of this size that covers least, nearest to the room's middle."""
-    west, south, east, north = np.array([room, *obstacles]).T[:, :, None]
+    west, south, east, north = np.array(obstacles).T[:, :, None]
     free_x, free_y = max(0.0, room[2] - room[0] - width), max(0.0, room[3] - room[1] - height)
     columns = room[0] + (room[2] - room[0] - free_x) / 2 + free_x * _STEPS
     rows = room[1] + (room[3] - room[1] - free_y) / 2 + free_y * _STEPS
-    across = np.minimum(columns + width / 2, east[1:]) - np.maximum(columns - width / 2, west[1:])
-    up = np.minimum(rows + height / 2, north[1:]) - np.maximum(rows - height / 2, south[1:])
+    across = np.minimum(columns + width / 2, east) - np.maximum(columns - width / 2, west)
+    up = np.minimum(rows + height / 2, north) - np.maximum(rows - height / 2, south)
     covered = np.sum(np.maximum(across, 0.0)[:, :, None] * np.maximum(up, 0.0)[:, None, :], axis=0)
     x, y = _NEAREST_FIRST[int(np.argmin(np.round(covered[tuple(_NEAREST_FIRST.T)], 3)))]
     return float(columns[x]), float(rows[y])

@@ -47,10 +47,12 @@ def test_a_bad_version_stops_at_the_threshold() -> None:
     assert 200 <= failed < 200 + 200  # the threshold, and at most as many as were under way
 
 
-@pytest.mark.deep
+@pytest.mark.parametrize(
+    "robots", [pytest.param(3000, marks=pytest.mark.deep), pytest.param(10_000, marks=pytest.mark.endurance)]
+)
 @pytest.mark.timeout(900)
-def test_ten_thousand_robots() -> None:
-    ends = roll_out(10_000, 3, 0.05, 60)
+def test_thousands_of_robots(robots: int) -> None:
+    ends = roll_out(robots, 3, 0.05, 60)
 
     assert ends[None, None] == 0
     assert ends["failed", "RobotDeploymentNoResponse"] == 0

@@ -80,10 +80,6 @@ def templates(draw: st.DrawFn) -> WorldTemplateBody:
     return template(rooms, connections, (draw(sides), draw(sides)), draw(st.floats(2.4, 4.0)))
 
 
-seeds = st.integers(0, 2**32 - 1)
-properties = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-
-
 def generate(body: WorldTemplateBody, seed: int = 0) -> Floorplan:
     return generate_floorplan(body, np.random.default_rng(seed))
 
@@ -137,11 +133,20 @@ class Raster:
         return cells
 
 
-@properties
-@given(templates(), seeds)
-def test_rooms_tile_the_footprint(body: WorldTemplateBody, seed: int) -> None:
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(templates(), st.integers(0, 2**32 - 1))
+def test_every_plan_keeps_what_plans_promise(body: WorldTemplateBody, seed: int) -> None:
     plan = generate(body, seed)
     raster = Raster(plan)
+    rooms_tile_the_footprint(body, plan, raster)
+    walls_meet_without_overlap_and_without_gap(plan, raster)
+    every_room_is_connected_wide_enough_and_the_origin_is_clear(plan, raster)
+    doorways_keep_their_width_and_their_distance_from_corners(plan, raster)
+    wishes_are_accounted_for_one_by_one_and_truly(body, plan)
+    windows_lie_on_outer_walls_of_rooms_that_want_light(plan)
+
+
+def rooms_tile_the_footprint(body: WorldTemplateBody, plan: Floorplan, raster: Raster) -> None:
     assert (raster.rooms() == raster.inside(plan.footprint)).all()
     for index, item in enumerate(plan.rooms):
         cells = raster.room(index)
@@ -167,11 +172,7 @@ def at_corner(plan: Floorplan, spot: Point) -> bool:
     return spot[0] in (min(xs), max(xs)) and spot[1] in (min(ys), max(ys))
 
 
-@properties
-@given(templates(), seeds)
-def test_walls_meet_without_overlap_and_without_gap(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate(body, seed)
-    raster = Raster(plan)
+def walls_meet_without_overlap_and_without_gap(plan: Floorplan, raster: Raster) -> None:
     expected = np.zeros(raster.shape, bool)
     for item in plan.rooms:
         for start, end in pairwise([*item.polygon, item.polygon[0]]):
@@ -191,15 +192,11 @@ def test_walls_meet_without_overlap_and_without_gap(body: WorldTemplateBody, see
     assert (raster.wall_count() == expected).all()
 
 
-@properties
-@given(templates(), seeds)
-def test_every_room_is_connected_wide_enough_and_the_origin_is_clear(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate(body, seed)
+def every_room_is_connected_wide_enough_and_the_origin_is_clear(plan: Floorplan, raster: Raster) -> None:
     reached = {plan.rooms[0].name}
     for _ in plan.rooms:
         reached |= {name for passage in plan.passages if reached & {*passage.rooms} for name in passage.rooms}
     assert reached == {item.name for item in plan.rooms}
-    raster = Raster(plan)
     for index, item in enumerate(plan.rooms):
         assert narrowest(raster.room(index)) * UNIT >= MIN_SIDES_M[item.type] - 1e-9
     rows, columns = np.nonzero(raster.wall_count())
@@ -219,11 +216,7 @@ def narrowest(cells: np.ndarray) -> int:
     return shortest
 
 
-@properties
-@given(templates(), seeds)
-def test_doorways_keep_their_width_and_their_distance_from_corners(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate(body, seed)
-    raster = Raster(plan)
+def doorways_keep_their_width_and_their_distance_from_corners(plan: Floorplan, raster: Raster) -> None:
     walls = raster.wall_count() > 0
     lintels = [wall for wall in plan.walls if wall.lintel]
     doorways = [passage for passage in plan.passages if passage.kind == "Doorway"]
@@ -242,10 +235,7 @@ def test_doorways_keep_their_width_and_their_distance_from_corners(body: WorldTe
         assert passage.width_m >= 0.9
 
 
-@properties
-@given(templates(), seeds)
-def test_wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate(body, seed)
+def wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, plan: Floorplan) -> None:
     outcomes = {wish.path.removeprefix("Buildings[0].Floors[0].Floorplan."): wish for wish in plan.wishes}
     rooms, connections = body.floorplan.Rooms, body.floorplan.DesiredConnections
     assert len(plan.wishes) == len(outcomes) == 2 + 2 * len(rooms) + len(connections)
@@ -263,10 +253,7 @@ def test_wishes_are_accounted_for_one_by_one_and_truly(body: WorldTemplateBody, 
     assert granted == claimed
 
 
-@properties
-@given(templates(), seeds)
-def test_windows_lie_on_outer_walls_of_rooms_that_want_light(body: WorldTemplateBody, seed: int) -> None:
-    plan = generate(body, seed)
+def windows_lie_on_outer_walls_of_rooms_that_want_light(plan: Floorplan) -> None:
     types = {item.name: item.type for item in plan.rooms}
     outer = [wall for wall in plan.walls if wall.exterior]
     for window in plan.windows:
