@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from helpers.package_installer import install_packages
+from helpers.required_programs import missing
 
 OLD_PYTHON_CLIENTS = ("boto3==1.40.60", "botocore==1.40.60", "awscli==1.42.60")
 """The last releases that have the service by themselves."""
@@ -57,7 +58,7 @@ def node_modules(config: pytest.Config, project: Path) -> Path:
     """Folder of the modules that a folder's `package.json` asks for; skips the test where they cannot be had."""
     for program in ("node", "npm"):
         if not shutil.which(program):
-            pytest.skip(f"{program} is not installed: {project.name} cannot be tried")
+            missing("node", f"{program} is not installed: {project.name} cannot be tried")
     files = [project / name for name in ("package.json", "package-lock.json")]
 
     def make(folder: Path) -> None:

@@ -16,7 +16,7 @@ PUSH_MPS = 0.05
 
 _WATCHED_S = 0.2
 """Seconds at the begin in which nothing falls asleep, so that what tips over slowly has begun to. What is balanced on
-an edge to the micrometre has after 0.1 s, as contacts are soft. Steps awake are most of a proof's time."""
+an edge to the micrometre has after 0.1 s, as contacts are soft. Steps awake are most of settling."""
 
 _WATCHED_AFTER_PUSH_S = 0.5
 """Longer, as what rocks is slow where it turns back."""

@@ -47,6 +47,7 @@ def test_another_picture_makes_another_hash(flat: World, tmp_path: Path) -> None
 
 def test_equal_worlds_have_equal_hashes(flat: World, tmp_path: Path) -> None:
     first = write_bundle(flat, tmp_path / "first")
+    assert first == content_hash(tmp_path / "first")
     second = write_bundle(flat, tmp_path / "second")
     assert first == second
     assert re.fullmatch("[0-9a-f]{64}", first)
