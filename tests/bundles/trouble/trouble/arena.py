@@ -110,14 +110,14 @@ class Loose(Counting):
 
 
 def _fork(environment):
-    """Leaves two children, and two grandchildren in sessions of their own."""
-    nap = f"import time; time.sleep(1000)  # {environment.context.environment['MARK']}"
-    child = (
-        f"import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True); {nap}"
-    )
+    """Leaves two children, and two grandchildren in sessions of their own; each leaves a file in the work folder."""
+    mark = environment.context.environment["MARK"]
+    nap = f"import os, pathlib, time; pathlib.Path(f'{{os.getpid()}}.there').touch(); time.sleep(1000)  # {mark}"
+    child = "import subprocess, sys; subprocess.Popen([sys.executable, '-c', sys.argv[1]], start_new_session=True)"
     for _ in range(2):
-        subprocess.Popen([sys.executable, "-c", child, nap])
-    time.sleep(0.8)
+        subprocess.Popen([sys.executable, "-c", f"{child}; {nap}", nap])
+    while len(list(Path().glob("*.there"))) < 4:
+        time.sleep(0.01)
 
 
 def _fill_up(environment):
