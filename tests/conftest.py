@@ -1,6 +1,8 @@
 """Fixtures for all tests."""
 
+import os
 import signal
+import sys
 from pathlib import Path
 
 import hypothesis
@@ -21,6 +23,10 @@ pytest_plugins = [
     "helpers.swing_fixtures",
 ]
 pytest.register_assert_rewrite("helpers")
+# Images of containers often set this. Every process that a test starts, and every worker of pytest, would then compile
+# all its modules anew, for which a call of the command line takes twice as long.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
 # A busy machine does not make a change wrong, nor do examples of chance: whole runs take the same ones each time.
 # `--hypothesis-profile=search` takes others, as `.ci/quick` does: what it finds becomes an example of its test.
 hypothesis.settings.register_profile("robomaker", deadline=None, derandomize=True)
