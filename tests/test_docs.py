@@ -7,6 +7,7 @@ import shlex
 import subprocess
 import sys
 from fnmatch import fnmatch
+from functools import cache
 from pathlib import Path
 
 import boto3
@@ -133,12 +134,18 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
     ids=lambda page: page.name,
 )
 def test_files_named_in_the_documentation_exist(page: Path) -> None:
-    found = [path.relative_to(REPOSITORY) for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*")]
-    files = [f"/{name}" for path in found for name in {path.as_posix(), path.with_suffix("").as_posix()}]
-    named = {module or path for module, path in NAMED_FILE.findall(page.read_text())}
+    named = {(module or path).rstrip("/") for module, path in NAMED_FILE.findall(page.read_text())}
 
-    missing = {name for name in named if not any(fnmatch(file, f"*/{name.rstrip('/')}") for file in files)}
+    missing = {name for name in named - ends_of_files() if not any(fnmatch(end, name) for end in ends_of_files())}
     assert missing - {".py", ".launch.py"} == set()
+
+
+@cache
+def ends_of_files() -> set[str]:
+    """How files may be named: from any of their folders on, with or without what follows the dot."""
+    found = [path.relative_to(REPOSITORY) for folder in FOLDERS for path in (REPOSITORY / folder).rglob("*")]
+    parts = [each.parts for path in found for each in (path, path.with_suffix(""))]
+    return {"/".join(names[start:]) for names in parts for start in range(len(names))}
 
 
 def test_the_readme_lists_the_commands_there_are() -> None:

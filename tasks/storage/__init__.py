@@ -16,6 +16,7 @@ __all__ = [
     "ArchiveLimits",
     "ObjectInfo",
     "ObjectStore",
+    "aws_sessions",
     "base",
     "checksums",
     "directory",

@@ -80,15 +80,15 @@ def own_session(environ: Mapping[str, str]) -> "Session":
     Raises:
         ConfigurationError: only one half of an access key is set.
     """
-    from boto3 import Session
+    from .aws_sessions import new_session
 
     key, secret = environ.get("AWS_ACCESS_KEY_ID"), environ.get("AWS_SECRET_ACCESS_KEY")
     if bool(key) != bool(secret):
         given, missing = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")[:: 1 if key else -1]
         raise ConfigurationError(f"{given} is set but {missing} is not")
-    return Session(
-        aws_access_key_id=key or None,
-        aws_secret_access_key=secret or None,
-        aws_session_token=environ.get("AWS_SESSION_TOKEN") or None if key else None,
-        profile_name=environ.get("AWS_PROFILE") or None,
+    return new_session(
+        key or None,
+        secret or None,
+        environ.get("AWS_SESSION_TOKEN") or None if key else None,
+        environ.get("AWS_PROFILE") or None,
     )

@@ -155,7 +155,7 @@ def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -
 
 
 @pytest.mark.parametrize("name", sorted(registry()))
-@settings(max_examples=25, deadline=None, suppress_health_check=HEALTH_CHECKS)
+@settings(max_examples=10, deadline=None, suppress_health_check=HEALTH_CHECKS)
 @given(data=st.data())
 def test_requests_of_every_operation(name: str, target: Target, data: st.DataObject) -> None:
     shape = registry()[name].shape

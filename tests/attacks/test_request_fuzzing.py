@@ -237,7 +237,7 @@ def test_every_operation_is_fuzzed() -> None:
 
 @pytest.mark.parametrize("operation", sorted(REQUESTS))
 @settings(
-    max_examples=20, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
+    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
 )
 @given(data=st.data())
 def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing(

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,8 @@ import boto3
 import pytest
 from botocore.config import Config
 from botocore.exceptions import BotoCoreError, ClientError
+
+from prefect_robomaker.tasks.storage.aws_sessions import new_session
 
 _PORTS = (
     "s3.port", "s3.port.grpc", "master.port", "master.port.grpc", "volume.port", "volume.port.grpc",
@@ -57,17 +60,23 @@ class S3Server:
 
     def session(self) -> boto3.Session:
         """A session of the user who may do everything."""
-        return boto3.Session(aws_access_key_id=self.access_key, aws_secret_access_key=self.secret_key)
+        return new_session(self.access_key, self.secret_key)
 
     def client(self, service: str) -> Any:
         """A plain boto3 client for `s3` or `iam`, to look at things or to arrange them without our own code."""
-        session: Any = self.session()
-        return session.client(
-            service,
-            endpoint_url=self.endpoint,
-            region_name="us-east-1",
-            config=Config(s3={"addressing_style": "path"}, retries={"total_max_attempts": 2}, connect_timeout=2),
-        )
+        return _client(self, service)
+
+
+@cache
+def _client(server: S3Server, service: str) -> Any:
+    """Makes it once: that takes longer than most of what tests ask of it."""
+    session: Any = boto3.Session(aws_access_key_id=server.access_key, aws_secret_access_key=server.secret_key)
+    return session.client(
+        service,
+        endpoint_url=server.endpoint,
+        region_name="us-east-1",
+        config=Config(s3={"addressing_style": "path"}, retries={"total_max_attempts": 2}, connect_timeout=2),
+    )
 
 
 @pytest.fixture(scope="session")

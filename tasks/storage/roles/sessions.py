@@ -11,6 +11,7 @@ from botocore.session import get_session
 
 from ....schemas.roles import ITSELF, Role
 from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableError
+from ..aws_sessions import new_session
 from ..opening import own_session
 from ..s3.failures import from_client_error
 from .keys import Keys, ReadBlock
@@ -78,10 +79,10 @@ class SessionSource:
     def _source(self, role: Role, arn: str) -> Session:
         """A session with the credentials that the role names, or that assume it."""
         if role.access_key_id:
-            return Session(role.access_key_id, role.secret_access_key, role.session_token)
+            return new_session(role.access_key_id, role.secret_access_key, role.session_token)
         try:
             if role.profile:
-                session = Session(profile_name=role.profile)
+                session = new_session(profile_name=role.profile)
                 if session.get_credentials() is None:
                     raise CredentialsRefusedError(f"role {arn}: profile {role.profile!r} has no credentials")
                 return session
@@ -103,9 +104,9 @@ class SessionSource:
             raise CredentialsRefusedError(f"role {arn}: the Prefect server has no block {block}")
         key, secret = ("minio_root_user", "minio_root_password") if slug == "minio-credentials" else _KEY_MEMBERS
         if content.get(key) and content.get(secret):
-            return Session(content[key], content[secret], content.get("aws_session_token") or None)
+            return new_session(content[key], content[secret], content.get("aws_session_token") or None)
         if content.get("profile_name"):
-            return Session(profile_name=content["profile_name"])
+            return new_session(profile_name=content["profile_name"])
         raise CredentialsRefusedError(f"role {arn}: block {block} has neither {key} and {secret} nor profile_name")
 
     def _assumed(self, sts: _Sts, role: Role, arn: str) -> dict[str, Any]:
@@ -155,4 +156,4 @@ def keys_of(session: Session) -> Keys:
 def _session_with(credentials: RefreshableCredentials) -> Session:
     inner = get_session()
     vars(inner)["_credentials"] = credentials  # botocore has no public way to give a session such credentials
-    return Session(botocore_session=inner)
+    return new_session(inner=inner)

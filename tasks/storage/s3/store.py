@@ -33,6 +33,7 @@ from ....schemas.wire.errors import (
     StorageUnavailableError,
     TransferStoppedError,
 )
+from ..aws_sessions import new_session
 from ..base import ObjectInfo, Stopped, UnfinishedUpload, never
 from ..checksums import compare, crc32_of, has_content, measure
 from ..naming import check_bucket, check_key, check_prefix
@@ -107,7 +108,7 @@ class S3Store:
             # Only AWS has a host name for every bucket.
             s3={"addressing_style": "path"} if endpoint_url else {},
         )
-        session = session or boto3.Session()
+        session = session or new_session()
         connect = cast("_Session", session).client
         self._client = connect("s3", region_name=region, endpoint_url=endpoint_url, config=config)
         self._quick = QuickPuts(self._client, endpoint_url, region, session) if endpoint_url else None

@@ -7,7 +7,6 @@ from concurrent.futures import CancelledError
 from pathlib import Path
 from typing import Any
 
-import boto3
 import pytest
 from botocore.exceptions import ClientError
 from helpers.fault_proxy import in_between
@@ -20,6 +19,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
+from prefect_robomaker.tasks.storage.aws_sessions import new_session
 from prefect_robomaker.tasks.storage.s3 import S3Store, parts
 from prefect_robomaker.tasks.storage.s3.parts import PART_BYTES, _Body
 
@@ -208,6 +208,6 @@ def test_a_lost_answer_to_the_completion_of_an_upload_is_no_failure(
 
 
 def test_a_server_that_cannot_be_reached_leaves_the_first_error(tmp_path: Path, large: Path) -> None:
-    store = S3Store("http://127.0.0.1:9", "us-east-1", boto3.Session("key", "secret"), attempts=1)
+    store = S3Store("http://127.0.0.1:9", "us-east-1", new_session("key", "secret"), attempts=1)
     with pytest.raises(StorageError, match="Could not connect"):
         store.put_file(BUCKET, "nowhere", large)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
-import boto3
 import pytest
 from botocore import auth
 from botocore.auth import S3SigV4Auth
@@ -20,6 +19,7 @@ from helpers.processes import wait_for
 from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
+from prefect_robomaker.tasks.storage.aws_sessions import new_session
 from prefect_robomaker.tasks.storage.base import ObjectInfo
 from prefect_robomaker.tasks.storage.checksums import crc32_of
 from prefect_robomaker.tasks.storage.parallel import WORKERS, WORKERS_FOR_SMALL
@@ -61,7 +61,7 @@ def test_it_signs_as_botocore_does(
     endpoint: str, token: str | None, data: bytes, query: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     keys: Any = ReadOnlyCredentials("key", "secret+/", token)
-    session = boto3.Session("key", "secret")
+    session = new_session("key", "secret")
     store = S3Store(endpoint, "eu-west-1", session)
     path = "/bucket/a%20b/%C3%BC~%2B"
     ours = quick(store).signed(path, data, crc32_of(data), keys, NOW, query)
@@ -127,7 +127,7 @@ def test_where_the_connections_of_a_client_are_elsewhere_it_stores_all(
     store: S3Store, client_puts: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     client: Any = Mock(spec=["meta"])  # as of a release that has them under another name
-    made = QuickPuts(client, store._client.meta.endpoint_url, "us-east-1", boto3.Session("key", "secret"))
+    made = QuickPuts(client, store._client.meta.endpoint_url, "us-east-1", new_session("key", "secret"))
     monkeypatch.setattr(store, "_quick", made)
     store.put_bytes(BUCKET, "elsewhere", b"content")
     assert len(client_puts) == 1

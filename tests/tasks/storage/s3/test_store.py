@@ -28,6 +28,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageFullError,
     StorageUnavailableError,
 )
+from prefect_robomaker.tasks.storage.aws_sessions import new_session
 from prefect_robomaker.tasks.storage.s3 import S3Store
 from prefect_robomaker.tasks.storage.s3.failures import from_client_error
 
@@ -42,7 +43,7 @@ def s3(s3_store: S3Store) -> S3Store:
 
 
 def store_of(server: S3Server, key: str, secret: str) -> S3Store:
-    return S3Store(server.endpoint, "us-east-1", boto3.Session(key, secret), attempts=2)
+    return S3Store(server.endpoint, "us-east-1", new_session(key, secret), attempts=2)
 
 
 def test_uri_and_no_local_path(s3: S3Store):
@@ -202,7 +203,7 @@ def test_an_endpoint_that_does_not_answer_is_named(tmp_path: Path):
     with socket.socket() as held:
         held.bind(("127.0.0.1", 0))  # bound but not listening: connections are refused
         endpoint = f"http://127.0.0.1:{held.getsockname()[1]}"
-        store = S3Store(endpoint, "us-east-1", boto3.Session("key", "secret"), attempts=2)
+        store = S3Store(endpoint, "us-east-1", new_session("key", "secret"), attempts=2)
         (tmp_path / "large").write_bytes(LARGE)
         for call in (
             lambda: store.head(BUCKET, "a"),

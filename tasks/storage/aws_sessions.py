@@ -1,0 +1,47 @@
+"""Sessions of boto3 that read what botocore knows of AWS's services once in a process, not once a session."""
+
+from functools import cache
+
+import botocore.session
+from boto3 import Session
+from botocore.loaders import Loader, create_loader
+
+
+def new_session(
+    access_key_id: str | None = None,
+    secret_access_key: str | None = None,
+    session_token: str | None = None,
+    profile_name: str | None = None,
+    inner: botocore.session.Session | None = None,
+) -> Session:
+    """Opens a session; what is not given comes from where AWS tools find it.
+
+    botocore gives every session a loader of its own, and a session's first client reads the addresses and the model
+    of its service with it: 2 MB of JSON, most of the time that opening a store takes.
+
+    Args:
+        access_key_id: the public half of a key.
+        secret_access_key: its secret half.
+        session_token: what belongs to a key that runs out.
+        profile_name: a profile of AWS's files.
+        inner: the session of botocore that is used; by default a new one.
+
+    Raises:
+        BotoCoreError: there is no such profile, or only half of a key.
+    """
+    inner = inner or botocore.session.get_session()
+    session = Session(
+        aws_access_key_id=access_key_id,
+        aws_secret_access_key=secret_access_key,
+        aws_session_token=session_token,
+        botocore_session=inner,
+        profile_name=profile_name,
+    )
+    # Only now: boto3 adds a folder to the loader that it finds, which would become one more for each session.
+    inner.register_component("data_loader", _loader(inner.get_config_variable("data_path")))
+    return session
+
+
+@cache
+def _loader(data_path: str | None) -> Loader:
+    return create_loader(data_path)
