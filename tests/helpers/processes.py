@@ -14,11 +14,12 @@ T = TypeVar("T")
 
 
 def wait_for(probe: Callable[[], T], what: str, timeout_s: float = 60.0) -> T:
-    """Asks until the answer is true, and returns it."""
-    deadline = time.monotonic() + timeout_s
+    """Asks until the answer is true, and returns it; the longer that takes, the more seldom, up to half a second."""
+    began = time.monotonic()
     while not (answer := probe()):
-        assert time.monotonic() < deadline, f"waited {timeout_s:g} s for {what}"
-        time.sleep(0.1)
+        waited_s = time.monotonic() - began
+        assert waited_s < timeout_s, f"waited {timeout_s:g} s for {what}"
+        time.sleep(min(0.1 + waited_s / 20, 0.5))
     return answer
 
 
