@@ -23,8 +23,8 @@ pytest_plugins = [
     "helpers.swing_fixtures",
 ]
 pytest.register_assert_rewrite("helpers")
-# Images of containers often set this. Every process that a test starts, and every worker of pytest, would then compile
-# all its modules anew, for which a call of the command line takes twice as long.
+# Images of containers often set this. Every process that a test starts would then compile all of our modules anew, for
+# which a call of the command line takes a quarter longer, and every worker of pytest all tests, which takes 10 s.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 # A busy machine does not make a change wrong, nor do examples of chance: whole runs take the same ones each time.
