@@ -218,7 +218,11 @@ class TestStopping:
         assert not (plan.output_dir / "result.json").exists()
         assert not has_process(plan)
 
-    def test_grandchildren_in_other_sessions_go_too(self, launcher: Launcher, make_plan: Plan, tmp_path: Path) -> None:
+    @pytest.mark.parametrize("sandbox", ["auto", "off"])  # in a box the kernel ends them, where there is none we do
+    def test_grandchildren_in_other_sessions_go_too(
+        self, launcher: Launcher, make_plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sandbox: str
+    ) -> None:
+        monkeypatch.setenv("ROBOMAKER_SANDBOX", sandbox)
         plan = make_plan("forking", variables={"MARK": str(tmp_path)})
         assert launcher.run(plan, never).status == "Completed"
         assert len(list(plan.work_dir.glob("*.there"))) == 4
