@@ -2,7 +2,7 @@
 
 import numpy as np
 
-GENERATOR_VERSION = "3.1.1"
+GENERATOR_VERSION = "3.2.0"
 """Changes whenever the same seeds give other worlds; the first number, whenever their files are read in another way."""
 
 

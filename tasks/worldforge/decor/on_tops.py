@@ -102,7 +102,7 @@ class _Top:
         if not named:
             return None
         top = max(named, key=_upper)
-        above = [_box(part) for part in parts if part is not top and _upper(part) > _upper(top) + 1e-4]
+        above = [_box(part) for part in parts if part.drawn and _upper(part) > _upper(top) + 1e-4]
         near = [thing for thing in loose if thing.base_m > 0.2 and hits(box_of(item), [_around(thing)])]
         return cls(top, above + [_local(item, thing) for thing in near], 2.0)
 

@@ -255,14 +255,28 @@ CATALOGUE: dict[str, Kind] = {
         Rule(prefer="corner", front_m=0.3),
         "island",
     ),
-    "Ball": Kind(loose.ball, styles("ball", (0.18, 0.18, 0.18), "terracotta", "navy", "mustard")),
+    # Of more than one size, since grippers open 60 to 120 mm.
+    "Ball": Kind(
+        loose.ball,
+        styles("ball", (0.18, 0.18, 0.18), "terracotta", "navy", "mustard")
+        + styles("small-ball", (0.066, 0.066, 0.066), "terracotta", "mustard"),
+    ),
     "Book": Kind(loose.book, styles("book", (0.16, 0.23, 0.035), "terracotta", "navy", "sage", "mustard")),
     "Carton": Kind(loose.carton, styles("carton", (0.4, 0.3, 0.26), "oak")),
     "Clothes": Kind(loose.clothes, styles("pullover", (0.3, 0.36, 0.07), "navy", "terracotta", "sage", "mustard")),
-    "Cup": Kind(loose.cup, styles("mug", (0.085, 0.085, 0.095), "white", "navy", "terracotta")),
+    "Cup": Kind(
+        loose.cup,
+        styles("mug", (0.085, 0.085, 0.095), "white", "navy", "terracotta")
+        + styles("tumbler", (0.072, 0.072, 0.12), "white", "sage")
+        + styles("espresso", (0.062, 0.062, 0.06), "white", "walnut"),
+    ),
     "Plate": Kind(loose.plate, styles("dinner", (0.26, 0.26, 0.022), "white", "sage")),
     "Shoe": Kind(loose.shoe, styles("trainer", (0.1, 0.28, 0.11), "white", "navy", "walnut")),
-    "ToyBlock": Kind(loose.toy_block, styles("block", (0.09, 0.09, 0.09), "terracotta", "mustard", "navy", "sage")),
+    "ToyBlock": Kind(
+        loose.toy_block,
+        styles("block", (0.09, 0.09, 0.09), "terracotta", "mustard", "navy", "sage")
+        + styles("small-block", (0.05, 0.05, 0.05), "terracotta", "mustard", "navy", "sage"),
+    ),
 }
 
 RULES: dict[str, Rule] = {name: kind.rule for name, kind in CATALOGUE.items() if kind.rule}

@@ -1,6 +1,6 @@
 """Small loose objects: free bodies that lie about and can be pushed."""
 
-from ..geometry.parts import CERAMIC, Part, Style, box, rgb, rounded, slab, upright
+from ..geometry.parts import BEARING_M, CERAMIC, Part, Style, bearings, box, rgb, rounded, slab, upright
 
 _TEA = rgb("6b4327")
 
@@ -34,7 +34,8 @@ def cup(style: Style) -> list[Part]:
     """A cup with something in it, and a handle."""
     top, width = style.height_m, style.width_m
     return [
-        upright("cup", (0, 0), width, (0, top), style.soft, solid=True),
+        upright("cup", (0, 0), width, (BEARING_M, top), style.soft, solid=True),
+        *bearings("foot", (0, 0), width, (0, top / 2), style.soft, 45.0),
         upright("tea", (0, 0), width - 0.012, (top - 0.01, top + 0.001), _TEA),
     ]
 
@@ -42,7 +43,8 @@ def cup(style: Style) -> list[Part]:
 def plate(style: Style) -> list[Part]:
     """A dinner plate."""
     return [
-        upright("plate", (0, 0), style.width_m, (0, style.height_m), CERAMIC, solid=True),
+        upright("plate", (0, 0), style.width_m, (BEARING_M, style.height_m), CERAMIC, solid=True),
+        *bearings("foot", (0, 0), style.width_m, (0, style.height_m / 2), CERAMIC, 45.0),
         upright("well", (0, 0), 0.7 * style.width_m, (style.height_m - 0.01, style.height_m + 0.001), style.soft),
     ]
 

@@ -7,14 +7,19 @@ from ..geometry.parts import (
     WHITE,
     Part,
     Style,
+    bearings,
     box,
     fronts,
+    hidden,
     legs,
     rgb,
     rounded,
     slab,
     upright,
 )
+
+_GIVES_M = 0.02
+"""How far things sink into a cushion."""
 
 
 def bed(style: Style) -> list[Part]:
@@ -68,8 +73,9 @@ def seat(style: Style) -> list[Part]:
         spots = [(x - 0.09, y - 0.08), (x - 0.09, -y + 0.08), (-x + 0.09, y - 0.08), (-x + 0.09, -y + 0.08)]
         parts += [upright(f"leg-{index + 1}", spot, 0.045, (0, low + 0.01), wood) for index, spot in enumerate(spots)]
     else:
-        parts.append(slab("plinth", style, (0, 0.09), BLACK, inset=0.06))
+        parts.append(slab("plinth", style, (0, 0.09), BLACK, inset=0.06, solid=True))
     light = _lighter(style.soft)
+    parts.append(hidden("filling", (-x + back, x - 0.02), (-y + arm, y - arm), (0.3, 0.44 - _GIVES_M), light))
     for index in range(places):
         left = -y + arm + index * place
         span = (left + 0.008, left + place - 0.008)
@@ -96,6 +102,7 @@ def tub_chair(style: Style) -> list[Part]:
         upright("arm-left-end", (x - 0.2, y - 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("arm-right-end", (x - 0.2, -y + 0.065), 0.13, (0.2, 0.56), style.soft),
         upright("cushion", (0.03, 0), style.width_m - 0.24, (0.35, 0.45), light),
+        *bearings("filling", (0.03, 0), style.width_m - 0.24, (0.35, 0.45 - _GIVES_M), light, 45.0),
     ]
 
 
@@ -106,16 +113,18 @@ def armchair(style: Style) -> list[Part]:
 
 def ottoman(style: Style) -> list[Part]:
     """A footstool: feet, upholstered body, cushion; round or square."""
-    top = style.height_m
+    x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     if style.form == "round":
         return [
             upright("body", (0, 0), style.width_m, (0.04, top - 0.08), style.soft, solid=True),
             upright("foot", (0, 0), style.width_m - 0.08, (0, 0.05), BLACK),
             upright("cushion", (0, 0), style.width_m - 0.02, (top - 0.09, top), _lighter(style.soft)),
+            *bearings("filling", (0, 0), style.width_m - 0.02, (top - 0.09, top - _GIVES_M), style.soft, 45.0),
         ]
     return [
         slab("body", style, (0.08, top - 0.1), style.soft, solid=True),
         slab("cushion", style, (top - 0.1, top), _lighter(style.soft), inset=0.01),
+        hidden("filling", (-x + 0.01, x - 0.01), (-y + 0.01, y - 0.01), (top - 0.1, top - _GIVES_M), style.soft),
         slab("feet", style, (0, 0.09), style.main, inset=0.05),
     ]
 
@@ -182,8 +191,9 @@ def storage_bench(style: Style) -> list[Part]:
     x, y = style.half_depth_m, style.half_width_m
     body = box("body", (-x, x - 0.022), (-y, y), (0.0, top - 0.08), style.main, solid=True)
     cushion = slab("cushion", style, (top - 0.08, top), style.soft)
+    filling = hidden("filling", (-x, x), (-y, y), (top - 0.08, top - _GIVES_M), style.soft)
     columns = 2 if style.width_m < 1.2 else 3
-    return [body, cushion, *fronts(style, columns, 1, (0.04, top - 0.09), style.accent, CHROME)]
+    return [body, cushion, filling, *fronts(style, columns, 1, (0.04, top - 0.09), style.accent, CHROME)]
 
 
 def _lighter(color: tuple[float, float, float, float]) -> tuple[float, float, float, float]:

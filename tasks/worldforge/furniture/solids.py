@@ -26,6 +26,7 @@ class Solid(NamedTuple):
     """Turn of its own frame; 0 for everything that stands square to the walls."""
     color: Color
     solid: bool
+    drawn: bool = True
 
 
 def turn(yaw: float) -> tuple[float, float]:
@@ -45,7 +46,7 @@ def solids_of(item: Furniture) -> Iterator[Solid]:
         center = (item.x + c * x - s * y, item.y + s * x + c * y, item.base_m + z)
         size, axis = _swapped(part) if square and c == 0.0 else (part.size, part.axis)
         name = f"{item.id}.{part.name}"
-        yield Solid(name, part.shape, center, size, axis, 0.0 if square else item.yaw, part.color, part.solid)
+        yield Solid(name, part.shape, center, size, axis, 0.0 if square else item.yaw, part.color, part.solid, part.drawn)
 
 
 def _swapped(part: Part) -> tuple[Vector, Axis]:

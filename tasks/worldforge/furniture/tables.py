@@ -1,6 +1,7 @@
 """Tables, desks, carts and the small things that stand on them."""
 
 from ..geometry.parts import (
+    BEARING_M,
     BLACK,
     CHROME,
     DARK_STEEL,
@@ -9,6 +10,7 @@ from ..geometry.parts import (
     WHITE,
     Part,
     Style,
+    bearings,
     box,
     carcass,
     fronts,
@@ -22,6 +24,8 @@ from ..geometry.parts import (
 
 _LEAF = rgb("5f8a56")
 _CLAY = rgb("b5694a")
+_BEARING_DEG = (20.0, 45.0, 70.0)
+"""Three boxes, which cover nine tenths of a round top."""
 
 
 def coffee_table(style: Style) -> list[Part]:
@@ -32,7 +36,7 @@ def coffee_table(style: Style) -> list[Part]:
     if style.form == "chest":
         return [
             carcass(style, (0.06, top - 0.035), style.main),
-            slab("plinth", style, (0, 0.06), BLACK, inset=0.05),
+            slab("plinth", style, (0, 0.06), BLACK, inset=0.05, solid=True),
             slab("top", style, (top - 0.035, top), style.accent, solid=True),
             *fronts(style, 2, 1, (0.08, top - 0.045), style.accent, CHROME),
             *_tray(style, top),
@@ -135,8 +139,8 @@ def nightstand(style: Style) -> list[Part]:
     return [
         *lamp,
         carcass(style, (0.06, top - 0.025), style.main),
-        slab("plinth", style, (0, 0.06), BLACK, inset=0.04),
-        slab("top", style, (top - 0.025, top), style.accent),
+        slab("plinth", style, (0, 0.06), BLACK, inset=0.04, solid=True),
+        slab("top", style, (top - 0.025, top), style.accent, solid=True),
         *fronts(style, 1, 2, (0.08, top - 0.03), style.accent, CHROME),
     ]
 
@@ -220,8 +224,8 @@ def kitchen_island(style: Style) -> list[Part]:
         ]
     return [
         carcass(style, (0.08, top - 0.04), style.main),
-        slab("plinth", style, (0, 0.08), BLACK, inset=0.05),
-        slab("top", style, (top - 0.04, top), STEEL if style.colors == "black" else WHITE),
+        slab("plinth", style, (0, 0.08), BLACK, inset=0.05, solid=True),
+        slab("top", style, (top - 0.04, top), STEEL if style.colors == "black" else WHITE, solid=True),
         *fronts(style, 3, 2, (0.1, top - 0.06), style.main, CHROME),
         board,
         upright("bowl", (0.05, 0.3 * style.width_m), 0.24, (top, top + 0.08), style.soft),
@@ -238,7 +242,8 @@ def _pedestal(style: Style, foot: float) -> list[Part]:
     """A round top on a column; `foot` is the base's share of the width."""
     top = style.height_m
     return [
-        upright("top", (0, 0), style.width_m, (top - 0.035, top), style.accent, solid=True),
+        upright("top", (0, 0), style.width_m, (top - 0.035, top - BEARING_M), style.accent, solid=True),
+        *bearings("bearing", (0, 0), style.width_m, (top - 0.03, top), style.accent, *_BEARING_DEG),
         upright("column", (0, 0), 0.08, (0.02, top - 0.035), style.main, solid=True),
         upright("foot", (0, 0), foot * style.width_m, (0, 0.035), style.main, solid=True),
     ]

@@ -23,10 +23,9 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     under = [part for part in parts if _over(part, x0, y0, x1, y1)]
     if not under:
         return None
-    highest = max(under, key=_top)
-    if not highest.solid or not _carries(highest, x0, y0, x1, y1):
-        return None
-    return _top(highest)
+    height = max(map(_top, under))
+    highest = [part for part in under if _top(part) == height]
+    return height if any(part.solid and _carries(part, x0, y0, x1, y1) for part in highest) else None
 
 
 def _top(part: Part) -> float:

@@ -1,11 +1,13 @@
 """Primitive parts that furniture is made of, in the furniture's own frame.
 
 The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
-up. A part that collides is drawn as well; everything else is there for the eye only, so that a
-piece with drawers and cushions costs physics no more than a crate.
+up. What carries or stops things collides and is drawn; most of the rest is there for the eye only, so that a
+piece with drawers and cushions costs physics little more than a crate. A few parts collide and are not drawn: the inside
+of a cushion, and the squares that round things rest on.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import cos, radians, sin
 from typing import Literal
 
 Color = tuple[float, float, float, float]
@@ -33,6 +35,8 @@ class Part:
     """Whether it collides."""
     axis: Axis = "z"
     """Direction of a cylinder; other shapes have none."""
+    drawn: bool = True
+    """Whether it is seen; what is not, collides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +92,9 @@ GLASS = rgb("b9d7e2", 0.4)
 MIRROR = rgb("cfe0e8")
 SCREEN = rgb("1b2230")
 
+BEARING_M = 0.001
+"""How far bearings reach past the end of their cylinder: enough that it touches nothing, too little to be seen."""
+
 _SCHEMES: dict[str, tuple[Color, Color, Color]] = {
     "oak": (rgb("c89f6d"), rgb("dcb888"), rgb("5f7f92")),
     "walnut": (rgb("7a5436"), rgb("94683f"), rgb("c9b79a")),
@@ -118,6 +125,32 @@ def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color:
     """A standing cylinder."""
     center = (at[0], at[1], (z[0] + z[1]) / 2)
     return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
+
+
+def hidden(name: str, x: Span, y: Span, z: Span, color: Color) -> Part:
+    """A box that collides and is not drawn, such as the inside of a cushion."""
+    return replace(box(name, x, y, z, color, solid=True), drawn=False)
+
+
+def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *angles: float) -> list[Part]:
+    """Boxes inside a standing cylinder, which reach from one of its ends a little past the other.
+
+    What is flat and round touches a level in one point in MuJoCo before 3.8, and creeps or jumps; a box has four.
+
+    Args:
+        name: of the first; the others are numbered.
+        at: the cylinder's middle.
+        diameter: of the cylinder.
+        z: from where to where.
+        color: where a program draws what collides.
+        angles: where corners of the boxes are on the circle, degrees from the x axis; one box for each.
+    """
+    parts: list[Part] = []
+    for index, angle in enumerate(angles, 1):
+        x, y = diameter / 2 * cos(radians(angle)), diameter / 2 * sin(radians(angle))
+        spans = (at[0] - x, at[0] + x), (at[1] - y, at[1] + y)
+        parts.append(hidden(name if index == 1 else f"{name}-{index}", *spans, z, color))
+    return parts
 
 
 def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis, color: Color) -> Part:

@@ -48,6 +48,7 @@ def furnish(
 
     furniture: list[Furniture] = []
     done: dict[str, RoomFurnishing] = {}
+    lying: Counter[str] = Counter()
     loose = 0
     for room in rooms:
         index = chosen.get(room.name)
@@ -69,10 +70,29 @@ def furnish(
             things = scatter(work, ceil((MOST_LOOSE - loose) / (len(rooms) - len(done)))) if kinds else []
             loose += len(things)
         furniture += [*work.items, *things]
+        lying[room.name] = len(things)
         done[room.name] = work
     for index in range(len(arrangements)):
         preferences += _preferences(arrangements, index, chosen, done)
+        preferences += _loose_preferences(arrangements[index], index, {n: lying[n] for n in chosen if chosen[n] == index})
     return furniture, preferences, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
+
+
+def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dict[str, int]) -> list[Preference]:
+    """The preferred number of loose objects, where one is asked for: satisfied when every room has as many."""
+    asked = arrangement.LooseObjects
+    if asked is None or not lying:
+        return []
+    short = {name: count for name, count in lying.items() if count < asked}
+    found = [f"{name} has place for {count}, on tops and on the floor" for name, count in short.items()]
+    return [
+        Preference(
+            path=f"{_PATH}[{index}].LooseObjects",
+            wish=f"{asked} loose objects in each room of {arrangement.Name}",
+            outcome="missed" if found else "satisfied",
+            reason="; ".join(found),
+        )
+    ]
 
 
 def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:

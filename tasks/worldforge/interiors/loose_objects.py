@@ -27,15 +27,19 @@ _ON_TOP: dict[str, tuple[str, ...]] = {
 _ON_MORE_TOPS: dict[str, tuple[str, ...]] = {
     **_ON_TOP,
     "ConsoleTables": ("Book", "Cup"),
+    "DishWashers": ("Cup", "Plate"),
     "DiningTables": ("Cup", "Plate", "Book"),
     "Dressers": ("Book", "Cup"),
     "SideboardsAndBuffets": ("Plate", "Cup"),
     "Storage": ("Cup", "Plate"),
+    "VanityCounters": ("Cup",),
 }
 """Where a template asks for things to grasp."""
 
 _HIGHEST_TOP_M = 1.2
 _ROUNDS = 8
+_MORE_ON_FLOOR = 4
+"""Things that lie on the floor besides, where a template asks for more than there are tops for."""
 _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Clothes", "Shoe", "ToyBlock", "Clothes"),
     "Bathroom": ("Clothes",),
@@ -89,9 +93,12 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
             objects += _on_floor(furnished)
     for _ in range(_ROUNDS if fill else 0):
         for host in furnished.items:
-            if len(objects) < room_for and host.model_type in _ON_MORE_TOPS and host.height_m < _HIGHEST_TOP_M:
+            if len(objects) < room_for and host.model_type in _ON_MORE_TOPS:
                 kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
                 objects += _on_top(host, kind, furnished, objects)
+    for _ in range(_MORE_ON_FLOOR if fill else 0):
+        if len(objects) < room_for:
+            objects += _on_floor(furnished)
     return objects[:room_for]
 
 
@@ -141,8 +148,8 @@ def _on_top(host: Furniture, kind: str, furnished: RoomFurnishing, there: list[F
             return []
         forward, left = dice.uniform(-slack_x, slack_x), dice.uniform(-slack_y, slack_y)
         base = height_at(parts, (forward - reach_x, left - reach_y, forward + reach_x, left + reach_y))
-        # Not on a shelf under the top, which would be no place for eyes or hands.
-        if base is not None and base > 0.8 * host.height_m:
+        # Not on a wardrobe, which would be no place for eyes or hands.
+        if base is not None and base < _HIGHEST_TOP_M:
             spot = pose_of(host).moved(forward, left)
             half = hypot(style.width_m, style.depth_m) / 2 + _APART_M
             if any(hypot(o.x - spot.x, o.y - spot.y) < half + hypot(o.width_m, o.depth_m) / 2 for o in there):

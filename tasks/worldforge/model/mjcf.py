@@ -36,6 +36,7 @@ from ..decor.faces import walls_of_windows, windows_in
 from ..decor.lights import light_lines, material_lines, reach_m
 from ..decor.openings import LAID, wall_halves
 from ..doors.model import door_lines
+from ..furniture.catalogue import styles_of
 from ..furniture.solids import Solid, solids_of
 from ..geometry.parts import Axis
 from ..interiors.placement import room_rects
@@ -55,6 +56,7 @@ SLAB_M = 0.1
 
 _FOVY_DEG = 45.0
 _ASPECT = 4 / 3
+# Of the first style of each kind.
 _MASS_KG = {
     "Ball": 0.3, "Book": 0.5, "Carton": 1.2, "Clothes": 0.4, "Cup": 0.35, "Plate": 0.5, "Shoe": 0.35, "ToyBlock": 0.15,
 }  # fmt: skip
@@ -268,23 +270,29 @@ def _window(index: int, wall: Wall, world: World) -> Iterator[str]:
 
 
 def piece_geoms(
-    item: Furniture, shapes: Shapes | None = None, physics: str = "", *, solid_only: bool = False
+    item: Furniture, shapes: Shapes | None = None, mass_kg: float | None = None, *, solid_only: bool = False
 ) -> Iterator[str]:
     """A piece of furniture as geoms of the body that it stands in.
 
     Args:
         item: the piece.
         shapes: draws parts as procedural shapes and gathers their meshes; absent: all are drawn as primitives.
-        physics: attributes of what collides.
+        mass_kg: of a loose object; furniture that stands fast has none.
         solid_only: whether what is for the eye only is left out.
     """
     if shapes is None:
-        yield from (_geom(solid, physics) for solid in solids_of(item) if solid.solid or not solid_only)
+        yield from (_geom(solid, _physics(solid, mass_kg)) for solid in solids_of(item) if solid.solid or not solid_only)
         return
     for solid, seen in shaped(item, shapes):
         if solid.solid or not seen:
-            yield _geom(solid, f'{physics} group="3"'.lstrip() if seen else physics)
+            yield _geom(solid, _physics(solid, mass_kg, hidden=bool(seen)))
         yield from (ornament.line() for ornament in seen)
+
+
+def _physics(solid: Solid, mass_kg: float | None, *, hidden: bool = False) -> str:
+    """Attributes of what collides; of a loose object, what is not drawn is inside of what weighs."""
+    loose = "" if mass_kg is None else f'mass="{mass_kg if solid.drawn else 0:g}" condim="4" friction="0.8 0.02 0.002"'
+    return f'{loose} group="3"'.lstrip() if hidden or not solid.drawn else loose
 
 
 def _loose(item: Furniture, shapes: Shapes | None, *, solid_only: bool = False) -> Iterator[str]:
@@ -292,9 +300,15 @@ def _loose(item: Furniture, shapes: Shapes | None, *, solid_only: bool = False) 
     yield f'    <body name="{item.id}" {pose}>'
     yield f'      <freejoint name="{item.id}"/>'
     resting = item.model_copy(update={"x": 0.0, "y": 0.0, "yaw": 0.0, "base_m": 0.0})
-    mass = f'mass="{_MASS_KG[item.model_type]:g}" condim="4" friction="0.8 0.02 0.002"'
-    yield from ("  " + line for line in piece_geoms(resting, shapes, mass, solid_only=solid_only))
+    yield from ("  " + line for line in piece_geoms(resting, shapes, _mass_kg(item), solid_only=solid_only))
     yield "    </body>"
+
+
+def _mass_kg(item: Furniture) -> float:
+    """Smaller ones of one kind weigh less, by their volume; to the gram."""
+    first = styles_of(item.model_type)[0]
+    share = item.width_m * item.depth_m * item.height_m / (first.width_m * first.depth_m * first.height_m)
+    return round(_MASS_KG[item.model_type] * share, 3)
 
 
 def _geom(solid: Solid, physics: str = "") -> str:

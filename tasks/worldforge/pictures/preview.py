@@ -52,6 +52,8 @@ def render_preview(world: World) -> bytes:
     blocks = _draw_building(world, raster, palette)
     for item in world.furniture:
         for solid in solids_of(item):
+            if not solid.drawn:
+                continue
             _draw_solid(solid, raster, palette)
             if solid.size[2] > 0.015:
                 blocks.append(_block(solid))
