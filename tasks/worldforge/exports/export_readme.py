@@ -58,17 +58,18 @@ Gazebo Sim reads `GZ_SIM_RESOURCE_PATH` instead, and is started with `gz sim`.
 
 | program | reads `world.xml` |
 | --- | --- |
-| MuJoCo 3.8 to 4.0 | yes |
-| MuJoCo 3.0 to 3.7 | yes; contacts of flat cylinders are rough: plates, cups, and books on round tables creep or jump |
+| MuJoCo 3.1 to 4.0 | yes |
+| MuJoCo 3.0 | yes; at some angles its contacts of boxes are wrong, and what lies on a table jumps off |
 | mujoco-warp, MJX with `impl="warp"` | yes, with the limits below |
 | MJX with `impl="jax"` | no: it has no collisions of cylinders with boxes |
 
 Names in `world.xml` are of letters, digits and `_`: `Sofas_1.seat` is `Sofas_1_seat`, `door-1` is `door_1`, as in USD.
 `names.json` has the others' names by these.
 
-This is so for worlds whose `generator_version` in `world.json` is 3.0.0 or higher. Those of earlier generators have
-attributes for sleep, need MuJoCo 3.4 or newer, and keep their names and their map, on which furniture is as large as
-its outline.
+This is so for worlds whose `generator_version` in `world.json` is 3.2.0 or higher. In those of 3.0.0 to 3.1.1, plates,
+cups, and books on round tables creep or jump with MuJoCo before 3.8, whose contacts of flat cylinders are rough. Those of
+earlier generators have attributes for sleep, need MuJoCo 3.4 or newer, and keep their names and their map, on which
+furniture is as large as its outline.
 
     python -m mujoco.viewer --mjcf={worlds}/worlds/{example}/world.xml
 

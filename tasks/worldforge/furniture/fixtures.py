@@ -117,7 +117,7 @@ def vanity(style: Style) -> list[Part]:
     ]
     for index, side in enumerate((-y / 2, y / 2) if style.width_m > 1.1 else (0.0,)):
         parts += [
-            upright(f"basin-{index + 1}", (0.03, side), 0.38, (top, top + 0.09), CERAMIC),
+            upright(f"basin-{index + 1}", (0.03, side), 0.38, (top, top + 0.09), CERAMIC, solid=True),
             upright(f"bowl-{index + 1}", (0.03, side), 0.31, (top, top + 0.096), rgb("c5d5db")),
             upright(f"tap-{index + 1}", (-x + 0.07, side), 0.035, (top, top + 0.2), CHROME),
             box(

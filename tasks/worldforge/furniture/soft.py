@@ -31,6 +31,7 @@ def bed(style: Style) -> list[Part]:
         box("headboard", (-x, -x + 0.06), (-y, y), (0.0, top), style.main, solid=True),
         box("frame", (-x + 0.06, x), (-y, y), (0.1, 0.27), style.main, solid=True),
         box("mattress", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.46), WHITE, solid=True),
+        hidden("filling", (-x + 0.62, x - 0.03), (-y + 0.03, y - 0.03), (0.46, 0.51 - _GIVES_M), style.soft),
         box("duvet", (-x + 0.62, x - 0.012), (-y + 0.012, y - 0.012), (0.3, 0.51), style.soft),
         box("fold", (-x + 0.56, -x + 0.78), (-y + 0.008, y - 0.008), (0.32, 0.53), WHITE),
         box("throw", (x - 0.5, x - 0.2), (-y + 0.006, y - 0.006), (0.31, 0.54), style.accent),

@@ -7,7 +7,7 @@ import pytest
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES, parts_of, styles_of
-from prefect_robomaker.tasks.worldforge.geometry.parts import Part, Style
+from prefect_robomaker.tasks.worldforge.geometry.parts import BEARING_M, Part, Style
 
 LOOKS = [(kind, style) for kind in (*MODEL_TYPES, *LOOSE_TYPES) for style in styles_of(kind)]
 FORMS = list({(kind, style.form): (kind, style) for kind, style in LOOKS}.values())
@@ -69,6 +69,30 @@ def test_collision_is_cheap_and_as_high_as_the_piece(kind: str, style: Style) ->
     assert 1 <= len(solid) <= 7
     assert len(parts) <= 30
     assert max(bounds(part)[2][1] for part in solid) >= 0.45 * style.height_m
+
+
+@pytest.mark.parametrize(("kind", "style"), FORMS, ids=name_of)
+def test_what_is_put_on_a_piece_stands_where_it_is_drawn(kind: str, style: Style) -> None:
+    """Where the highest part drawn is level and large, something solid is as high; cushions give two centimetres."""
+    parts = parts_of(furniture(kind, style))
+    levels = [part for part in parts if part.drawn and flat(part, 2) and min(part.size[:2]) > 0.3 and part.name != "throw"]
+    for level in levels:
+        spot = (level.center[0] + 0.11, level.center[1] + 0.12)
+        over = [bounds(part)[2][1] for part in parts if part.drawn and covers(part, spot)]
+        if max(over) > bounds(level)[2][1] + 1e-6:
+            continue
+        carried = max(bounds(part)[2][1] for part in parts if part.solid and covers(part, spot))
+        assert -1.1 * BEARING_M <= max(over) - carried <= 0.026, level.name
+
+
+@pytest.mark.parametrize(("kind", "style"), FORMS, ids=name_of)
+def test_plinths_stop_what_is_low(kind: str, style: Style) -> None:
+    assert all(part.solid for part in parts_of(furniture(kind, style)) if part.name == "plinth")
+
+
+def covers(part: Part, spot: tuple[float, float]) -> bool:
+    (x0, x1), (y0, y1), _ = bounds(part)
+    return x0 <= spot[0] <= x1 and y0 <= spot[1] <= y1
 
 
 @pytest.mark.parametrize(("kind", "style"), FORMS, ids=name_of)

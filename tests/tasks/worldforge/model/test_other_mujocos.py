@@ -61,8 +61,11 @@ def test_it_has_no_word_that_only_newer_mujocos_know(bundles: dict[str, Path], f
 def test_other_mujocos_read_a_world_and_run_it(
     version: str, make_body: MakeBody, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    body = make_body().model_dump(mode="json", exclude_none=True) | {"Version": "2"}
+    everywhere = {"RoomNames": ["Living Room", "Kitchen", "Bedroom", "Bath"]}
+    dense = {"Name": "all", "TargetSet": everywhere, "DesiredSpatialDensity": "Dense", "LooseObjects": 9}
+    body = make_body(furniture=[dense]).model_dump(mode="json", exclude_none=True) | {"Version": "2"}
     world = generate_world(type(make_body()).model_validate(body), 1, 2)
+    assert {"Book", "Cup", "Plate"} <= {item.model_type for item in world.furniture}
     write_bundle(world, tmp_path / "world")
     python = mujoco_environment(request.config, version) / "python"
     said = json.loads(run_client([str(python), "-c", STEP, str(tmp_path / "world" / "world.xml")], {}))
@@ -70,9 +73,8 @@ def test_other_mujocos_read_a_world_and_run_it(
     assert said["version"] == version
     assert said["joints"] == world.checks.free_bodies
     assert said["geoms"] > world.checks.geoms, "what decorates it is read, too"
-    # Before 3.8, MuJoCo's contacts of flat cylinders are rough: what lies on a table creeps, and a plate may jump off.
-    cylinders = ("Plate", "Cup") if version < "3.8" else ()
-    assert [name for name in said["moved"] if not name.startswith(cylinders)] == []
+    # In 3.0, boxes at some angles are told contacts a metre deep, and jump.
+    assert said["moved"] == {} or version < "3.1"
 
 
 @pytest.mark.deep
