@@ -197,6 +197,12 @@ class DrawnSource(Model):
     notes_sha256: str | None = Field(
         default=None, description="SHA-256 of the YAML file with what the drawing does not say; absent without one."
     )
+    origin_m: Point | None = Field(
+        default=None,
+        description="Where the world's origin lies in the drawing, x to the right and y up, or in the map's frame, in "
+        "metres: what is at (x, y) there is at (x - origin_m[0], y - origin_m[1]) in the world, give or take what the "
+        "walls were moved by; absent in worlds of generators before 3.2.0.",
+    )
     left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
 
 

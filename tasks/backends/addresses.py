@@ -4,6 +4,7 @@ import importlib.util
 import re
 import socket
 
+from ...schemas.extras import how_to_install
 from ...schemas.wire.errors import ConfigurationError
 from .backend import BackendError
 
@@ -28,7 +29,7 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
     if importlib.util.find_spec(library) is None:
         raise ConfigurationError(
             f"ROBOMAKER_BACKEND is '{kind}:{place}', and {kind.capitalize()} is not installed: "
-            f"pip install 'prefect-robomaker[{kind}]'"
+            f"{how_to_install(kind)}"
         )
 
 

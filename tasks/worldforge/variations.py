@@ -8,10 +8,14 @@ from typing import NamedTuple
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.worlds.polygons import contains
 from ...schemas.worlds.world import Change, Furniture, Light, Passage, Variation, World
+from .furniture.catalogue import parts_of
+from .furniture.solids import turn
+from .furniture.tops import height_at
 from .generator import GENERATOR_VERSION, measured
-from .geometry.occupancy import furniture_corners
 
 _MOST_NAMED = 12
+_TOUCHES_M = 2e-3
+"""How near to a level things lie; the world says it to a tenth of a millimetre, and a round top is 1 mm lower at its rim."""
 
 
 class Move(NamedTuple):
@@ -145,9 +149,16 @@ def _piece(world: World, name: str) -> Furniture:
 
 
 def _carried(world: World, piece: Furniture) -> list[Furniture]:
-    """What stands on a piece."""
-    top = furniture_corners(piece)
-    return [item for item in world.furniture if item.base_m > piece.base_m and contains(top, item.x, item.y)]
+    """What rests on a piece: not what stands on the table that a chair is pushed under."""
+    parts, (c, s) = parts_of(piece), turn(piece.yaw)
+    carried: list[Furniture] = []
+    for item in world.furniture:
+        east, north = item.x - piece.x, item.y - piece.y
+        x, y = c * east + s * north, c * north - s * east
+        level = height_at(parts, (x, y, x, y))
+        if level is not None and item.base_m > piece.base_m and abs(piece.base_m + level - item.base_m) < _TOUCHES_M:
+            carried.append(item)
+    return carried
 
 
 def _place(item: Furniture) -> str:

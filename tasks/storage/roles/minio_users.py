@@ -6,6 +6,7 @@ from secrets import token_urlsafe
 from typing import Any, TypeVar
 from urllib.parse import urlsplit
 
+from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import (
     ConfigurationError,
     StorageAccessDeniedError,
@@ -39,7 +40,7 @@ class MinioUsers:
         except ImportError as error:
             raise ConfigurationError(
                 f"{endpoint} is a MinIO server, whose users are made with the package minio, which is not installed: "
-                "pip install 'prefect-robomaker[minio]'"
+                f"{how_to_install('minio')}"
             ) from error
         found = own_session(environ).get_credentials()
         if found is None:

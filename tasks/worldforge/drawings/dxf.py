@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from io import BytesIO
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point
 from .dxf_doors import DoorError, Swing, belongs, doorways
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 Entity = Any
 
 _TEXTS = ("TEXT", "MTEXT", "ATTRIB")
+_BINARY = b"AutoCAD Binary DXF"
 _WAYS: tuple[Kind, ...] = ("door", "opening", "window")
 _DEEPEST = 8
 _MOST_ENTITIES = 100_000
@@ -49,12 +51,14 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         from ezdxf.lldxf.const import DXFError
     except ImportError as error:
         raise ConfigurationError(
-            f"{name}: ezdxf, which reads DXF files, is not installed: pip install 'prefect-robomaker[dxf]'"
+            f"{name}: ezdxf, which reads DXF files, is not installed: {how_to_install('dxf')}"
         ) from error
     # The reader takes any bytes, and finds nothing in them.
     if b"SECTION" not in content:
         what = "DWG; the same drawing, saved as DXF, would be right" if content.startswith(b"AC1") else "not DXF"
         raise ConfigurationError(f"{name}: this is {what}")
+    if not content.startswith(_BINARY) and not content.rstrip().endswith(b"EOF"):
+        raise ConfigurationError(f"{name}: the file is cut off; DXF ends with a line EOF")
     try:
         document = _document(content)
     except (DXFError, ValueError, KeyError, IndexError, AttributeError, TypeError) as error:
@@ -72,7 +76,7 @@ def _document(content: bytes) -> "documents.Drawing":
     from ezdxf import recover
     from ezdxf.lldxf.tagger import binary_tags_loader
 
-    if content.startswith(b"AutoCAD Binary DXF"):
+    if content.startswith(_BINARY):
         return documents.Drawing.load(binary_tags_loader(content))
     document, _ = recover.read(BytesIO(content))
     return document

@@ -16,6 +16,8 @@ _REACH = 8
 _LEAST: dict[PassageKind, int] = {"Doorway": 17, "Opening": 16}
 """Least widths of ways, in units: 0.8 m stay clear, beside an open leaf, too."""
 _NARROWEST_M = 0.5
+_WIDEST_M = 2.4
+"""Of a door, with two leaves."""
 _LEAST_WINDOW = 8
 
 
@@ -90,6 +92,10 @@ def fit_way(
     place, _, contact = inner
     if width_m < _NARROWEST_M:
         raise ConfigurationError(f"{file}: {wish}: it is narrower than {_NARROWEST_M:g} m; is the scale right?")
+    if width_m > _WIDEST_M and drawn.kind == "Doorway":
+        raise ConfigurationError(
+            f"{file}: {wish}: it is wider than {_WIDEST_M:g} m; is the scale right? What has no leaf is an opening"
+        )
     pair = (min(contact.low, contact.high), max(contact.low, contact.high))
     between = f"between {names[pair[0]]} and {names[pair[1]]}"
     width = max(_LEAST[drawn.kind], round(place.end - place.start))

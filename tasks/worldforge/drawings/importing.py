@@ -59,6 +59,7 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
         form=read.form,
         metres_per_unit=read.cell_m or scale,
         outlines="faces" if made.on_faces else "centres",
+        origin_m=made.origin_m,
         notes_sha256=hashlib.sha256(source.notes.read_bytes()).hexdigest() if source.notes else None,
         left_out=[*left_out, *read.drawing.left_out],
     )

@@ -23,12 +23,16 @@ Cells = NDArray[np.bool_]
 
 _NARROW_M = 0.55
 """Half the width of the widest door: where free space is narrower, one room ends and another begins."""
+_SPECK_M2 = 0.02
+"""What covers less is no wall: eight cells of 5 cm."""
 _LEAST_CORE_M2 = 0.05
 _LEAST_ROOM_M2 = 1.5
 _STRAIGHT_M = 0.2
 """Edges of a room that are nearer than this to a longer one are on its line."""
 _DOOR_M = 1.3
 """What is wider is an opening."""
+_MOST_SHARED_M2 = 0.1
+"""Of two rooms' outlines, after their edges were made straight."""
 _MOST_CELLS = 4_000_000
 _MOST_CORNERS = 24
 _LONG = 2.5
@@ -63,6 +67,7 @@ def read_nav2_map(path: Path) -> tuple[Drawing, float]:
     areas = [int(np.count_nonzero(regions == number)) for number in range(1, int(regions.max(initial=0)) + 1)]
     order = [number + 1 for number in np.argsort(areas)[::-1].tolist()]
     outlines = [_outline(regions == number, read, path.name) for number in order]
+    _refuse_overlaps(outlines, read, path.name)
     doors = list(_doors(regions, order, read))
     rooms = [
         Shape(
@@ -99,6 +104,7 @@ def _read(path: Path) -> _Map:
                 raise ConfigurationError(f"{picture}: it has more than {_MOST_CELLS} cells")
             grey = np.asarray(image.convert("L"), np.float64)[::-1]
         resolution, x, y = float(said["resolution"]), float(said["origin"][0]), float(said["origin"][1])
+        turn = float(said["origin"][2]) if len(said["origin"]) > 2 else 0.0
         free_below = float(said.get("free_thresh", 0.196))
     except (OSError, UnidentifiedImageError) as error:
         raise ConfigurationError(f"{picture}: it cannot be read: {error}") from error
@@ -106,8 +112,19 @@ def _read(path: Path) -> _Map:
         raise ConfigurationError(f"{path}: resolution, origin or free_thresh is no number: {error}") from error
     if not 0.005 <= resolution <= 0.25:
         raise ConfigurationError(f"{path}: resolution is {resolution:g}; 0.005 to 0.25 m a cell would be right")
+    if turn:
+        raise ConfigurationError(
+            f"{path}: origin says that the map is turned by {turn:g} rad; 0 would be right, with the picture turned"
+        )
     occupied = grey / 255 if said.get("negate") else (255 - grey) / 255
-    return _Map(occupied < free_below, resolution, (x, y))
+    return _Map(_without_specks(occupied < free_below, resolution), resolution, (x, y))
+
+
+def _without_specks(free: Cells, resolution_m: float) -> Cells:
+    """Frees what is too small for a wall: legs of chairs, people who walked by, a lidar's noise."""
+    parts = np.asarray(ndimage.label(~free, np.ones((3, 3)))[0])  # pyright: ignore[reportIndexIssue]
+    small = np.bincount(parts.ravel()) * resolution_m**2 < _SPECK_M2
+    return free | small[parts]
 
 
 def _regions(read: _Map, name: str) -> NDArray[np.int64]:
@@ -199,6 +216,25 @@ def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iter
                 kind = "door" if wide <= _DOOR_M else "opening"
                 name = f"area-{place} to area-{after}"
                 yield (place, after), Shape((south_west, north_east), True, False, name, (kind,), {}, name)
+
+
+def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None:
+    """Refuses rooms inside of others, as free space around the flat makes them, and walls too rough to tell apart."""
+    owner = np.zeros(read.free.shape, np.int64)
+    for place, corners in enumerate(outlines, 1):
+        x, y = min(x for x, _ in corners), min(y for _, y in corners)
+        inside = room_units(corners)
+        cells = owner[y : y + inside.shape[0], x : x + inside.shape[1]]
+        shared = inside & (cells > 0)
+        if np.count_nonzero(shared) * read.resolution_m**2 > _MOST_SHARED_M2:
+            other = int(np.bincount(cells[shared]).argmax())
+            row, column = (float(np.mean(axis)) for axis in np.nonzero(shared))
+            at_x, at_y = read.point(x + column, y + row)
+            raise ConfigurationError(
+                f"{name}: around ({at_x:.1f}, {at_y:.1f}) m the free space of area-{other} reaches into or around that of "
+                f"area-{place}; what is outside of the flat would have to be unknown, and walls to be clear"
+            )
+        cells[inside] = place
 
 
 def _guess(corners: Corners, place: int, doors: int) -> RoomType:

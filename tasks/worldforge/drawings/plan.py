@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import Floorplan, Preference, Room, RoomType
+from ....schemas.worlds.world import Floorplan, Point, Preference, Room, RoomType
 from ..doors.doors import hang_doors
 from ..floorplans.floorplan import (
     Spot,
@@ -54,6 +54,8 @@ class MadePlan(NamedTuple):
     open_percents: dict[int, float]
     """By place in `passages`."""
     on_faces: bool
+    origin_m: Point
+    """Where the world's origin lies in the drawing."""
 
 
 def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
@@ -102,7 +104,9 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
         told.append(_told(drawn.file, f"a door between {' and '.join(plan.passages[index].rooms)}", why))
     wishes = [*(_area(drawn.file, room) for room in rooms), *told, *window_report]
     percents = {index: one.percent for index, one in enumerate(fitted) if one.percent is not None}
-    return MadePlan(hung.model_copy(update={"wishes": wishes}), percents, squared.on_faces)
+    x, y = (lines.start_m + at / UNITS_PER_M for lines, at in zip(squared.moved, origin, strict=True))
+    placed = round(x, 3), round(y, 3)
+    return MadePlan(hung.model_copy(update={"wishes": wishes}), percents, squared.on_faces, placed)
 
 
 def _room(

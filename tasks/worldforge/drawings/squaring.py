@@ -61,6 +61,12 @@ class Lines(NamedTuple):
         nearest = min(range(len(self.drawn)), key=lambda index: abs(self.drawn[index] - at))
         return self.made[nearest] + (at - self.drawn[nearest]) * UNITS_PER_M
 
+    @property
+    def start_m(self) -> float:
+        """Where 0 units lies in the drawing; faces of the outer walls on both sides lie as far off their middles."""
+        first, last = (self.drawn[end] - self.made[end] / UNITS_PER_M for end in (0, -1))
+        return (first + last) / 2
+
 
 def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
     """The corners of an outline whose edges run along the axes, counter-clockwise.

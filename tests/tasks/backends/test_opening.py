@@ -6,6 +6,7 @@ import sysconfig
 from pathlib import Path
 
 import pytest
+from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.backends.opening import open_backend
@@ -64,4 +65,4 @@ def test_an_extra_that_is_not_installed_is_named(kind: str, package: str, tmp_pa
     command = [sys.executable, "-S", "-c", _OPEN, str(tmp_path), f"{kind}:head:1"]
     opened = subprocess.run(command, capture_output=True, text=True, check=True)
 
-    assert f"is not installed: pip install 'prefect-robomaker[{kind}]'" in opened.stdout
+    assert f"is not installed: cd {REPOSITORY} && .tools/bin/uv sync --frozen --inexact --extra {kind}" in opened.stdout

@@ -10,6 +10,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
+from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 from prefect_robomaker.tasks.worldforge.variations import Move, Wanted, vary
@@ -69,6 +70,21 @@ def test_what_stands_on_a_piece_goes_with_it(world: World) -> None:
     assert now[under.id].yaw == pytest.approx(under.yaw + pi)
     assert now[item.id].x - now[under.id].x == pytest.approx(under.x - item.x, abs=2e-4)
     assert now[under.id].y == pytest.approx(under.y + 0.02, abs=1e-4)
+
+
+def test_what_stands_on_the_desk_does_not_go_with_the_chair_under_it(world: World) -> None:
+    cup = next(item for item in world.furniture if item.movable and item.base_m > 0.4)
+    template = next(item for item in world.furniture if not item.movable)
+    style = styles_of("DeskChairs")[0]
+    size = {"width_m": style.width_m, "depth_m": style.depth_m, "height_m": style.height_m}
+    place = {"id": "DeskChairs_9", "model_type": "DeskChairs", "style": style.name, "x": cup.x, "y": cup.y, "base_m": 0.0}
+    chair = template.model_copy(update={**size, **place, "room": cup.room})
+    tucked = world.model_copy(update={"furniture": [*world.furniture, chair]})
+
+    gone = vary(tucked, Wanted(removed=[chair.id]), "c0ffee")
+
+    assert differing(tucked, gone) == {chair.id}
+    assert gone.furniture == world.furniture
 
 
 def test_a_variation_that_breaks_guarantees_says_so(world: World) -> None:

@@ -234,6 +234,7 @@ def test_what_cannot_be_taken_is_named(case: str, tmp_path: Path) -> None:
     [
         (b"rooms: 3", "flat.dxf: this is not DXF"),
         (b"", "flat.dxf: this is not DXF"),
+        (b"  0\nSECTION\n  2\nHEADER\n", "flat.dxf: the file is cut off; DXF ends with a line EOF"),
         (b"AC1032" + bytes(2000), "this is DWG; the same drawing, saved as DXF, would be right"),
         (b"  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n 10\nnowhere\n", "flat.dxf: "),
     ],
@@ -264,5 +265,5 @@ def test_without_ezdxf_the_error_says_how_to_get_it(tmp_path: Path, monkeypatch:
     plan = Plan()
     plan.document.saveas(tmp_path / "flat.dxf")
     monkeypatch.setitem(sys.modules, "ezdxf", None)
-    with pytest.raises(ConfigurationError, match=r"pip install 'prefect-robomaker\[dxf\]'"):
+    with pytest.raises(ConfigurationError, match="uv sync --frozen --inexact --extra dxf"):
         import_world(Source(tmp_path / "flat.dxf"), DrawingNotes(), 0, settle=False)

@@ -1,5 +1,6 @@
 """Maps of Nav2: the rooms of an empty flat come back, also from a map with noise."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -53,6 +54,43 @@ def test_rooms_and_doors_of_an_empty_flat_come_back(flat: World, noise: float, t
     assert world.source.left_out[0].endswith("of the map's free cells, which are in no room")
 
 
+def test_specks_are_no_walls_and_the_frame_of_the_map_is_told(flat: World, tmp_path: Path) -> None:
+    write_map(occupancy_grid(flat.floorplan), tmp_path)
+    clean = imported(tmp_path)
+    picture = np.asarray(Image.open(tmp_path / "map.pgm")).copy()
+    free = np.argwhere(picture == 254)
+    for row, column in np.random.default_rng(2).choice(free, 60, replace=False):
+        picture[row, column : column + 2] = 0
+    Image.fromarray(picture).save(tmp_path / "map.pgm")
+    text = (tmp_path / "map.yaml").read_text()
+    said = re.search(r"origin: \[([-.0-9]+), ([-.0-9]+)", text)
+    assert said is not None
+    x, y = float(said[1]) + 10.0, float(said[2]) - 3.0
+    (tmp_path / "map.yaml").write_text(text.replace(said[0], f"origin: [{x}, {y}"))
+
+    world = imported(tmp_path)
+
+    assert world.floorplan.rooms == clean.floorplan.rooms
+    assert clean.source is not None
+    assert clean.source.origin_m is not None
+    assert world.source is not None
+    assert world.source.origin_m == pytest.approx((clean.source.origin_m[0] + 10, clean.source.origin_m[1] - 3))
+    # The map is the flat's own: what the import says of its frame puts walls back where they were.
+    [bath] = [room for room in flat.floorplan.rooms if room.name == "Bathroom"]
+    corners = [tuple(np.add(corner, clean.source.origin_m)) for room in clean.floorplan.rooms for corner in room.polygon]
+    for corner in bath.polygon:
+        assert min(np.hypot(*np.subtract(corner, each)) for each in corners) < 0.1
+
+
+def test_free_space_around_the_flat_is_named(flat: World, tmp_path: Path) -> None:
+    write_map(occupancy_grid(flat.floorplan), tmp_path)
+    picture = np.pad(np.asarray(Image.open(tmp_path / "map.pgm")), 40, constant_values=254)
+    picture[picture == 205] = 254
+    Image.fromarray(picture).save(tmp_path / "map.pgm")
+    with pytest.raises(ConfigurationError, match="what is outside of the flat would have to be unknown"):
+        imported(tmp_path)
+
+
 def test_a_map_of_furniture_is_refused(flat: World, tmp_path: Path) -> None:
     write_map(occupancy_grid(flat.floorplan, flat.furniture), tmp_path)
     with pytest.raises(ConfigurationError, match=r"map\.yaml: .*"):
@@ -62,6 +100,7 @@ def test_a_map_of_furniture_is_refused(flat: World, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("wrong", "expected"),
     [
+        ("image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0.5]", "the map is turned by 0.5 rad; 0 would be right"),
         ("rooms: {}", "a map has image, resolution and origin"),
         ("image: gone.pgm\nresolution: 0.05\norigin: [0, 0, 0]", "gone.pgm: it cannot be read"),
         ("image: map.pgm\nresolution: 5\norigin: [0, 0, 0]", "resolution is 5; 0.005 to 0.25 m a cell"),

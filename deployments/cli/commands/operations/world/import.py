@@ -37,7 +37,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Makes the world, stores it and says how far it is as drawn."""
     from ......schemas.settings import Settings
     from ......tasks.service.service import Service
-    from ......tasks.worldforge.drawings.importing import Source, import_world
+    from ......tasks.worldforge.drawings.importing import READERS, Source, import_world
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
     from ....output.world_facts import world_facts
@@ -45,7 +45,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
     drawing = Path(arguments.plan)
     beside = Path(arguments.notes) if arguments.notes else drawing.with_suffix(".yaml")
-    source = Source(drawing, beside if arguments.notes or (beside != drawing and beside.is_file()) else None)
+    has_notes = arguments.notes or (drawing.suffix.lower() in READERS and beside.is_file())
+    source = Source(drawing, beside if has_notes else None)
     world = import_world(source, _notes(source, arguments.scale), _seed(arguments.seed))
     service = Service.open(Settings.from_environment(os.environ))
     kept = keep_world(world, "import", {}, service)

@@ -59,9 +59,11 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....output.world_facts import world_facts
     from ....output.world_text import print_kept
 
+    doors = [*((door, 0.0) for door in arguments.shut), *arguments.open]
+    _check_once("--shut, --open", [name for name, _ in doors])
+    _check_once("--move, --remove", [*(name for name, _ in arguments.move), *arguments.remove])
     found = find_world(arguments.world)
-    doors = {**dict.fromkeys(arguments.shut, 0.0), **dict(arguments.open)}
-    wanted = Wanted(doors, dict(arguments.move), arguments.remove, arguments.light)
+    wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light)
     world = vary(found.world, wanted, found.content, found.arn)
     service = Service.open(Settings.from_environment(os.environ))
     facts = world_facts(find_world(keep_world(world, "variation", {}, service).arn))
@@ -70,6 +72,19 @@ def execute(arguments: argparse.Namespace) -> int:
     else:
         print_kept(facts, sys.stdout)
     return OK if facts["proven"] else VERDICT_FAILED
+
+
+def _check_once(options: str, names: list[str]) -> None:
+    """Refuses a thing that is to become two.
+
+    Raises:
+        ConfigurationError: a name comes more than once.
+    """
+    from ......schemas.wire.errors import ConfigurationError
+
+    for name in names:
+        if names.count(name) > 1:
+            raise ConfigurationError(f"{options}: {name} is named {names.count(name)} times; once would be right")
 
 
 def _opened(text: str) -> tuple[str, float]:

@@ -125,6 +125,8 @@ def test_notes_beside_a_drawing_are_read_and_their_mistakes_have_places(robomake
         (["import", FLAT, "--seed", "-1"], "--seed is -1; 0 or more would be right"),
         (["import", FLAT, "--scale", "0.01"], "say its scale with --scale"),
         (["vary", "x", "--open", "door-1=120"], "'door-1=120': a door such as door-2"),
+        (["import", "map.pgm"], "a file that ends with .svg, .dxf, .yaml for a map"),
+        (["vary", FLAT, "--shut", "door-1", "--open", "door-1=50"], "--shut, --open: door-1 is named 2 times"),
         (["vary", "x", "--move", "Sofas_1"], "'Sofas_1': a piece and metres to the east and north"),
     ],
 )

@@ -1,0 +1,19 @@
+"""How what is not installed by default is installed."""
+
+from pathlib import Path
+
+
+def how_to_install(extra: str) -> str:
+    """The command that adds an extra to the installation that runs.
+
+    Args:
+        extra: its name in `pyproject.toml`.
+
+    Returns:
+        A command line: of uv in a checkout, whose lock has the versions that were tested together; else of pip.
+    """
+    # Links of a wheel's layout lead into the checkout.
+    checkout = Path(__file__).resolve().parents[1]
+    if (checkout / "uv.lock").is_file():
+        return f"cd {checkout} && .tools/bin/uv sync --frozen --inexact --extra {extra}"
+    return f"pip install 'prefect-robomaker[{extra}]'"
