@@ -1,6 +1,7 @@
 """Poses a piece of furniture could take in a room, each with a score; which of them fit is asked later."""
 
 from collections.abc import Iterator
+from math import hypot
 from random import Random
 
 from ....schemas.worlds.world import Furniture
@@ -145,6 +146,11 @@ def around(table: Furniture, style: Style) -> list[Pose]:
     tuck, _ = _between_legs(table, style, at_end=True)
     ends = table.width_m / 2 + style.depth_m / 2 - tuck
     return [*poses, pose.moved(0.0, ends, 3), pose.moved(0.0, -ends, 1)]
+
+
+def sits_at(chair: Furniture, table: Furniture) -> bool:
+    """Whether a chair stands at a table."""
+    return hypot(chair.x - table.x, chair.y - table.y) < (table.width_m + chair.depth_m) / 2 + 0.1
 
 
 def _between_legs(table: Furniture, style: Style, *, at_end: bool) -> tuple[float, float]:

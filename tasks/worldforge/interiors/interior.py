@@ -63,6 +63,7 @@ def furnish(
             work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
             work.begin_with(lacking)
             work.furnish(kinds)
+            preferences += _bare_preferences(work, kinds, arrangement)
         asked = None if arrangement is None else arrangement.LooseObjects
         if asked is not None:
             things = scatter(work, asked, fill=True)
@@ -111,6 +112,23 @@ def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
     """Kinds without one of which a room is not what it is called; none when it has one, or none is asked for."""
     needed = [kind for kind in INDISPENSABLE.get(work.room.type, ()) if kind in kinds]
     return [] if any(work.placed(kind) for kind in needed) else needed
+
+
+def _bare_preferences(
+    work: RoomFurnishing, kinds: Sequence[str], arrangement: FurnitureArrangement | None
+) -> list[Preference]:
+    """What makes a room what it is called and found no place all the same; kinds that are listed are told as such."""
+    lacking = _lacking(work, kinds)
+    if not lacking or (arrangement is not None and arrangement.SampleSet is not None):
+        return []
+    return [
+        Preference(
+            path=f"{INTERIOR_PATH}.Furniture",
+            wish=f"{' or '.join(lacking)} in {work.room.name}, which is a {work.room.type}",
+            outcome="missed",
+            reason="; ".join(dict.fromkeys(work.missed[kind] for kind in lacking if kind in work.missed)),
+        )
+    ]
 
 
 def _density(arrangement: FurnitureArrangement | None) -> Density:

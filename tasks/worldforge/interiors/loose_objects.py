@@ -11,7 +11,7 @@ from ..furniture.catalogue import parts_of, styles_of
 from ..furniture.tops import height_at
 from ..geometry.boxes import Box, box_of, pose_of
 from ..geometry.parts import Style
-from .candidates import against_walls
+from .candidates import against_walls, sits_at
 from .room_furnishing import RoomFurnishing
 
 MOST_LOOSE = 12
@@ -110,7 +110,7 @@ def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
     """A plate and a cup before the first chairs."""
     laid: list[Furniture] = []
     plate, cup = _style("Plate", furnished), _style("Cup", furnished)
-    chairs = [chair for chair in furnished.placed("DiningChairs") if _sits_at(chair, table)]
+    chairs = [chair for chair in furnished.placed("DiningChairs") if sits_at(chair, table)]
     parts = parts_of(table)
     for chair in chairs[: _PLACES_LAID[furnished.density]]:
         seat = pose_of(chair)
@@ -125,10 +125,6 @@ def _lay_table(table: Furniture, furnished: RoomFurnishing) -> list[Furniture]:
             ):
                 laid.append(_thing(kind, style, furnished, (spot.x, spot.y, chair.yaw), table.base_m + base))
     return laid
-
-
-def _sits_at(chair: Furniture, table: Furniture) -> bool:
-    return hypot(chair.x - table.x, chair.y - table.y) < (table.width_m + chair.depth_m) / 2 + 0.1
 
 
 def _in_frame(host: Furniture, x: float, y: float) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from math import hypot, pi, sqrt
+from math import hypot, inf, pi, sqrt
 from random import Random
 from typing import NamedTuple
 
@@ -176,11 +176,13 @@ class RoomFurnishing:
         lost = [near for near in RULES[kind].near if near in self.missed]
         if RULES[kind].bound and lost and not any(self.placed(near) for near in RULES[kind].near):
             return f"{' and '.join(lost)} found no place in {self.room.name}"
-        reason = ""
+        reason, least_m2 = "", inf
         for style in self.styles(kind):
-            reason = self._place_style(kind, style)
-            if not reason:
+            why = self._place_style(kind, style)
+            if not why:
                 return ""
+            if style.width_m * style.depth_m < least_m2:  # what the smallest one lacks is what would be needed
+                reason, least_m2 = why, style.width_m * style.depth_m
         return reason
 
     def styles(self, kind: str) -> list[Style]:
@@ -331,10 +333,15 @@ class RoomFurnishing:
             yield Group(self._alone(kind, rule, style))
 
     def _free_partners(self, kind: str, rule: Rule, partners: list[Furniture]) -> list[Furniture]:
-        """Those that lack such a companion still: two lamps are not put at one sofa while another has none."""
+        """Those that lack such a companion still: two lamps are not put at one sofa while another has none.
+
+        Tables come with those first that have the fewest chairs.
+        """
+        there = self.placed(kind)
+        if rule.relation == "around":
+            return sorted(partners, key=lambda table: sum(candidates.sits_at(chair, table) for chair in there))
         if rule.relation != "beside" or kind == "Nightstands":
             return partners
-        there = self.placed(kind)
         return [
             partner
             for partner in partners

@@ -130,3 +130,20 @@ def test_wishes_for_the_interior_hold_for_drawn_rooms(tmp_path: Path) -> None:
     living = {item.model_type for item in world.furniture if item.room == "Wohnzimmer" and not item.movable}
     assert living == {"Sofas"}
     assert world.floorplan.ceiling_height_m == 3.0
+
+
+def test_a_bedroom_without_place_for_a_bed_says_so(tmp_path: Path) -> None:
+    """Small, with a door in the middle of each wall."""
+    places = {"Bedroom": (3, 3), "Hall": (3, 0), "Living": (0, 3), "Kitchen": (6, 3), "Bathroom": (3, 6)}
+    rooms = "".join(f'<rect id="{name}" x="{x}" y="{y}" width="3" height="3"/>' for name, (x, y) in places.items())
+    doors = "".join(
+        f'<line class="door" id="{x}-{y}" x1="{x}" y1="{y}" x2="{x + across}" y2="{y + 1 - across}"/>'
+        for x, y, across in ((4, 3, 1), (4, 6, 1), (3, 4, 0), (6, 4, 0))
+    )
+    (tmp_path / "cross.svg").write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{rooms}{doors}</svg>')
+    world = import_world(Source(tmp_path / "cross.svg"), DrawingNotes(), 0, settle=False)
+    assert not [item for item in world.furniture if item.model_type == "Beds"]
+    [bare] = [wish for wish in world.wishes if wish.wish == "Beds in Bedroom, which is a Bedroom"]
+    assert (bare.outcome, bare.path.endswith("Interior.Furniture")) == ("missed", True)
+    # The smallest bed is the one that would be needed.
+    assert bare.reason.startswith("no wall of Bedroom has 0.98 m free with")

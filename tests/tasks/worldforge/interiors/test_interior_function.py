@@ -12,6 +12,7 @@ from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_flo
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import RULES
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import furniture_corners
+from prefect_robomaker.tasks.worldforge.interiors.candidates import sits_at
 from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 
 from ..conftest import MakeBody
@@ -243,3 +244,15 @@ def test_a_piece_that_needs_another_says_so(make_body: MakeBody) -> None:
                 found.setdefault(wish.wish, []).append(wish.reason)
     assert "DiningTables found no place in Store" in found["DiningChairs in all"]
     assert any(" m x " in reason and "room around it" in reason for reason in found["DiningTables in all"])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_each_table_of_a_room_has_chairs(make_body: MakeBody, seed: int) -> None:
+    rooms = (("Hall", "Hallway", 12.0), ("Dining", "Dining", 60.0))
+    _, furniture, _ = interior(make_body(rooms, furniture=[arrangement("all", None, "Dense", RoomTypes=["Dining"])]), seed)
+    tables = [item for item in furniture if item.model_type == "DiningTables"]
+    chairs = [item for item in furniture if item.model_type == "DiningChairs"]
+    seats = [sum(sits_at(chair, table) for chair in chairs) for table in tables]
+    assert len(tables) >= 2
+    assert min(seats) >= 3, seats
+    assert sum(seats) == len(chairs)
