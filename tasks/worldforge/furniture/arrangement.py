@@ -1,6 +1,5 @@
 """What rooms hold when a template does not say, and how full they are."""
 
-from math import sqrt
 from typing import Literal
 
 from ....schemas.worlds.world import RoomType
@@ -67,13 +66,13 @@ _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Living": (0.20, 0.31, 24.0),
 }
 """Shares of the floor under furniture in moderate and dense rooms of up to so many square metres: what rooms of a type
-hold when people and robots pass. Larger rooms are emptier, as the root of their area."""
+hold when people and robots pass. Larger rooms are emptier, as the cube root of their area."""
 
 COVERAGE_CAP: dict[Density, float] = {"Sparse": 0.22, "Moderate": 0.34, "Dense": 0.5}
 """Share of the floor after which only kinds still missing are added."""
 
 MOST_PIECES: dict[Density, int] = {"Sparse": 10, "Moderate": 16, "Dense": 26}
-"""Pieces in a room of up to 40 m2; larger ones hold more, in proportion to their sides."""
+"""Pieces in a room of up to 40 m2; larger ones hold more, by the power 2/3 of their area."""
 
 DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 
@@ -82,7 +81,7 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
     """Share of the floor up to which pieces are added; nothing is added to a sparse room."""
     moderate, dense, full_m2 = _SHARES[room_type]
     share = {"Sparse": 0.0, "Moderate": moderate, "Dense": dense}[density]
-    return share * min(1.0, sqrt(full_m2 / floor_m2))
+    return share * min(1.0, (full_m2 / floor_m2) ** (1 / 3))
 
 
 def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) -> tuple[str, ...]:

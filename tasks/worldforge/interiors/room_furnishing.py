@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
-from math import hypot, inf, pi, sqrt
+from math import hypot, inf, pi
 from random import Random
 from typing import NamedTuple
 
@@ -141,7 +141,7 @@ class RoomFurnishing:
 
     def fill(self, kinds: Sequence[str]) -> None:
         """Repeats kinds up to the preferred density."""
-        most = MOST_PIECES[self.density] * max(1.0, sqrt(self.room.floor_m2 / 40.0))
+        most = MOST_PIECES[self.density] * max(1.0, (self.room.floor_m2 / 40.0) ** (2 / 3))
         left = [kind for kind in _in_order(kinds) if kind not in self.missed and kind not in _WAITING]
         while left and not self._full(self.wished_share) and len(self.items) < most:
             kind = self.dice.choice(left)
