@@ -28,8 +28,7 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is '{kind}:{place}'; after {kind}: there has to be {wanted}")
     if importlib.util.find_spec(library) is None:
         raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is '{kind}:{place}', and {kind.capitalize()} is not installed: "
-            f"{how_to_install(kind)}"
+            f"ROBOMAKER_BACKEND is '{kind}:{place}', and {kind.capitalize()} is not installed: {how_to_install(kind)}"
         )
 
 

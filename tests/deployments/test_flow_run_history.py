@@ -1,5 +1,6 @@
 """Old flow runs of a real Prefect server: they go with task runs, logs and artifacts; others' stay."""
 
+import fcntl
 import sqlite3
 import time
 import uuid
@@ -26,6 +27,14 @@ NOW = datetime.now(UTC)
 # Far enough back that runs of other tests on the same server are never old.
 YEARS = RetentionPolicy(older_than=timedelta(days=3000))
 MakeRun = Callable[..., FlowRun]
+
+
+@pytest.fixture(autouse=True)
+def alone(prefect_server: str) -> Iterator[None]:
+    """No other process of pytest makes or counts old flow runs on the server that all share."""
+    with (server_settings().home / "old-flow-runs.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 @pytest.fixture
@@ -130,7 +139,8 @@ def test_the_database_shrinks_while_its_server_goes_on(client: SyncPrefectClient
     assert looked.freed_bytes > 3_000_000
     assert told.problem is None
     assert told.freed_bytes > 3_000_000
-    assert told.database_bytes == measure_database(path).size_bytes
+    # Other tests write to it meanwhile.
+    assert told.database_bytes == pytest.approx(measure_database(path).size_bytes, abs=1_000_000)
     assert exists(client, flow_run().id)
 
 

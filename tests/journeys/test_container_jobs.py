@@ -4,7 +4,6 @@ import json
 import os
 import re
 import signal
-import socket
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -16,6 +15,7 @@ from helpers.application_calls import Applications
 from helpers.image_registry import image_registry
 from helpers.job_worker_process import AwaitStatus, PerformElsewhere
 from helpers.paths import REPOSITORY
+from helpers.ports import free_port
 from helpers.processes import descendants, wait_for
 from helpers.real_engine import RealEngine
 from helpers.small_flat import ROLE
@@ -199,9 +199,7 @@ def test_a_robot_in_a_container_drives_the_simulation(
 def test_two_containers_reach_each_other_on_localhost_and_through_memory(
     service: Service, engine: RealEngine, application: Config
 ) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     robot = application(
         f"until exec 3<>/dev/tcp/127.0.0.1/{port}; do sleep 0.1; done 2>/dev/null; read -r said <&3; "
         "cat /dev/shm/greeting > $ROBOMAKER_OUTPUT_DIR/said.txt; echo $said >> $ROBOMAKER_OUTPUT_DIR/said.txt",

@@ -231,8 +231,8 @@ def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None
             row, column = (float(np.mean(axis)) for axis in np.nonzero(shared))
             at_x, at_y = read.point(x + column, y + row)
             raise ConfigurationError(
-                f"{name}: around ({at_x:.1f}, {at_y:.1f}) m the free space of area-{other} reaches into or around that of "
-                f"area-{place}; what is outside of the flat would have to be unknown, and walls to be clear"
+                f"{name}: around ({at_x:.1f}, {at_y:.1f}) m the free space of area-{other} reaches into or around that "
+                f"of area-{place}; what is outside of the flat would have to be unknown, and walls to be clear"
             )
         cells[inside] = place
 

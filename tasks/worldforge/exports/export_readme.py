@@ -67,8 +67,8 @@ Names in `world.xml` are of letters, digits and `_`: `Sofas_1.seat` is `Sofas_1_
 `names.json` has the others' names by these.
 
 This is so for worlds whose `generator_version` in `world.json` is 3.2.0 or higher. In those of 3.0.0 to 3.1.1, plates,
-cups, and books on round tables creep or jump with MuJoCo before 3.8, whose contacts of flat cylinders are rough. Those of
-earlier generators have attributes for sleep, need MuJoCo 3.4 or newer, and keep their names and their map, on which
+cups, and books on round tables creep or jump with MuJoCo before 3.8, whose contacts of flat cylinders are rough. Those
+of earlier generators have attributes for sleep, need MuJoCo 3.4 or newer, and keep their names and their map, on which
 furniture is as large as its outline.
 
     python -m mujoco.viewer --mjcf={worlds}/worlds/{example}/world.xml

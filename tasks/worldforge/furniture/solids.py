@@ -46,7 +46,9 @@ def solids_of(item: Furniture) -> Iterator[Solid]:
         center = (item.x + c * x - s * y, item.y + s * x + c * y, item.base_m + z)
         size, axis = _swapped(part) if square and c == 0.0 else (part.size, part.axis)
         name = f"{item.id}.{part.name}"
-        yield Solid(name, part.shape, center, size, axis, 0.0 if square else item.yaw, part.color, part.solid, part.drawn)
+        yield Solid(
+            name, part.shape, center, size, axis, 0.0 if square else item.yaw, part.color, part.solid, part.drawn
+        )
 
 
 def _swapped(part: Part) -> tuple[Vector, Axis]:

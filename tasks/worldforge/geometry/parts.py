@@ -2,8 +2,8 @@
 
 The frame lies on the floor in the middle of the footprint: x points to the front, y to the left, z
 up. What carries or stops things collides and is drawn; most of the rest is there for the eye only, so that a
-piece with drawers and cushions costs physics little more than a crate. A few parts collide and are not drawn: the inside
-of a cushion, and the squares that round things rest on.
+piece with drawers and cushions costs physics little more than a crate. A few parts collide and are not drawn: the
+inside of a cushion, and the squares that round things rest on.
 """
 
 from dataclasses import dataclass, replace

@@ -75,7 +75,9 @@ def furnish(
         done[room.name] = work
     for index in range(len(arrangements)):
         preferences += _preferences(arrangements, index, chosen, done)
-        preferences += _loose_preferences(arrangements[index], index, {n: lying[n] for n in chosen if chosen[n] == index})
+        preferences += _loose_preferences(
+            arrangements[index], index, {n: lying[n] for n in chosen if chosen[n] == index}
+        )
     return furniture, preferences, [room.model_copy(update={"goal": done[room.name].space.goal()}) for room in rooms]
 
 

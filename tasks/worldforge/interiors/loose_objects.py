@@ -91,15 +91,21 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
     for _ in range(_ON_FLOOR_COUNTS[furnished.density]):
         if len(objects) < room_for:
             objects += _on_floor(furnished)
-    for _ in range(_ROUNDS if fill else 0):
-        for host in furnished.items:
-            if len(objects) < room_for and host.model_type in _ON_MORE_TOPS:
-                kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
-                objects += _on_top(host, kind, furnished, objects)
-    for _ in range(_MORE_ON_FLOOR if fill else 0):
+    if fill:
+        _fill(furnished, room_for, objects)
+    return objects[:room_for]
+
+
+def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) -> None:
+    """Adds as many as are asked for, as far as there is place: on all tops by turns, the rest on the floor."""
+    hosts = [item for item in furnished.items if item.model_type in _ON_MORE_TOPS]
+    for host in hosts * _ROUNDS:
+        if len(objects) < room_for:
+            kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
+            objects += _on_top(host, kind, furnished, objects)
+    for _ in range(_MORE_ON_FLOOR):
         if len(objects) < room_for:
             objects += _on_floor(furnished)
-    return objects[:room_for]
 
 
 def _style(kind: str, furnished: RoomFurnishing) -> Style:

@@ -281,7 +281,9 @@ def piece_geoms(
         solid_only: whether what is for the eye only is left out.
     """
     if shapes is None:
-        yield from (_geom(solid, _physics(solid, mass_kg)) for solid in solids_of(item) if solid.solid or not solid_only)
+        yield from (
+            _geom(solid, _physics(solid, mass_kg)) for solid in solids_of(item) if solid.solid or not solid_only
+        )
         return
     for solid, seen in shaped(item, shapes):
         if solid.solid or not seen:

@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import httpx
 import pytest
+from helpers.ports import free_port
 from helpers.processes import wait_for
 from hypothesis import given
 from hypothesis import strategies as st
@@ -131,8 +132,7 @@ def client_of(port: int) -> Iterator[tuple[httpx.Client, list[str]]]:
 
 
 def test_a_request_of_the_main_thread_waits_for_a_server_that_comes_back() -> None:
-    with listening() as port:
-        pass
+    port = free_port()
     with client_of(port) as (client, told):
 
         def come_back() -> None:
@@ -151,8 +151,7 @@ def test_a_request_of_the_main_thread_waits_for_a_server_that_comes_back() -> No
 
 
 def test_a_request_that_only_informs_fails_at_once_and_others_once_patience_has_run_out() -> None:
-    with listening() as port:
-        pass
+    port = free_port()
     with client_of(port) as (client, told):
         with pytest.raises(PrefectServerAwayError):
             client.get("/artifacts/")
@@ -173,8 +172,7 @@ def test_requests_to_others_are_left_alone() -> None:
 
 def test_lines_of_logs_are_dropped_also_by_a_client_that_has_no_token_yet() -> None:
     """It asks for one before its first change; Prefect prints whatever goes wrong on the way of a line."""
-    with listening() as port:
-        pass
+    port = free_port()
     url = f"http://127.0.0.1:{port}/api"
     outage = Outage(url, lambda: Health.AWAY, lambda _: None, look_s=0.01)
     outage.look(0.0)

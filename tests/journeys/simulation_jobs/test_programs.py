@@ -11,6 +11,7 @@ import pytest
 from helpers.application_calls import Applications
 from helpers.endpoint_process import Serve
 from helpers.fake_engine import FakeEngine
+from helpers.ports import free_port
 from helpers.small_flat import ROLE
 
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH
@@ -444,13 +445,9 @@ def test_a_job_that_goes_on_after_a_crash_can_be_restarted(
 
 
 def test_ports_are_forwarded_while_the_job_runs(service: Service, order_command: Order) -> None:
-    import socket
     import urllib.request
 
-    with socket.socket() as one, socket.socket() as other:
-        one.bind(("127.0.0.1", 0))
-        other.bind(("127.0.0.1", 0))
-        job_port, application_port = one.getsockname()[1], other.getsockname()[1]
+    job_port, application_port = free_port(), free_port()
     mapping = {"jobPort": job_port, "applicationPort": application_port}
     request = order_command(
         f"echo hello > index.html; exec python3 -m http.server {application_port} --bind 127.0.0.1",

@@ -49,7 +49,7 @@ def change_applications(service: Service, folder: Path, was: str, becomes: str) 
 def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_are_by_then(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus, tmp_path: Path
 ) -> None:
-    arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=6), service)["arn"]
+    arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=12), service)["arn"]
     with perform_elsewhere(arn) as worker:
         first = await_status(arn, "Running")
         wait_for(lambda: any(log.stat().st_size for log in service.settings.home.rglob(STDOUT_LOG)), "its first words")
@@ -67,10 +67,10 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
         assert job["status"] == "Completed", job["failureReason"]
         worker.wait(10)
 
-    assert job["simulationTimeMillis"] >= 6000, "the limit of 6 s counts from the restart"
+    assert job["simulationTimeMillis"] >= 12_000, "the limit of 12 s counts from the restart"
     assert second["lastStartedAt"] > first["lastStartedAt"]
     assert second["networkInterface"] == first["networkInterface"]
-    assert 6000 <= job["simulationTimeMillis"] < 30_000
+    assert job["simulationTimeMillis"] < 60_000
     document = service.catalog.get(arn).document
     [earlier] = document["earlierRuns"]
     assert document["runId"] != earlier["runId"]

@@ -124,13 +124,16 @@ def test_a_pool_of_containers_gets_as_many_as_is_said_and_are_wanted(
 def test_job_workers_follow_the_prefect_workers_that_are_online(client: Any, batch: str) -> None:
     lab = Lab(client, "process")
 
+    def states_with(*workers: str) -> list[str]:
+        lab.come(*workers)
+        return lab.states(batch)
+
     with quick(lab.name).job_workers(batch, 9) as workers:
         wait_for(lambda: "none of its Prefect workers is online" in workers.look(), "the look")
-        lab.come("first")
-        wait_for(lambda: lab.states(batch) == ["SCHEDULED"], "the first")
-        lab.come("first", "second")
-        wait_for(lambda: lab.states(batch) == ["SCHEDULED"] * 2, "the second")
-        # They give no sign of life any more: three heartbeats later they count as gone.
+        # They count as gone three heartbeats later, which is soon: they go on giving them.
+        wait_for(lambda: states_with("first") == ["SCHEDULED"], "the first")
+        wait_for(lambda: states_with("first", "second") == ["SCHEDULED"] * 2, "the second")
+        # They give no sign of life any more.
         wait_for(lambda: lab.states(batch) == [], "that they are taken back", 90)
 
 

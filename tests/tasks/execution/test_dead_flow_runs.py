@@ -85,7 +85,7 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
             return len(client.read_events(asked, limit=50).events)
 
         wait_for(lambda: heartbeats() == 2, "the signs of life")
-        assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=60)) == []
+        assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=20)) == []
         closed: list[UUID] = []
 
         def is_closed() -> bool:

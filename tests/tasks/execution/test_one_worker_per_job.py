@@ -70,10 +70,10 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: 
 
 
 def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(service: Service, job: str) -> None:
-    service = replace(service, timing=Timing(lease_s=0.6, renew_lease_every_s=0.1))
+    service = replace(service, timing=Timing(lease_s=3.0, renew_lease_every_s=0.1))
 
     def work(lease: Lease) -> None:
-        time.sleep(1.0)
+        time.sleep(3.5)
         assert not service.catalog.claim(job, "another", 60)
         assert not lease.lost
 

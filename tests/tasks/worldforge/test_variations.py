@@ -77,8 +77,9 @@ def test_what_stands_on_the_desk_does_not_go_with_the_chair_under_it(world: Worl
     template = next(item for item in world.furniture if not item.movable)
     style = styles_of("DeskChairs")[0]
     size = {"width_m": style.width_m, "depth_m": style.depth_m, "height_m": style.height_m}
-    place = {"id": "DeskChairs_9", "model_type": "DeskChairs", "style": style.name, "x": cup.x, "y": cup.y, "base_m": 0.0}
-    chair = template.model_copy(update={**size, **place, "room": cup.room})
+    place = {"x": cup.x, "y": cup.y, "base_m": 0.0, "room": cup.room}
+    look = {"id": "DeskChairs_9", "model_type": "DeskChairs", "style": style.name}
+    chair = template.model_copy(update={**size, **place, **look})
     tucked = world.model_copy(update={"furniture": [*world.furniture, chair]})
 
     gone = vary(tucked, Wanted(removed=[chair.id]), "c0ffee")

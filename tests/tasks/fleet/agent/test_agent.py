@@ -147,7 +147,7 @@ def test_a_store_that_has_not_the_bundle(driving: Rover, status: int, code: str)
 def test_a_download_goes_on_where_it_was_cut_also_after_a_restart(robot: Rover) -> None:
     content = random.Random(1).randbytes(2_000_000)
     robot.server.cut_after = 600_000
-    robot.server.target_delay_s = 0.01
+    robot.server.target_delay_s = 0.05
     deploy(robot, 1, files={"map": content})
     robot.agent.start()
     wait_for(lambda: sum(robot.server.sent.values()) > 800_000, "more than was cut")

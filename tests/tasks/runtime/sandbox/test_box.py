@@ -8,6 +8,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
+from helpers.ports import free_port
 from helpers.run_processes import never, processes_in, wait_until
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -56,9 +57,7 @@ import socket
 with socket.create_server(("127.0.0.1", 9090)) as server, server.accept()[0] as client:
     client.sendall(b"from the box")
 """
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     plan = plan_programs(program(code), ports=[PortPlan(job_port=port, application_port=9090)], max_duration_s=20)
     answers: list[bytes] = []
 

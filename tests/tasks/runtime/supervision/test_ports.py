@@ -3,9 +3,9 @@
 import socket
 import threading
 from collections.abc import Callable
-from contextlib import ExitStack
 
 import pytest
+from helpers.ports import free_port
 from helpers.run_processes import never
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
@@ -30,9 +30,7 @@ SHOUTING = (
 
 @pytest.fixture
 def free_ports() -> tuple[int, int]:
-    with ExitStack() as stack:
-        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(2)]
-        return sockets[0].getsockname()[1], sockets[1].getsockname()[1]
+    return free_port(), free_port()
 
 
 def shout(port: int, data: bytes) -> bytes:

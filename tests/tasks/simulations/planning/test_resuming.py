@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.ports import free_port
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
@@ -120,8 +121,7 @@ def test_the_next_worker_goes_on_and_ends_in_the_same_state(
 def test_what_was_done_is_stored_when_the_rest_cannot_be_started(
     service: Service, swing: Swing, worker: Callable[..., Any]
 ) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = free.getsockname()[1]
+    port = free_port()
     ports = {"portMappings": [{"jobPort": port, "applicationPort": 4000}]}
     push = {"packageName": "swinger", "launchFile": "make_agent", "portForwardingConfig": ports}
     job = swing(perform=False, robot={"launchConfig": push}, **SLOW)

@@ -79,10 +79,10 @@ HALF_A_MEGABYTE = 500_000
 def test_no_file_keeps_the_worker_busy(tmp_path: Path, text: str) -> None:
     (tmp_path / "a.launch").write_text(text)
     (tmp_path / "a.py").write_text(text)
-    began = time.process_time()
+    began = time.thread_time()
     assert readers_of("a.launch", tmp_path / "a.launch") == (1, 2)
     assert not is_launch_file("a.py", tmp_path / "a.py")
-    assert time.process_time() - began < 1.0
+    assert time.thread_time() - began < 1.0
 
 
 def test_of_huge_files_only_the_beginning_is_read(tmp_path: Path) -> None:

@@ -77,7 +77,9 @@ def test_specks_are_no_walls_and_the_frame_of_the_map_is_told(flat: World, tmp_p
     assert world.source.origin_m == pytest.approx((clean.source.origin_m[0] + 10, clean.source.origin_m[1] - 3))
     # The map is the flat's own: what the import says of its frame puts walls back where they were.
     [bath] = [room for room in flat.floorplan.rooms if room.name == "Bathroom"]
-    corners = [tuple(np.add(corner, clean.source.origin_m)) for room in clean.floorplan.rooms for corner in room.polygon]
+    corners = [
+        tuple(np.add(corner, clean.source.origin_m)) for room in clean.floorplan.rooms for corner in room.polygon
+    ]
     for corner in bath.polygon:
         assert min(np.hypot(*np.subtract(corner, each)) for each in corners) < 0.1
 

@@ -23,7 +23,10 @@ CASES = {
     "stray door": (ROOMS + DOOR.replace('"4"', '"2"'), "door d of 1.00 m: it lies in no wall"),
     "tiny door": (ROOMS + DOOR.replace('y2="2"', 'y2="1.2"'), "it is narrower than 0.5 m"),
     "wide door": (ROOMS + DOOR.replace('y2="2"', 'y2="3.5"'), "it is wider than 2.4 m; is the scale right?"),
-    "long door": (ROOMS.replace('height="4"', 'height="2"') + DOOR.replace('y1="1"', 'y1="0"'), "m between its corners"),
+    "long door": (
+        ROOMS.replace('height="4"', 'height="2"') + DOOR.replace('y1="1"', 'y1="0"'),
+        "m between its corners",
+    ),
     "two doors": (ROOMS + DOOR + DOOR.replace('"d"', '"e"'), "door e of 1.00 m between Kitchen and Living: another"),
     "ajar": (ROOMS + DOOR.replace("id=", 'data-open="wide" id='), "data-open is 'wide'; a number from 0 to 100"),
     "pixels": ('<g transform="scale(100)">' + ROOMS + DOOR + "</g>", "at 1 m a unit its rooms are 800 m wide"),

@@ -75,7 +75,9 @@ def test_collision_is_cheap_and_as_high_as_the_piece(kind: str, style: Style) ->
 def test_what_is_put_on_a_piece_stands_where_it_is_drawn(kind: str, style: Style) -> None:
     """Where the highest part drawn is level and large, something solid is as high; cushions give two centimetres."""
     parts = parts_of(furniture(kind, style))
-    levels = [part for part in parts if part.drawn and flat(part, 2) and min(part.size[:2]) > 0.3 and part.name != "throw"]
+    levels = [
+        part for part in parts if part.drawn and flat(part, 2) and min(part.size[:2]) > 0.3 and part.name != "throw"
+    ]
     for level in levels:
         spot = (level.center[0] + 0.11, level.center[1] + 0.12)
         over = [bounds(part)[2][1] for part in parts if part.drawn and covers(part, spot)]

@@ -249,7 +249,8 @@ def test_a_piece_that_needs_another_says_so(make_body: MakeBody) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_each_table_of_a_room_has_chairs(make_body: MakeBody, seed: int) -> None:
     rooms = (("Hall", "Hallway", 12.0), ("Dining", "Dining", 60.0))
-    _, furniture, _ = interior(make_body(rooms, furniture=[arrangement("all", None, "Dense", RoomTypes=["Dining"])]), seed)
+    dense = arrangement("all", None, "Dense", RoomTypes=["Dining"])
+    _, furniture, _ = interior(make_body(rooms, furniture=[dense]), seed)
     tables = [item for item in furniture if item.model_type == "DiningTables"]
     chairs = [item for item in furniture if item.model_type == "DiningChairs"]
     seats = [sum(sits_at(chair, table) for chair in chairs) for table in tables]
