@@ -30,7 +30,9 @@ class CellName(Model):
 class ChangedInput(Model):
     """Something that differs between a night on which a job passed and the next one, on which it did not."""
 
-    what: Literal["commit", "application", "version", "request"] = Field(description="What kind of thing.")
+    what: Literal["commit", "application", "version", "request", "requirements"] = Field(
+        description="What kind of thing; `request`: what is asked for beside requirements."
+    )
     name: str = Field(default="", description="Name of the application or package.")
     before: str | None = Field(default=None, description="Commit, digest or version before; absent: not known.")
     after: str | None = Field(default=None, description="The same after.")
@@ -65,6 +67,9 @@ class SinceLastRun(Model):
     previous_started_at: datetime | None = Field(default=None, description="Start of that run, UTC.")
     paired: int = Field(default=0, description="Jobs that an earlier run has a result of.")
     unpaired: int = Field(default=0, description="Jobs that no earlier run has a result of.")
+    other_requirements: int = Field(
+        default=0, description="Jobs that were judged by other requirements than when they ran last."
+    )
     newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
     newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")
     still_failing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, nor now.")

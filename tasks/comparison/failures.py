@@ -8,6 +8,7 @@ from ...schemas.reports.changes import ChangedInput, FailureStart
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
 from .nights import JUDGED, TOLD, NightRun
+from .pairing import Pair, pair_jobs
 
 _STEADY_CHANGES = 3
 """Changes of a job's result from which on it is unsteady, whatever its inputs were."""
@@ -61,9 +62,14 @@ def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
     ours, theirs = ({used.name: used.digest for used in inputs.applications} for inputs in (old, new))
     if ours and theirs:  # those of a job that broke early are not known
         changed += _differences("application", ours, theirs)
-    if old.request_sha256 != new.request_sha256:
-        changed.append(ChangedInput(what="request"))
-    return changed
+    return changed + changed_requests([Pair(before.job, after.job)])
+
+
+def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
+    """Whether some jobs were judged by other requirements in the second of two runs, or else asked for something else."""
+    if not all(pair.has_same_requirements for pair in pairs):
+        return [ChangedInput(what="requirements")]
+    return [] if all(pair.has_same_request for pair in pairs) else [ChangedInput(what="request")]
 
 
 def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
@@ -84,12 +90,13 @@ def applications_of(run: NightRun) -> dict[str, str]:
 
 
 def changed_nights(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """What differs between two runs, applications included."""
+    """What differs between two runs, applications and requests of the jobs that both have included."""
     ours, theirs = applications_of(before), applications_of(after)
     both = ours.keys() & theirs.keys()
-    return changed_runs(before, after) + _differences(
+    applications = _differences(
         "application", {name: ours[name] for name in both}, {name: theirs[name] for name in both}
     )
+    return changed_runs(before, after) + applications + changed_requests(pair_jobs(before.jobs, after.jobs).pairs)
 
 
 def results_changed(appearances: Sequence[Appearance]) -> int:

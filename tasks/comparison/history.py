@@ -17,6 +17,7 @@ from .failures import (
     results_changed,
 )
 from .nights import TOLD, CellTable, NightRun, name_of, outcome_of, reason_of
+from .pairing import Pair
 
 Named = Callable[[JobRecord], Iterable[tuple[str, Outcome]]]
 """Names under which a job counts, with how it ended under each."""
@@ -72,20 +73,22 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
     last = len(runs) - 1
     previous = next((run for run in reversed(runs[:last]) if _has_results(run)), None)
     found: dict[str, list[CellChange]] = defaultdict(list)
-    counts = {True: 0, False: 0}
+    counts, otherwise = {True: 0, False: 0}, 0
     for appearances in cells:
         now = appearances[-1]
         if now.night != last or now.outcome not in TOLD:
             continue
-        before = next((each.outcome for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
-        counts[before is not None] += 1
-        if kind := _kind_of_change(before, now.outcome):
+        earlier = next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
+        counts[earlier is not None] += 1
+        otherwise += earlier is not None and not Pair(earlier.job, now.job).has_same_requirements
+        if kind := _kind_of_change(earlier and earlier.outcome, now.outcome):
             found[kind].append(_change(appearances))
     return SinceLastRun(
         previous_run_id=previous.run_id if previous else None,
         previous_started_at=previous.started_at if previous else None,
         paired=counts[True],
         unpaired=counts[False],
+        other_requirements=otherwise,
         **found,
     )
 

@@ -74,6 +74,11 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
     return Pairing(pairs, [job for job in before if id(job) not in paired], only_after)
 
 
+def judged_otherwise(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> int:
+    """How many jobs that two runs have in common were judged by other requirements in the second."""
+    return sum(not pair.has_same_requirements for pair in pair_jobs(before, after).pairs)
+
+
 def _requirements(job: JobRecord) -> frozenset[tuple[str, str | None, float | None]]:
     """What a job was judged by. The limit of what an environment asks for itself may depend on how the run went."""
     return frozenset(

@@ -8,6 +8,8 @@ from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.reports.states import CaseOutcome
 from ...schemas.runs.plan import Requirement
 from ...schemas.settings import NotifyWhen
+from ..comparison.pairing import judged_otherwise
+from ..reporting.nights.changes import judged_otherwise_in_words
 
 WORST = 3
 """How many failures a message has."""
@@ -70,6 +72,8 @@ def message_of(record: RunRecord, before: RunRecord | None) -> Message:
     lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
+    if before is not None and (otherwise := judged_otherwise(before.jobs, record.jobs)):
+        lines.append(judged_otherwise_in_words(otherwise))
     if lines[-1]:
         lines.append("")
     if record.report_path:

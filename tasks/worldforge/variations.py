@@ -15,7 +15,7 @@ from .generator import GENERATOR_VERSION, measured
 
 _MOST_NAMED = 12
 _TOUCHES_M = 2e-3
-"""How near to a level things lie; the world says it to a tenth of a millimetre, and a round top is 1 mm lower at its rim."""
+"""How near to a level things lie: the world says it to a tenth of a millimetre, and a round top ends 1 mm lower."""
 
 
 class Move(NamedTuple):

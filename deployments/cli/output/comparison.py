@@ -7,7 +7,7 @@ from ....schemas.reports.changes import CellChange
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, Night
 from ....tasks.reporting import wording
-from ....tasks.reporting.nights.changes import change_in_words, shared_since, since_in_words
+from ....tasks.reporting.nights.changes import change_in_words, judged_otherwise_in_words, shared_since, since_in_words
 
 _MOST_JOBS = 10
 """Jobs of a list that are printed; JSON and pages have them all."""
@@ -47,6 +47,8 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines.append("  This is the first run that has results: there is nothing to compare it with.")
     elif not since.paired:
         lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
+    if since.other_requirements:
+        lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
     for title, changes in (
         ("newly failing", since.newly_failing),
         ("newly passing", since.newly_passing),

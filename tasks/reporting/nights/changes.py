@@ -11,9 +11,9 @@ _SHOWN = 8
 
 
 def change_in_words(change: ChangedInput) -> str:
-    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `request`."""
-    if change.what == "request":
-        return "its request"
+    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `requirements`."""
+    if change.what in ("request", "requirements"):
+        return change.what
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
     if change.before is None:
         return f"{what} {_short(change.after)} is new"
@@ -31,6 +31,14 @@ def since_in_words(since: FailureStart) -> str:
     if not since.changed:
         return f"{began}; nothing that is recorded changed then"
     return f"{began}; changed then: {', '.join(map(change_in_words, since.changed))}"
+
+
+def judged_otherwise_in_words(jobs: int) -> str:
+    """That verdicts of so many jobs mean something else than before: a sentence; empty where there are none."""
+    if not jobs:
+        return ""
+    were = "1 job was" if jobs == 1 else f"{jobs} jobs were"
+    return f"{were} judged by other requirements than before: a verdict that changed may say nothing about the robot."
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:
