@@ -52,7 +52,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "python": check_python,
         "packages": check_packages,
         "physics": check_physics,
-        "data home": lambda: check_home(settings.home),
+        "data home": lambda: check_home(settings.home, settings.min_free_disk_mb * 10**6),
         "catalog": lambda: check_catalog(without_roles),
         "object store": lambda: check_store(settings),
         "roles": lambda: check_roles(settings),
@@ -145,8 +145,13 @@ def check_physics() -> Finding:
     return Finding("physics", "broken", last, "install again: uv sync --frozen")
 
 
-def check_home(home: Path) -> Finding:
-    """Whether the data home can be written, and has space."""
+def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
+    """Whether the data home can be written, and has space.
+
+    Args:
+        home: the data home.
+        least_free_bytes: what has to be free for a job to begin.
+    """
     probe = home / f".doctor-{uuid.uuid4().hex}"
     try:
         home.mkdir(parents=True, exist_ok=True)
@@ -156,7 +161,13 @@ def check_home(home: Path) -> Finding:
         remedy = "set ROBOMAKER_HOME to a folder you can write to"
         return Finding("data home", "broken", f"{home}: {error.strerror}", remedy)
     free = shutil.disk_usage(home).free
-    found = f"{home}, {free / 1024**3:.0f} GiB free"
+    found = f"{home}, {free / 1024**3:.1f} GiB free"
+    if free < least_free_bytes:
+        remedy = (
+            f"free {(least_free_bytes - free) / 1e6:.0f} MB: no job begins below ROBOMAKER_MIN_FREE_DISK_MB, which is "
+            f"{least_free_bytes / 1e6:.0f}; robomaker gc removes old runs"
+        )
+        return Finding("data home", "broken", found, remedy)
     if free < _LITTLE_SPACE_BYTES:
         return Finding("data home", "warning", found, "worlds and recordings may fill it; free some space")
     return Finding("data home", "ok", found)

@@ -42,6 +42,8 @@ def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None 
     """Classifies a job by its status first: a verdict counts only when the job ended by itself."""
     if status in ("Canceled", "Terminated", "Terminating"):
         return "canceled"
+    if status == "NotCreated" and failure_code == "BatchCanceled":
+        return "canceled"
     if status in ("Failed", "RunningFailed", "NotCreated") or (failure_code and status != "Completed"):
         return "broken"
     if status != "Completed":
@@ -69,7 +71,7 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
             states.add(outcome)
     worst: RunState = next(state for state in _SEVERITY if state in states or state == "succeeded")
     # A job that was canceled, perhaps by itself, hides nothing that is wrong with others.
-    if worst == "succeeded" and any(job.status == "Canceled" for job in jobs):
+    if worst == "succeeded" and any(job.status == "Canceled" or job.failure_code == "BatchCanceled" for job in jobs):
         return "canceled"
     return worst
 

@@ -66,7 +66,7 @@ def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
 
 
 def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
-    """Whether some jobs were judged by other requirements in the second of two runs, or else asked for something else."""
+    """Whether some jobs were judged by other requirements the second time, or else asked for something else."""
     if not all(pair.has_same_requirements for pair in pairs):
         return [ChangedInput(what="requirements")]
     return [] if all(pair.has_same_request for pair in pairs) else [ChangedInput(what="request")]

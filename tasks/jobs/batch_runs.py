@@ -219,7 +219,8 @@ class BatchRun:
         jobs = jobs_by_request(self._batch, self._service).values()
         documents = [(job.status, SimulationJobDocument.of(job)) for job in jobs]
         outcomes = [case_outcome(status, job.verdict, job.failure_code) for status, job in documents]
-        return outcomes_in_words([*outcomes, *(case_outcome("NotCreated", None) for _ in self._failed)])
+        unmade = [case_outcome("NotCreated", None, failure.failure_code) for failure in self._failed.values()]
+        return outcomes_in_words([*outcomes, *unmade])
 
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
         """Has job workers of a backend run the jobs; here they are only made and awaited.

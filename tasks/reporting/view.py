@@ -247,7 +247,8 @@ def _numbers(job: ReportedJob) -> Numbers:
         return Numbers(wall_time_s=job.duration_s)
     is_simulated = result.sim_time_s > 0  # programs on their own have no simulation of ours: its noughts mean nothing
     strongest = max((collision.max_force_N for collision in result.collisions), default=None)
-    listed = float(len(result.collisions)) if is_simulated or result.collisions else None
+    # An environment that neither lists nor counts them has not looked.
+    listed = float(len(result.collisions)) or None
     return Numbers(
         rooms_visited=sum(room.visited for room in result.rooms),
         rooms=len(result.rooms),
@@ -256,7 +257,7 @@ def _numbers(job: ReportedJob) -> Numbers:
         real_time_factor=result.real_time_factor if is_simulated else None,
         # The list of collisions is cut at 200; the metric counts all.
         collisions=result.metrics.get("collisions", listed),
-        max_force_N=result.metrics.get("max_force_N", strongest),
+        max_force_N=result.metrics.get("max_force_N", result.metrics.get("max_contact_force_N", strongest)),
         wall_time_s=result.wall_time_s if job.duration_s is None else job.duration_s,
     )
 

@@ -11,9 +11,9 @@ _SHOWN = 8
 
 
 def change_in_words(change: ChangedInput) -> str:
-    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `requirements`."""
+    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
     if change.what in ("request", "requirements"):
-        return change.what
+        return f"its {change.what}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
     if change.before is None:
         return f"{what} {_short(change.after)} is new"

@@ -1,15 +1,18 @@
 """Histories: since when jobs fail, what changed then, which are unsteady, and what changed since the last run."""
 
+from pathlib import Path
 from typing import Any
 
 from helpers.night_records import digest, make_job, make_night
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.deployments.cli.output.comparison import history_lines
 from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.notifications.messages import message_of
 
 
 def runs(*nights: Any, **members: Any) -> list[NightRun]:
@@ -131,6 +134,22 @@ def test_nights_say_what_changed_from_one_to_the_next() -> None:
     made = [make_night("P", 0), make_night("P", 1), make_night("P", 2, commit="b", robot="robot 2")]
     nights = history_of("nightly", [NightRun.of(each) for each in made]).nights
     assert [[change.what for change in night.changed] for night in nights] == [[], [], ["commit", "application"]]
+
+
+def test_other_requirements_are_told_wherever_results_are() -> None:
+    """A night that is green since less is asked for is not taken for a better robot."""
+    strict = make_night("FF", 0)
+    asked = [each.model_copy(update={"limit": 100_000.0}) for each in strict.jobs[0].requirements]
+    loose = make_night("PF", 1)
+    loose = loose.model_copy(
+        update={"jobs": [loose.jobs[0].model_copy(update={"requirements": asked}), *loose.jobs[1:]]}
+    )
+    told = history_of("nightly", [NightRun.of(strict), NightRun.of(loose)])
+    assert [[change.what for change in night.changed] for night in told.nights] == [[], ["requirements"]]
+    assert len(told.since_last.newly_passing) == told.since_last.other_requirements == 1
+    assert "1 job was judged by other requirements than before" in "\n".join(history_lines(told, Path("page")))
+    assert "1 job was judged by other requirements than before" in message_of(loose, strict).body
+    assert "other requirements" not in message_of(strict, strict).body
 
 
 def test_early_records_have_a_rate_and_no_cells() -> None:

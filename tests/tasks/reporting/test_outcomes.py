@@ -28,6 +28,12 @@ def test_outcome_follows_status_then_verdict(
     assert outcome_of(make_job("sim-1", None, status=status, result=result)) is expected
 
 
+def test_a_request_that_was_cancelled_before_it_was_a_job_is_no_failure(make_job: Any) -> None:
+    unmade = make_job("request 3", None, arn=None, status="NotCreated", failure_code="BatchCanceled")
+    assert outcome_of(unmade) is Outcome.CANCELED
+    assert outcome_of(unmade.model_copy(update={"failure_code": "BatchTimedOut"})) is Outcome.BROKEN
+
+
 def test_counts_are_ordered_by_severity(mixed_report: Any) -> None:
     assert list(count_outcomes(mixed_report.jobs).items()) == [
         (Outcome.BROKEN, 1),

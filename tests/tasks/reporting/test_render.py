@@ -243,6 +243,16 @@ def test_programs_without_a_simulation_have_no_numbers_of_one(
     assert cells[1:] == ["", "", "", "", "", "", "7.4"]
 
 
+def test_an_environment_that_counts_no_collisions_has_none_to_show(
+    make_report: Any, make_job: Any, make_result: Any
+) -> None:
+    measured = {"metrics": {"max_contact_force_N": 227.8}, "collisions": []}
+    result = make_result("FAIL", 5).model_copy(update=measured)
+    page = Document(render_report(make_report([], [make_job("sim-1", None, result=result)])))
+    cells = [cell["data-sort"] for cell in page.all("td") if "data-sort" in cell]
+    assert cells[5:7] == ["", "227.8"]
+
+
 def test_tools_that_kept_dying_are_told(make_report: Any, make_job: Any, make_result: Any) -> None:
     tool = ToolEnds(role="robot", name="rviz<b>", ends=14, last_end="exited with code 1")
     result = make_result("PASS", 5).model_copy(update={"tools": [tool]})

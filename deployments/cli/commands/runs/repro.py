@@ -5,6 +5,7 @@ The folder has all that the run needs: world, application bundles, data, seed.
 
 import argparse
 import os
+import shlex
 import sys
 from pathlib import Path
 
@@ -39,7 +40,7 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.write(f"It is not the same run: {'; '.join(made.other_inputs)}. The folder has what there is now.\n")
     if made.video is not None:
         sys.stdout.write(f"Video: {made.video}\n")
-    sys.stdout.write(f"Run it again: python -m pytest {made.test}\n")
+    sys.stdout.write(f"Run it again: python -m pytest {shlex.quote(str(made.test))}\n")
     return 0
 
 

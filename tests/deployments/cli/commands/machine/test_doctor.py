@@ -59,6 +59,14 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     assert "✓ physics" in ended.out
 
 
+def test_a_disk_on_which_no_job_begins_is_broken(robomaker, monkeypatch) -> None:
+    monkeypatch.setenv("ROBOMAKER_MIN_FREE_DISK_MB", "9999999")
+    ended = robomaker("doctor")
+    assert ended.code == 3
+    assert "✗ data home" in ended.out
+    assert "no job begins below ROBOMAKER_MIN_FREE_DISK_MB, which is 9999999" in ended.out
+
+
 def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypatch) -> None:
     def raising(*_: object) -> health.Finding:
         raise ImportError("libGL.so.1: cannot open shared object file")

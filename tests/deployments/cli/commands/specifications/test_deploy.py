@@ -234,6 +234,8 @@ def test_a_server_of_ones_own_is_told_how_shells_find_it(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
+        (("--schedule", "0 0 31 2 *"), "--schedule is '0 0 31 2 *', which never comes"),
+        (("--schedule", "60 2 * * *"), "--schedule is '60 2 * * *'; one of its fields is out of range: minute 0-59"),
         (("--schedule", "0 2 * *"), "--schedule is '0 2 * *'; five fields would be right"),
         (("--schedule", "0 2 * * *", "--timezone", "Berlin"), "--timezone is 'Berlin'; an IANA name such as UTC"),
         (("--image", "lab/robots:1"), "is of type process, whose runs have no image"),
