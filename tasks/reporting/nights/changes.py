@@ -11,7 +11,7 @@ _SHOWN = 8
 
 
 def change_in_words(change: ChangedInput) -> str:
-    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
+    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b → 5e6f`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
     if change.what in ("request", "requirements"):
         return f"its {change.what}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
