@@ -13,10 +13,14 @@ from typing import Any, BinaryIO
 
 import mujoco
 import numpy as np
-import trimesh
-from trimesh.exchange.gltf import export_glb
-from trimesh.visual import TextureVisuals
-from trimesh.visual.material import PBRMaterial
+
+from ..held_signals import held_signals
+
+with held_signals():
+    import trimesh
+    from trimesh.exchange.gltf import export_glb
+    from trimesh.visual import TextureVisuals
+    from trimesh.visual.material import PBRMaterial
 
 from .export_meshes import Mesh, capsule_mesh, compiled_mesh, unit_mesh
 from .export_scene import Matrix, Scene, Shape, Vector, material_png, read_scene, texture_name
