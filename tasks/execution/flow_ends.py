@@ -52,6 +52,24 @@ class RunNotSucceeded(RobomakerError):
         return self.result.message
 
 
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """Leaves in a log of an error that has a message for users that message, without a traceback.
+
+    A robot that misses its requirements, or a request that is refused, is no fault of a program; tracebacks of every
+    night in a worker's log would hide those that are.
+    """
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, RobomakerError):
+        record.msg, record.args = "%s: %s", (type(error).__name__, error)
+        record.exc_info = record.exc_text = None
+    return True
+
+
+# Through these Prefect says that a flow or a task raised something.
+for _name in ("prefect.engine", "prefect.flow_runs", "prefect.task_runs"):
+    logging.getLogger(_name).addFilter(_in_one_line)
+
+
 def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_fails_run: bool) -> State[Any]:
     """The state in which a flow ends; in a good one its result is what it returns, in others a `RunNotSucceeded`.
 

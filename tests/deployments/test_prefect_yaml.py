@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ from uuid import UUID
 import pytest
 from helpers.paths import REPOSITORY
 from helpers.processes import process_worker, wait_for
+from helpers.server_log import tracebacks
 from helpers.small_flat import BODY, ROLE
 from ruamel.yaml import YAML
 
@@ -112,6 +114,8 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
     assert refused.type.value == "FAILED", log
     assert "InvalidParameterException" in refused.message
     assert "Bildings" in refused.message
+    assert re.search(r"InvalidParameterException: .*Bildings", log)
+    assert tracebacks(log) == []
     assert pipeline.type.value == "COMPLETED", f"{pipeline.message}\n{log}"
     assert pipeline.message.startswith("succeeded: 1 of 1 verdicts pass")
     assert list((tmp_path / "store").rglob("recording.mcap")), "the worker set what the block says"
