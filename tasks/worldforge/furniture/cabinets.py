@@ -13,6 +13,7 @@ from ..geometry.parts import (
     box,
     carcass,
     fronts,
+    hidden,
     legs,
     rgb,
     rounded,
@@ -35,9 +36,9 @@ def _chest(style: Style, columns: int, rows: int) -> list[Part]:
     """Plinth, body, top, fronts."""
     top = style.height_m
     return [
-        slab("plinth", style, (0, 0.07), BLACK, inset=0.04, solid=True),
-        carcass(style, (0.07, top - 0.03), style.main),
-        slab("top", style, (top - 0.03, top), style.accent, solid=True),
+        slab("plinth", style, (0, 0.07), BLACK, inset=0.04),
+        *carcass(style, (0.07, top - 0.03), top, style.main),
+        slab("top", style, (top - 0.03, top), style.accent),
         *fronts(style, columns, rows, (0.08, top - 0.04), style.accent, CHROME),
     ]
 
@@ -139,9 +140,10 @@ def corner_cabinet(style: Style) -> list[Part]:
     is_tall = style.form == "tall"
     low = 0.8 if is_tall else top - 0.04
     parts = [
-        box("plinth", (-x + 0.01, x - 0.06), (-y + 0.01, y - 0.06), (0, 0.08), BLACK, solid=True),
-        box("body", (-x, x - 0.02), (-y, y - 0.02), (0.07, top - 0.03), style.main, solid=True),
-        slab("top", style, (top - 0.03, top), style.accent, solid=True),
+        box("plinth", (-x + 0.01, x - 0.06), (-y + 0.01, y - 0.06), (0, 0.08), BLACK),
+        box("body", (-x, x - 0.02), (-y, y - 0.02), (0.07, top - 0.03), style.main),
+        hidden("inside", (-x, x - 0.02), (-y, y - 0.02), (0, top), style.main),
+        slab("top", style, (top - 0.03, top), style.accent),
         box("door-front", (x - 0.03, x - 0.008), (-y + 0.01, y - 0.03), (0.09, low), style.accent),
         box("door-side", (-x + 0.01, x - 0.03), (y - 0.03, y - 0.008), (0.09, low), style.accent),
         upright("handle-front", (x - 0.004, y - 0.08), 0.014, (low - 0.26, low - 0.08), CHROME),
@@ -190,9 +192,9 @@ def _counter(style: Style) -> list[Part]:
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     parts = [
-        slab("plinth", style, (0, 0.09), BLACK, inset=0.05, solid=True),
-        carcass(style, (0.09, top - 0.04), style.main),
-        slab("top", style, (top - 0.04, top), rgb("d8d4cb"), solid=True),
+        slab("plinth", style, (0, 0.09), BLACK, inset=0.05),
+        *carcass(style, (0.09, top - 0.04), top, style.main),
+        slab("top", style, (top - 0.04, top), rgb("d8d4cb")),
         *fronts(style, 2 if style.width_m > 0.7 else 1, 1, (0.1, top - 0.05), style.main, CHROME),
     ]
     if style.form == "counter-sink":

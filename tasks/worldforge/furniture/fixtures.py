@@ -109,9 +109,9 @@ def vanity(style: Style) -> list[Part]:
     """A washstand with one or two basins and a mirror."""
     x, y, top = style.half_depth_m, style.half_width_m, 0.86
     parts = [
-        slab("plinth", style, (0, 0.08), BLACK, inset=0.05, solid=True),
-        carcass(style, (0.08, top - 0.035), style.main),
-        slab("top", style, (top - 0.035, top), rgb("efece6"), solid=True),
+        slab("plinth", style, (0, 0.08), BLACK, inset=0.05),
+        *carcass(style, (0.08, top - 0.035), top, style.main),
+        slab("top", style, (top - 0.035, top), rgb("efece6")),
         *fronts(style, 2, 1, (0.1, top - 0.05), style.main, CHROME),
         box("mirror", (-x, -x + 0.02), (-y + 0.06, y - 0.06), (top + 0.2, style.height_m), MIRROR),
     ]
@@ -138,7 +138,7 @@ def fridge(style: Style) -> list[Part]:
         doors = ((-y + 0.004, -0.005), (0.005, y - 0.004))
         return [
             box("body", (-x, x - 0.06), (-y, y), (0.03, top), style.main, solid=True),
-            box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK, solid=True),
+            box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK),
             *[
                 box(f"door-{i}", (x - 0.06, x - 0.015), span, (0.05, top - 0.005), style.accent)
                 for i, span in enumerate(doors)
@@ -152,7 +152,7 @@ def fridge(style: Style) -> list[Part]:
     split = 0.38 * top
     return [
         box("body", (-x, x - 0.06), (-y, y), (0.03, top), style.main, solid=True),
-        box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK, solid=True),
+        box("plinth", (-x + 0.03, x - 0.08), (-y + 0.02, y - 0.02), (0, 0.03), BLACK),
         box("door-upper", (x - 0.06, x - 0.015), (-y + 0.004, y - 0.004), (split + 0.01, top - 0.005), style.accent),
         box("door-lower", (x - 0.06, x - 0.015), (-y + 0.004, y - 0.004), (0.05, split - 0.01), style.accent),
         upright("handle-upper", (x - 0.008, -y + 0.06), 0.016, (split + 0.08, split + 0.6), CHROME),
@@ -193,9 +193,9 @@ def oven(style: Style) -> list[Part]:
         )
     return [
         *knobs,
-        carcass(style, (0.05, top - 0.03), style.main),
-        slab("plinth", style, (0, 0.05), BLACK, inset=0.03, solid=True),
-        slab("hob", style, (top - 0.03, top), BLACK, solid=True),
+        *carcass(style, (0.05, top - 0.03), top, style.main),
+        slab("plinth", style, (0, 0.05), BLACK, inset=0.03),
+        slab("hob", style, (top - 0.03, top), BLACK),
         *plates,
         box("door", (x - 0.03, x - 0.012), (-y + 0.02, y - 0.02), (0.12, 0.66), style.accent),
         box("window", (x - 0.02, x - 0.009), (-y + 0.09, y - 0.09), (0.22, 0.52), BLACK),
@@ -208,9 +208,9 @@ def dishwasher(style: Style) -> list[Part]:
     """One door under a worktop."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     return [
-        carcass(style, (0.08, top - 0.04), style.main),
-        slab("plinth", style, (0, 0.08), BLACK, inset=0.04, solid=True),
-        slab("top", style, (top - 0.04, top), rgb("d8d4cb"), solid=True),
+        *carcass(style, (0.08, top - 0.04), top, style.main),
+        slab("plinth", style, (0, 0.08), BLACK, inset=0.04),
+        slab("top", style, (top - 0.04, top), rgb("d8d4cb")),
         box("door", (x - 0.03, x - 0.012), (-y + 0.01, y - 0.01), (0.1, top - 0.17), style.accent),
         box("controls", (x - 0.03, x - 0.01), (-y + 0.01, y - 0.01), (top - 0.16, top - 0.05), DARK_STEEL),
         lying("handle", (x - 0.01, 0, top - 0.22), 0.016, style.width_m - 0.2, "y", CHROME),

@@ -30,8 +30,8 @@ def bed(style: Style) -> list[Part]:
     parts = [
         box("headboard", (-x, -x + 0.06), (-y, y), (0.0, top), style.main, solid=True),
         box("frame", (-x + 0.06, x), (-y, y), (0.1, 0.27), style.main, solid=True),
-        box("mattress", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.46), WHITE, solid=True),
-        hidden("filling", (-x + 0.62, x - 0.03), (-y + 0.03, y - 0.03), (0.46, 0.51 - _GIVES_M), style.soft),
+        box("mattress", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.46), WHITE),
+        hidden("filling", (-x + 0.07, x - 0.03), (-y + 0.03, y - 0.03), (0.26, 0.51 - _GIVES_M), WHITE),
         box("duvet", (-x + 0.62, x - 0.012), (-y + 0.012, y - 0.012), (0.3, 0.51), style.soft),
         box("fold", (-x + 0.56, -x + 0.78), (-y + 0.008, y - 0.008), (0.32, 0.53), WHITE),
         box("throw", (x - 0.5, x - 0.2), (-y + 0.006, y - 0.006), (0.31, 0.54), style.accent),
@@ -63,20 +63,27 @@ def seat(style: Style) -> list[Part]:
     places = max(1, round((style.width_m - 2 * arm) / 0.68))
     place = (style.width_m - 2 * arm) / places
     arm_top = 0.56 if slim else 0.6
+    inside, floor = (
+        (-x + back, x - 0.02),
+        low if slim else 0.0,
+    )  # a plinth is set back a little, and collides with it all
     parts = [
-        box("base", (-x + back, x - 0.02), (-y + arm, y - arm), (low, 0.31), style.soft, solid=True),
-        box("back", (-x, -x + back), (-y, y), (low, style.height_m), style.soft, solid=True),
-        box("arm-left", (-x + back, x), (y - arm, y), (low, arm_top), style.soft, solid=True),
-        box("arm-right", (-x + back, x), (-y, -y + arm), (low, arm_top), style.soft, solid=True),
+        box("base", inside, (-y + arm, y - arm), (low, 0.31), style.soft),
+        box("back", (-x, -x + back), (-y, y), (low, style.height_m), style.soft),
+        box("arm-left", (-x + back, x), (y - arm, y), (low, arm_top), style.soft),
+        box("arm-right", (-x + back, x), (-y, -y + arm), (low, arm_top), style.soft),
+        hidden("filling", inside, (-y + arm, y - arm), (floor, 0.44 - _GIVES_M), style.soft),
+        hidden("inside-back", (-x, -x + back), (-y, y), (floor, style.height_m), style.soft),
+        hidden("inside-left", (-x + back, x), (y - arm, y), (floor, arm_top), style.soft),
+        hidden("inside-right", (-x + back, x), (-y, -y + arm), (floor, arm_top), style.soft),
     ]
     if slim:
         wood = rgb("a5764a")
         spots = [(x - 0.09, y - 0.08), (x - 0.09, -y + 0.08), (-x + 0.09, y - 0.08), (-x + 0.09, -y + 0.08)]
         parts += [upright(f"leg-{index + 1}", spot, 0.045, (0, low + 0.01), wood) for index, spot in enumerate(spots)]
     else:
-        parts.append(slab("plinth", style, (0, 0.09), BLACK, inset=0.06, solid=True))
+        parts.append(slab("plinth", style, (0, 0.09), BLACK, inset=0.06))
     light = _lighter(style.soft)
-    parts.append(hidden("filling", (-x + back, x - 0.02), (-y + arm, y - arm), (0.3, 0.44 - _GIVES_M), light))
     for index in range(places):
         left = -y + arm + index * place
         span = (left + 0.008, left + place - 0.008)
@@ -123,9 +130,9 @@ def ottoman(style: Style) -> list[Part]:
             *bearings("filling", (0, 0), style.width_m - 0.02, (top - 0.09, top - _GIVES_M), style.soft, 45.0),
         ]
     return [
-        slab("body", style, (0.08, top - 0.1), style.soft, solid=True),
+        slab("body", style, (0.08, top - 0.1), style.soft),
         slab("cushion", style, (top - 0.1, top), _lighter(style.soft), inset=0.01),
-        hidden("filling", (-x + 0.01, x - 0.01), (-y + 0.01, y - 0.01), (top - 0.1, top - _GIVES_M), style.soft),
+        hidden("filling", (-x, x), (-y, y), (0.08, top - _GIVES_M), style.soft),
         slab("feet", style, (0, 0.09), style.main, inset=0.05),
     ]
 
@@ -190,9 +197,9 @@ def storage_bench(style: Style) -> list[Part]:
     """A bench with drawers below the cushion."""
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
-    body = box("body", (-x, x - 0.022), (-y, y), (0.0, top - 0.08), style.main, solid=True)
+    body = box("body", (-x, x - 0.022), (-y, y), (0.0, top - 0.08), style.main)
     cushion = slab("cushion", style, (top - 0.08, top), style.soft)
-    filling = hidden("filling", (-x, x), (-y, y), (top - 0.08, top - _GIVES_M), style.soft)
+    filling = hidden("filling", (-x, x - 0.022), (-y, y), (0, top - _GIVES_M), style.soft)
     columns = 2 if style.width_m < 1.2 else 3
     return [body, cushion, filling, *fronts(style, columns, 1, (0.04, top - 0.09), style.accent, CHROME)]
 

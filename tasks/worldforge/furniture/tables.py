@@ -35,9 +35,9 @@ def coffee_table(style: Style) -> list[Part]:
         return [*_pedestal(style, foot=0.6), *_tray(style, top)]
     if style.form == "chest":
         return [
-            carcass(style, (0.06, top - 0.035), style.main),
-            slab("plinth", style, (0, 0.06), BLACK, inset=0.05, solid=True),
-            slab("top", style, (top - 0.035, top), style.accent, solid=True),
+            *carcass(style, (0.06, top - 0.035), top, style.main),
+            slab("plinth", style, (0, 0.06), BLACK, inset=0.05),
+            slab("top", style, (top - 0.035, top), style.accent),
             *fronts(style, 2, 1, (0.08, top - 0.045), style.accent, CHROME),
             *_tray(style, top),
         ]
@@ -138,9 +138,9 @@ def nightstand(style: Style) -> list[Part]:
         ]
     return [
         *lamp,
-        carcass(style, (0.06, top - 0.025), style.main),
-        slab("plinth", style, (0, 0.06), BLACK, inset=0.04, solid=True),
-        slab("top", style, (top - 0.025, top), style.accent, solid=True),
+        *carcass(style, (0.06, top - 0.025), top, style.main),
+        slab("plinth", style, (0, 0.06), BLACK, inset=0.04),
+        slab("top", style, (top - 0.025, top), style.accent),
         *fronts(style, 1, 2, (0.08, top - 0.03), style.accent, CHROME),
     ]
 
@@ -223,9 +223,9 @@ def kitchen_island(style: Style) -> list[Part]:
             board,
         ]
     return [
-        carcass(style, (0.08, top - 0.04), style.main),
-        slab("plinth", style, (0, 0.08), BLACK, inset=0.05, solid=True),
-        slab("top", style, (top - 0.04, top), STEEL if style.colors == "black" else WHITE, solid=True),
+        *carcass(style, (0.08, top - 0.04), top, style.main),
+        slab("plinth", style, (0, 0.08), BLACK, inset=0.05),
+        slab("top", style, (top - 0.04, top), STEEL if style.colors == "black" else WHITE),
         *fronts(style, 3, 2, (0.1, top - 0.06), style.main, CHROME),
         board,
         upright("bowl", (0.05, 0.3 * style.width_m), 0.24, (top, top + 0.08), style.soft),

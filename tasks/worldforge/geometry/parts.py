@@ -213,16 +213,14 @@ def fronts(
     return parts
 
 
-def carcass(style: Style, z: Span, color: Color) -> Part:
-    """The solid body behind `fronts`."""
-    return box(
-        "body",
-        (-style.half_depth_m, style.half_depth_m - 0.022),
-        (-style.half_width_m, style.half_width_m),
-        z,
-        color,
-        solid=True,
-    )
+def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
+    """The body behind `fronts`, over a plinth and under a top.
+
+    One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
+    by as much, which is too little to cost two boxes more.
+    """
+    sides = (-style.half_depth_m, style.half_depth_m - 0.022), (-style.half_width_m, style.half_width_m)
+    return [box("body", *sides, z, color), hidden("inside", *sides, (0, top_m), color)]
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
