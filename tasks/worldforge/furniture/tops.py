@@ -24,7 +24,8 @@ def height_at(parts: Sequence[Part], spot: Box) -> float | None:
     if not under:
         return None
     height = max(map(_top, under))
-    highest = [part for part in under if _top(part) == height]
+    # A drawn top and the box below it that carries are as high, but for the last digit.
+    highest = [part for part in under if _top(part) > height - 1e-6]
     return height if any(part.solid and _carries(part, x0, y0, x1, y1) for part in highest) else None
 
 

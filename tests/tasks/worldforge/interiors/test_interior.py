@@ -309,6 +309,25 @@ def test_loose_objects_are_as_many_as_a_template_asks_for(make_body: MakeBody) -
     assert (loose["Living Room"], loose["Kitchen"]) == (14, 0)
     assert world.checks
     assert (world.checks.settled_share, world.checks.penetrations) == (1.0, 0)
+    assert {wish.outcome for wish in world.wishes if wish.path.endswith("LooseObjects")} == {"satisfied"}
     on_tops = [item for item in world.furniture if item.movable and item.base_m > 0]
     for one, other in combinations(on_tops, 2):
         assert np.hypot(one.x - other.x, one.y - other.y) >= min(one.width_m, other.width_m), (one.id, other.id)
+
+
+def test_kitchens_and_baths_get_loose_objects_and_a_room_that_is_short_of_them_says_so(make_body: MakeBody) -> None:
+    asked = [
+        arrangement(name, None, RoomNames=[name]) | {"LooseObjects": count}
+        for name, count in (("Kitchen", 5), ("Bath", 30))
+    ]
+    for seed in SEEDS:
+        _, furniture, wishes = interior(make_body(furniture=asked), seed)
+        loose = Counter(item.room for item in furniture if item.movable)
+        counters = [item for item in furniture if item.movable and item.room == "Kitchen" and item.base_m > 0.8]
+        assert loose["Kitchen"] == 5
+        assert counters
+        assert 3 <= loose["Bath"] < 30
+        told = {wish.wish: (wish.outcome, wish.reason) for wish in wishes if wish.path.endswith("LooseObjects")}
+        assert told["5 loose objects in each room of Kitchen"] == ("satisfied", "")
+        short = f"Bath has place for {loose['Bath']}, on tops and on the floor"
+        assert told["30 loose objects in each room of Bath"] == ("missed", short)
