@@ -59,6 +59,7 @@ from ..tasks.inspection.pipeline_parts import (
 )
 from ..tasks.inspection.preflight import await_store, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
+from ..tasks.notifications.long_waits import LongWaits
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.applications.records import existing_application
 from ..tasks.operations.step_operations import step_registry
@@ -104,7 +105,7 @@ def run_spec(
     Raises:
         RunInterrupted: Ctrl-C was pressed.
     """
-    service = Service.open(settings)
+    service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(
         checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, run_id=run_id,

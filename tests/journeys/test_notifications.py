@@ -16,6 +16,8 @@ from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.tasks.machine import notices
+from prefect_robomaker.tasks.notifications import long_waits
 from prefect_robomaker.tasks.service.service import Service
 
 Run = Callable[..., RunRecord]
@@ -110,3 +112,24 @@ def test_nobody_is_told_unless_asked_and_apprise_is_not_loaded(run: Run, webhook
     code = "import sys; import prefect_robomaker.tasks.notifications.notices; print('apprise' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"
+
+
+def test_a_night_that_waits_for_disk_is_told_of_while_it_waits(
+    run: Run, settings: Settings, webhook: Webhook, events: list[ProgressEvent], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Notes of waits come each ten minutes; here the first one is late enough."""
+    monkeypatch.setattr(long_waits, "AFTER_S", 0.0)
+    monkeypatch.setattr(notices, "_AGAIN_S", 1.0)
+    batch = {
+        "operation": "StartSimulationJobBatch",
+        "input": {
+            "batchPolicy": {"timeoutInSeconds": 8},
+            "createSimulationJobRequests": [drive(100)["job"]["input"]],
+        },
+    }
+
+    run({**drive(100), "job": batch}, min_free_disk_mb=9_999_999)
+
+    told = [each for each in webhook.got if each["title"] == "nightly: waits for disk"]
+    assert len(told) == 1
+    assert "MB are free on the disk of ROBOMAKER_HOME, and a job begins with at least 9999999 MB" in told[0]["message"]

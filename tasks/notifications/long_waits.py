@@ -1,0 +1,51 @@
+"""Telling of a run that cannot go on until somebody makes room on the disk."""
+
+import time
+from collections.abc import Callable
+
+from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepProgress
+from ...schemas.settings import Settings
+from .messages import Message
+from .sending import send, unknown_channels
+
+AFTER_S = 540.0
+"""How long a run waits for disk before it is told of; notes of waits, on which that is looked at, come every 10 min."""
+
+
+class LongWaits:
+    """A listener of a run's progress that tells once of a long wait for disk, and passes everything on.
+
+    At first it says which channels there are not: when the run has ended, it is too late for that. Other waits end by themselves, when jobs do; of the end of the run is told as always.
+
+    Args:
+        name: of the specification.
+        settings: who is told, and when.
+        listener: is given every event, and what channel did not take the message.
+        clock: seconds.
+    """
+
+    def __init__(
+        self, name: str, settings: Settings, listener: ProgressListener, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._name, self._settings, self._listener, self._clock = name, settings, listener, clock
+        self._since_s: float | None = None
+        self._is_told = not (settings.notify and settings.notify_when - {"recovery"})
+        if settings.notify:
+            for problem in unknown_channels(settings.notify):
+                listener(Note(f"nobody will be told: {problem}"))
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Takes an event."""
+        self._listener(event)
+        if isinstance(event, StepProgress):
+            self._since_s = (self._since_s or self._clock()) if event.waits_for == "disk" else None
+        elif isinstance(event, Note) and self._since_s is not None and not self._is_told:
+            if self._clock() - self._since_s >= AFTER_S:
+                self._is_told = True
+                self._tell(event.text)
+
+    def _tell(self, why: str) -> None:
+        body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
+        message = Message(f"{self._name}: waits for disk", body, good=False)
+        for problem in send(self._settings.notify, message, {}):
+            self._listener(Note(f"not notified: {problem}"))
