@@ -15,7 +15,8 @@ AFTER_S = 540.0
 class LongWaits:
     """A listener of a run's progress that tells once of a long wait for disk, and passes everything on.
 
-    At first it says which channels there are not: when the run has ended, it is too late for that. Other waits end by themselves, when jobs do; of the end of the run is told as always.
+    At first it says which channels there are not: when the run has ended, it is too late for that. Other waits end by
+    themselves, when jobs do; of the end of the run is told as always.
 
     Args:
         name: of the specification.
@@ -39,10 +40,13 @@ class LongWaits:
         self._listener(event)
         if isinstance(event, StepProgress):
             self._since_s = (self._since_s or self._clock()) if event.waits_for == "disk" else None
-        elif isinstance(event, Note) and self._since_s is not None and not self._is_told:
-            if self._clock() - self._since_s >= AFTER_S:
-                self._is_told = True
-                self._tell(event.text)
+        elif isinstance(event, Note) and not self._is_told and self._waited_s() >= AFTER_S:
+            self._is_told = True
+            self._tell(event.text)
+
+    def _waited_s(self) -> float:
+        """For how long it has waited for disk; less than nothing: it does not."""
+        return -1.0 if self._since_s is None else self._clock() - self._since_s
 
     def _tell(self, why: str) -> None:
         body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
