@@ -17,8 +17,10 @@ LOOKS = [*COUNTERS, *((kind, style) for kind in KINDS for style in styles_of(kin
 
 @pytest.mark.parametrize(("kind", "style"), LOOKS, ids=lambda each: each.name if isinstance(each, Style) else each)
 def test_a_cup_finds_a_place(kind: str, style: Style) -> None:
-    size = {"width_m": style.width_m, "depth_m": style.depth_m, "height_m": style.height_m}
-    item = Furniture(id="it", model_type=kind, style=style.name, room="room", x=0.0, y=0.0, yaw=0.0, **size)
+    item = Furniture(
+        id="it", model_type=kind, style=style.name, room="room", x=0.0, y=0.0, yaw=0.0,
+        width_m=style.width_m, depth_m=style.depth_m, height_m=style.height_m,
+    )  # fmt: skip
     parts, half = parts_of(item), CUP_M / 2
     spots = itertools.product(*([k / 20 * extent for k in range(-10, 11)] for extent in (style.depth_m, style.width_m)))
     found = {height_at(parts, (x - half, y - half, x + half, y + half)) for x, y in spots} - {None}
