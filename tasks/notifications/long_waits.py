@@ -33,7 +33,7 @@ class LongWaits:
         self._is_told = not (settings.notify and settings.notify_when - {"recovery"})
         if settings.notify:
             for problem in unknown_channels(settings.notify):
-                listener(Note(f"nobody will be told: {problem}"))
+                listener(Note(f"no message can be sent: {problem}"))
 
     def __call__(self, event: ProgressEvent) -> None:
         """Takes an event."""

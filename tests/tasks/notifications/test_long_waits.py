@@ -61,7 +61,7 @@ def test_an_address_that_is_none_is_said_before_anything_runs(settings: Settings
     night = Night(settings.model_copy(update={"notify": ("jsn://hunter2@example.org/",)}))
     (note,) = night.heard
     assert isinstance(note, Note)
-    assert note.text.startswith("nobody will be told: ")
+    assert note.text.startswith("no message can be sent: ")
     assert "hunter2" not in note.text
 
 
