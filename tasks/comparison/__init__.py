@@ -10,4 +10,4 @@ Only `statistics` imports scipy, and only `better_or_worse` imports `statistics`
 May import: `schemas`, `tasks.reporting`.
 """
 
-__all__ = ["better_or_worse", "history", "nights"]
+__all__ = ["better_or_worse", "history", "nights", "pairing"]
