@@ -116,5 +116,5 @@ def test_keys_that_may_not_make_users_are_refused_by_minio(tmp_path: Path, minio
 def test_minio_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "minio", None)
 
-    with pytest.raises(ConfigurationError, match=r"pip install 'prefect-robomaker\[minio\]'"):
+    with pytest.raises(ConfigurationError, match="uv sync --frozen --inexact --extra minio"):
         MinioUsers("http://127.0.0.1:9", {})
