@@ -1,5 +1,6 @@
 """Telling of a run that cannot go on until somebody makes room on the disk."""
 
+import logging
 import time
 from collections.abc import Callable
 
@@ -7,6 +8,8 @@ from ...schemas.reports.progress import Note, ProgressEvent, ProgressListener, S
 from ...schemas.settings import Settings
 from .messages import Message
 from .sending import send, unknown_channels
+
+_logger = logging.getLogger(__name__)
 
 AFTER_S = 540.0
 """How long a run waits for disk before it is told of; notes of waits, on which that is looked at, come every 10 min."""
@@ -49,7 +52,13 @@ class LongWaits:
         return -1.0 if self._since_s is None else self._clock() - self._since_s
 
     def _tell(self, why: str) -> None:
+        """Sends the message; it never raises: a message is not worth a run."""
         body = f"{why}\n\nIt goes on by itself when there is room; robomaker gc removes old runs."
         message = Message(f"{self._name}: waits for disk", body, good=False)
-        for problem in send(self._settings.notify, message, {}):
+        try:
+            problems = send(self._settings.notify, message, {})
+        except Exception as error:
+            _logger.exception("no message could be sent about a wait of %s", self._name)
+            problems = [f"{type(error).__name__}: {error}"]
+        for problem in problems:
             self._listener(Note(f"not notified: {problem}"))

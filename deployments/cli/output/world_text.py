@@ -118,12 +118,8 @@ def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
         lines = {"faces": "the faces of walls", "centres": "the middles of walls"}[source["outlines"]]
         yield "drawn", f"{source['file']}, {scale}, outlines are {lines}, sha256 {source['sha256']}"
         if source["origin_m"]:
-            yield (
-                "origin",
-                "at ({:.2f}, {:.2f}) m of the {}".format(
-                    *source["origin_m"], "map" if source["form"] == "nav2-map" else "drawing"
-                ),
-            )
+            (x, y), where = source["origin_m"], "map" if source["form"] == "nav2-map" else "drawing"
+            yield "origin", f"at ({x:.2f}, {y:.2f}) m of the {where}"
         if source["left_out"]:
             yield "left out", ", ".join(source["left_out"])
     if variation:

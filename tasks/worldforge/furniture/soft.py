@@ -63,10 +63,8 @@ def seat(style: Style) -> list[Part]:
     places = max(1, round((style.width_m - 2 * arm) / 0.68))
     place = (style.width_m - 2 * arm) / places
     arm_top = 0.56 if slim else 0.6
-    inside, floor = (
-        (-x + back, x - 0.02),
-        low if slim else 0.0,
-    )  # a plinth is set back a little, and collides with it all
+    inside = (-x + back, x - 0.02)
+    floor = low if slim else 0.0  # a plinth is set back a little, and collides with all above it
     parts = [
         box("base", inside, (-y + arm, y - arm), (low, 0.31), style.soft),
         box("back", (-x, -x + back), (-y, y), (low, style.height_m), style.soft),

@@ -12,7 +12,8 @@
 | `cabinet_<id>_…`, `rug_<id>` | the same; `<id>` is the piece above or below |
 | `picture_<room>_<n>_…`, `mirror_…`, `clock_…`, `shelf_…`, `coats_…`, `towels_…` | the same, on walls |
 | `thing_<id>_<n>_<kind>`, `book_<id>_<shelf>_<row>_<n>` | the same; small things, `<id>` is what they stand on |
-| `<furniture id>.<part>` | parts of furniture; those for the eye only are in group 2 and never collide |
+| `<furniture id>.<part>` | parts of furniture; those for the eye only are in group 2 and never collide, |
+| | what only collides, such as the inside of a cushion, is in group 3 |
 | `<furniture id>.<part>_seen` | decorated: drawn in place of the part that collides, then in group 3 |
 | body `<furniture id>` | a loose object |
 | `doorframe_<passage>_…` | frames of doors, drawn only |
