@@ -27,10 +27,16 @@ pytest.register_assert_rewrite("helpers")
 # which a call of the command line takes a quarter longer, and every worker of pytest all tests, which takes 10 s.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
-# A busy machine does not make a change wrong, nor do examples of chance: whole runs take the same ones each time.
-# `--hypothesis-profile=search` takes others, as `.ci/quick` does: what it finds becomes an example of its test.
-hypothesis.settings.register_profile("robomaker", deadline=None, derandomize=True)
-hypothesis.settings.register_profile("search", deadline=None, derandomize=False)
+# A busy machine does not make a change wrong, nor do examples of chance: whole runs take the same ones each time, and
+# no example is too slow. `--hypothesis-profile=search` takes others, as `.ci/quick` does: what it finds becomes an
+# example of its test. `--hypothesis-profile=deep` takes more of them (see `helpers.examples`).
+_slow_machine = [hypothesis.HealthCheck.too_slow]
+for _name, _options in {
+    "robomaker": {"max_examples": 20, "derandomize": True},
+    "deep": {"max_examples": 100, "derandomize": True},
+    "search": {"max_examples": 100, "derandomize": False},
+}.items():
+    hypothesis.settings.register_profile(_name, deadline=None, suppress_health_check=_slow_machine, **_options)
 hypothesis.settings.load_profile("robomaker")
 
 

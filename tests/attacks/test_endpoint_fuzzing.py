@@ -10,11 +10,12 @@ from urllib.parse import quote, urlencode
 
 import pytest
 from helpers.asgi import Answer, Client
+from helpers.examples import examples
 from helpers.fleet_calls import Fleets
 from helpers.paths import REPOSITORY
 from helpers.request_strategies import WILD, broken, requests, spoilt
 from helpers.small_flat import BODY, ROLE
-from hypothesis import HealthCheck, event, given, settings
+from hypothesis import HealthCheck, event, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.endpoint.application import make_application
@@ -155,7 +156,7 @@ def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -
 
 
 @pytest.mark.parametrize("name", sorted(registry()))
-@settings(max_examples=10, deadline=None, suppress_health_check=HEALTH_CHECKS)
+@examples(10, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(data=st.data())
 def test_requests_of_every_operation(name: str, target: Target, data: st.DataObject) -> None:
     shape = registry()[name].shape
@@ -170,7 +171,7 @@ def test_requests_of_every_operation(name: str, target: Target, data: st.DataObj
 
 
 @pytest.mark.parametrize("name", sorted(registry()))
-@settings(max_examples=6, deadline=None, suppress_health_check=HEALTH_CHECKS)
+@examples(6, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(document=WILD, data=st.data())
 def test_any_json_for_every_operation(name: str, target: Target, document: Any, data: st.DataObject) -> None:
     shape = registry()[name].shape
@@ -234,7 +235,7 @@ PATHS = st.one_of(
 
 
 @pytest.mark.parametrize("which", ["client", "guarded"])
-@settings(max_examples=200, deadline=None, suppress_health_check=HEALTH_CHECKS)
+@examples(200, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(
     method=st.one_of(
         st.sampled_from(["GET", "POST", "DELETE", "HEAD", "PUT", "OPTIONS"]),
@@ -274,7 +275,7 @@ def succeeds(name: str, target: Target) -> bool:
     shape = registry()[name].shape
     statuses = set()
 
-    @settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=HEALTH_CHECKS)
+    @examples(20, derandomize=True, suppress_health_check=tuple(HEALTH_CHECKS))
     @given(data=st.data())
     def some(data: st.DataObject) -> None:
         path, body = data.draw(messages(shape, data.draw(target.requests_of(name))))

@@ -5,8 +5,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import pytest
+from helpers.examples import examples
 from helpers.small_flat import BODY, ROLE
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from sqlalchemy import create_engine, func, select
 
@@ -236,9 +237,7 @@ def test_every_operation_is_fuzzed() -> None:
 
 
 @pytest.mark.parametrize("operation", sorted(REQUESTS))
-@settings(
-    max_examples=10, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture]
-)
+@examples(10, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(data=st.data())
 def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing(
     operation: str, empty_service: Service, data: st.DataObject
@@ -259,7 +258,7 @@ def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing
         assert sorted(empty_service.settings.home.rglob("*")) == objects
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(name=st.text(max_size=30), request=ANYTHING)
 def test_any_operation_with_any_request(empty_service: Service, name: str, request: Any) -> None:
     with pytest.raises(ServiceError):

@@ -4,8 +4,9 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from helpers.examples import examples
 from helpers.robot_orders import TOKEN, robot_order
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.robot_door.door import DoorSettings
@@ -291,7 +292,7 @@ def test_addresses_that_cannot_be_are_refused(make_robots: Callable[..., Robots]
         make_robots(settings=settings)
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     st.lists(
         st.sampled_from(["DEFAULT", "controller", "v1", "robot1", "deploymentBase", "8", "feedback", "..", "é", ""])

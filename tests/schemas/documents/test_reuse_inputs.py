@@ -6,7 +6,8 @@ import random
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.documents.reuse_inputs import ReuseInputs, in_short
@@ -63,7 +64,7 @@ def exact(inputs: ReuseInputs) -> str:
     return json.dumps(inputs.model_dump(mode="json"), sort_keys=True)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(INPUTS, INPUTS)
 def test_the_key_is_the_same_if_and_only_if_all_inputs_are(one: ReuseInputs, other: ReuseInputs) -> None:
     assert (one.key == other.key) == (exact(one) == exact(other))
@@ -71,7 +72,7 @@ def test_the_key_is_the_same_if_and_only_if_all_inputs_are(one: ReuseInputs, oth
     assert one.key == ReuseInputs.model_validate_json(one.model_dump_json()).key
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(INPUTS, st.data())
 def test_a_change_of_any_member_is_another_key(inputs: ReuseInputs, data: st.DataObject) -> None:
     document = inputs.model_dump(mode="json")
@@ -93,7 +94,7 @@ def test_a_change_of_any_member_is_another_key(inputs: ReuseInputs, data: st.Dat
     assert changed.changes_since(inputs)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(INPUTS, st.randoms(use_true_random=False))
 def test_the_order_of_members_changes_nothing(inputs: ReuseInputs, chance: random.Random) -> None:
     again = ReuseInputs.model_validate(shuffled(inputs.model_dump(mode="json"), chance))
@@ -102,7 +103,7 @@ def test_the_order_of_members_changes_nothing(inputs: ReuseInputs, chance: rando
     assert not again.changes_since(inputs)
 
 
-@settings(max_examples=50)
+@examples(50)
 @given(DOCUMENTS, MADE_OF, TEXT)
 def test_names_of_what_is_compared_by_content_change_nothing(
     document: SimulationJobDocument, made_of: MadeOf, name: str

@@ -4,8 +4,9 @@ from typing import get_args
 
 import pytest
 from helpers.application_calls import Applications
+from helpers.examples import examples
 from helpers.fleet_calls import Fleets
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.arns import Kind
@@ -153,7 +154,7 @@ def test_tags_go_with_their_resource(service: Service, fleet: str) -> None:
         tags_of(fleet, service)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(
     steps=st.lists(
         st.dictionaries(KEYS, st.text(CHARACTERS, max_size=256), max_size=5) | st.lists(KEYS, max_size=3), max_size=5

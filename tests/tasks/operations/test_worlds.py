@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
@@ -88,7 +89,7 @@ def test_worlds_are_listed_by_what_they_came_from(service: Service, template: st
         listed(service, generationJob="generation-x")
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(st.integers(1, 4), st.lists(st.sampled_from(["read", "add", "delete"]), max_size=12))
 def test_pages_hold_every_world_once_whatever_comes_and_goes(
     service: Service, add_world: Callable[..., str], size: int, steps: list[str]

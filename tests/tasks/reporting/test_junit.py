@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
@@ -111,7 +112,7 @@ def test_nothing_was_run(report: Report) -> None:
     assert len(parsed(report.model_copy(update={"jobs": [], "steps": []}))) == 0
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
+@examples(40, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(text=st.text(min_size=1))
 def test_any_text_can_be_written(report: Report, text: str) -> None:
     job = report.jobs[2].model_copy(update={"failure_reason": text, "label": text, "failure_code": text})

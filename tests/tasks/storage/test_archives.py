@@ -12,7 +12,8 @@ from pathlib import Path
 from typing import Literal
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import BundleError, StorageError, StorageFullError
@@ -290,7 +291,7 @@ def test_a_header_of_gigabytes_is_not_read(try_to_unpack):
         try_to_unpack(gzip.compress(bytes(header) + bytes(4096)))
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(150, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(
     container=st.sampled_from(CONTAINERS),
     changes=st.lists(st.tuples(st.integers(0, 2000), st.integers(0, 255)), min_size=1, max_size=6),

@@ -7,7 +7,8 @@ from pathlib import Path
 from uuid import uuid4
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import (
@@ -265,7 +266,7 @@ operations = st.lists(
 )
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(20, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(operations)
 def test_any_sequence_of_writes_behaves_like_a_dictionary(
     store: ObjectStore, bucket: str, steps: list[tuple[str, str, bytes]]

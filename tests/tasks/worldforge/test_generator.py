@@ -3,8 +3,9 @@
 from typing import Any
 
 import pytest
+from helpers.examples import examples
 from helpers.template_bodies import bodies
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
@@ -91,7 +92,7 @@ def generated(body: WorldTemplateBody, seed: int) -> World | None:
     return world
 
 
-@settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large])
+@examples(15, suppress_health_check=(HealthCheck.data_too_large,))
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplateBody, seed: int) -> None:
     world = generated(body, seed)
@@ -107,7 +108,7 @@ def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplat
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None, suppress_health_check=HEALTH_CHECKS)
+@examples(150, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 @pytest.mark.deep
 def test_many_templates_give_worlds_that_keep_their_promises(body: WorldTemplateBody, seed: int) -> None:

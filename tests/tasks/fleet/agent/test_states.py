@@ -3,7 +3,8 @@
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
@@ -101,7 +102,7 @@ STEPS = st.lists(
 )
 
 
-@settings(max_examples=400)
+@examples(400)
 @given(STEPS)
 def test_the_journal_always_names_versions_that_are_on_disk(steps: list[tuple[str, bool, str]]) -> None:
     robot = Robot()

@@ -16,8 +16,9 @@ from cryptography.hazmat.primitives.serialization import (
     PublicFormat,
     load_pem_public_key,
 )
+from helpers.examples import examples
 from helpers.tested_batches import WORLD, Batches, courier, etag
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.settings import Settings
@@ -107,7 +108,7 @@ def test_the_same_is_attested_in_the_same_bytes(
     assert verified(envelope, known_public_key(service)).batch.uri == batch.arn
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(300, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(data=st.data())
 def test_no_byte_of_it_can_be_changed(envelope: bytes, service: Service, data: st.DataObject) -> None:
     place = data.draw(st.integers(0, len(envelope) - 1))

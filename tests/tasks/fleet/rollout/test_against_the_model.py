@@ -3,10 +3,11 @@
 import random
 
 import pytest
+from helpers.examples import examples
 from helpers.rollout_ledger import LedgerService, plan_of
 from helpers.rollout_model import RolloutModel
 from helpers.rollout_robots import CODES, Attempt, Script, watch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.rollouts.events import (
@@ -119,7 +120,7 @@ def compare(seed: int) -> dict[str, object]:
     return seen[-1]
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.integers(0, 2**32))
 def test_product_and_model_agree_in_every_second(seed: int) -> None:
     compare(seed)

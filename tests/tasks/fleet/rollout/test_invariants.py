@@ -3,8 +3,9 @@
 from itertools import pairwise
 from typing import Any
 
+from helpers.examples import examples
 from helpers.rollout_ledger import plan_of
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.rollouts.events import (
@@ -110,7 +111,7 @@ def check(ledger: Ledger) -> None:
         assert number in (ledger.robot(robot).action_id, ledger.robot(robot).earlier_action_id)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(PLANS, HISTORIES)
 def test_invariants_hold_whatever_happens(plan: RolloutPlan, history: History) -> None:
     ledger, now_s = Ledger(begin(plan, 1000)), 1000.0
@@ -123,7 +124,7 @@ def test_invariants_hold_whatever_happens(plan: RolloutPlan, history: History) -
     assert all(after == before for before, after in pairwise(ends) if before != "InProgress")
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(PLANS, HISTORIES)
 def test_a_repeated_event_changes_nothing(plan: RolloutPlan, history: History) -> None:
     ledger, now_s = Ledger(begin(plan, 1000)), 1000.0
@@ -136,7 +137,7 @@ def test_a_repeated_event_changes_nothing(plan: RolloutPlan, history: History) -
         assert ledger.rollout() == before
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(PLANS, HISTORIES)
 def test_a_rollout_that_is_stored_after_each_event_is_the_same(plan: RolloutPlan, history: History) -> None:
     ledger, now_s = Ledger(begin(plan, 1000)), 1000.0
@@ -153,7 +154,7 @@ def test_a_rollout_that_is_stored_after_each_event_is_the_same(plan: RolloutPlan
         assert stored == ledger.rollout()
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(PLANS, HISTORIES)
 def test_asking_each_second_or_only_at_events_is_the_same(plan: RolloutPlan, history: History) -> None:
     rarely, often, now_s = Ledger(begin(plan, 1000)), Ledger(begin(plan, 1000)), 1000
@@ -167,7 +168,7 @@ def test_asking_each_second_or_only_at_events_is_the_same(plan: RolloutPlan, his
         assert often.rollout() == rarely.rollout()
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(PLANS, HISTORIES)
 def test_each_rollout_ends(plan: RolloutPlan, history: History) -> None:
     ledger, now_s = Ledger(begin(plan, 1000)), 1000.0

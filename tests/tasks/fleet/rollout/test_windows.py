@@ -5,7 +5,8 @@ from typing import Any
 from zoneinfo import ZoneInfo
 
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
@@ -94,7 +95,7 @@ def minute_by_minute(windows: list[MaintenanceWindow], begin: datetime, minutes:
     return found[26 * 60 :]
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.lists(WINDOWS, min_size=1, max_size=3), st.integers(0, 300))
 def test_they_are_open_as_clocks_on_walls_say(windows: list[MaintenanceWindow], day: int) -> None:
     begin = datetime(2026, 4, 2, tzinfo=UTC) + timedelta(days=day % 170)  # no clock changes until October

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 from helpers.application_calls import BUCKET, PACKAGE, Applications, at_once
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import (
@@ -214,7 +215,7 @@ _steps = st.lists(
 )
 
 
-@settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(40, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(steps=_steps)
 def test_after_any_calls_the_versions_are_those_that_were_made_and_not_deleted(service: Service, steps: Any) -> None:
     robots, name = Applications.of("Robot", service), f"robot-{next(_names)}"

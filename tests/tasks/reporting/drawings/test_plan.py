@@ -4,7 +4,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Collision
@@ -35,7 +35,6 @@ def _collision(x: float, y: float, force: float, time_s: float = 1.0) -> Collisi
     return Collision(time_s=time_s, duration_s=0.1, x=x, y=y, other="wall", max_force_N=force)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(_COORDINATE, _COORDINATE), min_size=1, max_size=20))
 def test_a_frame_shows_every_point_with_north_up(points: list[tuple[float, float]]) -> None:
     frame = Frame.around(points)
@@ -138,14 +137,12 @@ def test_collisions_close_together_become_one_mark_hardest_first() -> None:
     assert spots[1].text == "wall: 5.0 N at 1.0 s\nwall: 7.0 N at 3.0 s"
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(_COORDINATE, _COORDINATE, st.floats(0, 500)), max_size=40))
 def test_clustering_loses_no_collision(places: list[tuple[float, float, float]]) -> None:
     collisions = [_collision(x, y, force) for x, y, force in places]
     assert sum(len(spot.collisions) for spot in cluster(collisions)) == len(collisions)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(0, 500), _COORDINATE, _COORDINATE), min_size=2, max_size=60))
 def test_shaded_runs_join_up_to_the_whole_path(path: list[tuple[float, float, float]]) -> None:
     path.sort()

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 import zstandard
 from dm_env import specs
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.provenance import ActionsSummary
@@ -63,7 +64,7 @@ def header_line(arrays: list[Any]) -> bytes:
     return b"robomaker actions 1\n" + json.dumps(header).encode() + b"\n"
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(
     count=st.one_of(st.integers(0, 5), st.integers(CHUNK_ACTIONS - 2, 2 * CHUNK_ACTIONS + 2)),
     size=st.sampled_from([0, 1, 8, 16, 168, CHUNK_BYTES // 4, CHUNK_BYTES + 8]),
@@ -165,7 +166,7 @@ def test_a_process_that_is_killed_while_it_compresses_loses_one_chunk_at_most(tm
     assert len(read) in (CHUNK_ACTIONS, 2 * CHUNK_ACTIONS - 1, 2 * CHUNK_ACTIONS)
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(place=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255), keep=st.floats(0, 1))
 def test_of_a_damaged_log_only_what_was_done_is_read(
     tmp_path_factory: pytest.TempPathFactory, place: float, value: int, keep: float

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from helpers.examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
@@ -55,7 +56,7 @@ def message_by_message(time_s, parent, child, joints, pose, twist, *triple) -> l
     ]
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(states())
 def test_rows_are_the_messages_one_by_one(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state
@@ -73,7 +74,6 @@ def test_rows_are_the_messages_one_by_one(state) -> None:
     assert rows.records == expected
 
 
-@settings(deadline=None)
 @given(states(), names)
 def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, other: str) -> None:
     times_s, parent, child, _, pose, *_ = state
@@ -93,7 +93,6 @@ def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, ot
     assert rows.records == expected
 
 
-@settings(deadline=None)
 @given(states())
 def test_rosbags_reads_the_numbers_and_writes_the_same_bytes(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state

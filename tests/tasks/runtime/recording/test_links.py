@@ -3,7 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.recording.links import Links
@@ -43,7 +44,7 @@ def after(outer: tuple[np.ndarray, np.ndarray], inner: tuple[np.ndarray, np.ndar
     return place, turn
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.sampled_from(["bot", "mark"]), st.lists(st.tuples(angles, angles, angles), min_size=1, max_size=3))
 def test_links_are_where_mujoco_has_them(base: str, states: list[tuple[float, ...]]) -> None:
     links = Links(MODEL, MODEL.body(base).id, "base_link", [MODEL.body("wheel").id])

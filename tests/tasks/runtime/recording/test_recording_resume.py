@@ -5,7 +5,8 @@ from pathlib import Path
 
 import mujoco
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 
@@ -58,7 +59,7 @@ def model() -> mujoco.MjModel:  # pyright: ignore[reportAttributeAccessIssue]
     return mujoco.MjModel.from_xml_string(MODEL)
 
 
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(25, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(before=st.integers(0, 60), lost=st.integers(0, 700), after=st.integers(0, 60))
 def test_message_for_message(
     tmp_path_factory: pytest.TempPathFactory, model: mujoco.MjModel, before: int, lost: int, after: int

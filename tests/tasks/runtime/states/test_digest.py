@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.provenance import StateDigestSummary
@@ -72,7 +73,7 @@ def test_states_are_kept_once_a_second_and_at_the_end(model: mujoco.MjModel, tmp
     np.testing.assert_allclose([state[0] for state in states], [0.0, 1.0, 2.0, 2.5])
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@examples(20, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(cut=st.integers(0, 400), steps=st.integers(1, 4000))
 def test_a_file_cut_off_anywhere_gives_its_whole_blocks(
     model: mujoco.MjModel, tmp_path: Path, cut: int, steps: int

@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 import pytest
 import zstandard
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.states.state_log import (
@@ -64,7 +65,7 @@ def write(folder: Path, frames: int, *, close: bool = True, seed: int = 0) -> np
     return np.array(rows).reshape(frames, -1)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(frames=st.integers(1, 3 * CHUNK_FRAMES), close=st.booleans(), seed=st.integers(0, 99))
 def test_what_was_noted_is_read_to_the_bit(
     tmp_path_factory: pytest.TempPathFactory, frames: int, close: bool, seed: int
@@ -122,7 +123,7 @@ def test_of_a_log_that_is_cut_off_the_whole_chunks_are_read(tmp_path: Path, keep
         assert np.array_equal(log.segments[0].qpos, rows[: log.frames, 1:9])
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(place=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
 def test_of_a_damaged_log_only_what_was_noted_is_read(
     tmp_path_factory: pytest.TempPathFactory, place: float, value: int

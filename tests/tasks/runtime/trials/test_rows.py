@@ -5,7 +5,8 @@ from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Requirement
@@ -60,7 +61,7 @@ def keep(rows: list[TrialRow], path: Path) -> None:
     journal.close()
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@examples(50, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(found=some_rows())
 def test_rows_are_the_same_in_journal_and_table(found: tuple[Trials, list[TrialRow]], tmp_path: Path) -> None:
     trials, rows = found
@@ -74,7 +75,7 @@ def test_rows_are_the_same_in_journal_and_table(found: tuple[Trials, list[TrialR
     assert pq.read_table(path).column("recorded").to_pylist() == [number == 0 for number in range(len(rows))]
 
 
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=50)
+@examples(50, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(found=some_rows(), data=st.data())
 def test_a_journal_that_was_cut_off_goes_on_after_its_last_whole_row(
     found: tuple[Trials, list[TrialRow]], data: Any, tmp_path: Path

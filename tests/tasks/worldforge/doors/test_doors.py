@@ -6,7 +6,8 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, Phase, given, settings
+from helpers.examples import examples
+from hypothesis import Phase, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
@@ -72,7 +73,7 @@ def bodies(draw: st.DrawFn) -> WorldTemplateBody:
     return template(rooms, tuple(sets), tuple((f"room {a}", f"room {b}", "Doorway") for a, b in asked))
 
 
-@settings(max_examples=12, deadline=None, phases=UNSHRUNK, suppress_health_check=[HealthCheck.too_slow])
+@examples(12, phases=UNSHRUNK)
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 def test_doors_swing_free_open_as_wished_and_every_room_is_reached(body: WorldTemplateBody, seed: int) -> None:
     world = generate_world(body, seed, seed + 1, settle=False)
@@ -142,7 +143,7 @@ def everything_near_a_door_is_clear(world: World) -> None:
                 assert not inside, f"{item.id} stands where {door.id} swings"
 
 
-@settings(max_examples=25, deadline=None, phases=UNSHRUNK)
+@examples(25, phases=UNSHRUNK)
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 def test_nearly_every_doorway_gets_a_door_that_closes_it(body: WorldTemplateBody, seed: int) -> None:
     plan = generate_floorplan(body, np.random.default_rng(seed))

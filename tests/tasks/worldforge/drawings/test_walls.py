@@ -1,7 +1,8 @@
 """Walls of rooms of any rectilinear shapes: no two overlap, and nothing gets through but by ways."""
 
 import numpy as np
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -45,7 +46,7 @@ def covered(piece: Piece) -> tuple[slice, slice]:
 
 
 @given(plans())
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_walls_close_every_room_and_never_overlap(rooms: list[Corners]) -> None:
     pieces = Walls(rooms).pieces([])
     times = np.zeros((20 + 60 * SIZE, 20 + 60 * SIZE), int)
@@ -68,7 +69,7 @@ def inside_of(corners: Corners) -> tuple[np.ndarray, np.ndarray]:
 
 
 @given(plans(), st.integers(0, 8), st.sampled_from([1, -1]))
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_rooms_drawn_with_gaps_for_walls_meet_where_they_would(rooms: list[Corners], gap: int, turn: int) -> None:
     """Rooms are shrunk by half a gap on each side, as drawings have them, in any order of corners."""
     half = gap / 2 / 20

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
@@ -133,7 +134,7 @@ class Raster:
         return cells
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@examples(60)
 @given(templates(), st.integers(0, 2**32 - 1))
 def test_every_plan_keeps_what_plans_promise(body: WorldTemplateBody, seed: int) -> None:
     plan = generate(body, seed)

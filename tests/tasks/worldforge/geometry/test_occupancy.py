@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -49,7 +50,7 @@ def centers(grid: OccupancyGrid) -> tuple[np.ndarray, np.ndarray]:
     return np.meshgrid(x, y)
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.integers(0, 10_000))
 def test_cells_are_occupied_exactly_where_a_wall_stands(seed: int) -> None:
     floorplan = plan(seed)
@@ -76,7 +77,7 @@ def test_only_the_building_is_known() -> None:
     assert not (grid.occupied & ~grid.known).any()
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(x=st.floats(-1, 1), y=st.floats(-1, 1), yaw=st.floats(-7, 7), width=st.floats(0.05, 2), depth=st.floats(0.05, 1))
 def test_furniture_occupies_every_cell_it_enters_and_no_other(
     x: float, y: float, yaw: float, width: float, depth: float
@@ -166,7 +167,7 @@ def test_rooms_share_out_the_cells_of_the_footprint() -> None:
     )
 
 
-@settings(max_examples=10, deadline=None)
+@examples(10)
 @given(st.integers(0, 10_000))
 def test_a_robot_reaches_every_room_of_an_empty_plan(seed: int) -> None:
     floorplan = plan(seed)

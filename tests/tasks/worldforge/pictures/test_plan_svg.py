@@ -8,7 +8,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
@@ -105,7 +106,7 @@ def test_it_is_readable_in_light_and_dark_and_loads_nothing() -> None:
     assert not re.search(r"(href|src|url\(|@import|<script)", drawing)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.text(max_size=40))
 def test_any_name_comes_out_as_text(name: str) -> None:
     root = parsed(floorplan_svg(world(renamed(PLAN, name))))

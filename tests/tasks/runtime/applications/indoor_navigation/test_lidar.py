@@ -1,6 +1,7 @@
 import mujoco
 import numpy as np
-from hypothesis import assume, given, settings
+from helpers.examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
@@ -37,7 +38,7 @@ def test_agrees_with_single_rays_everywhere(make_context) -> None:
     start = model.joint("scout/base").qposadr[0]
 
     @given(st.floats(-1.5, 5.5), st.sampled_from([-0.5, 0.0, 0.6, 1.7, 2.5, 3.8]), st.floats(-3.1, 3.1))
-    @settings(max_examples=12, deadline=None)
+    @examples(12)
     def agrees(x: float, y: float, yaw: float) -> None:
         # Off the grid that furniture stands on: a ray along an edge may hit or miss, and both are right.
         x, y, yaw = x + 0.00137, y + 0.00071, yaw + 0.00113

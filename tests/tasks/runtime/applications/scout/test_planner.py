@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
@@ -69,7 +70,7 @@ inside = st.tuples(st.floats(0.25, 3.75), st.floats(0.25, 1.75)).filter(lambda s
 
 
 @given(start=inside, goal=inside)
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_every_way_keeps_its_distance_and_has_no_gaps(start: tuple[float, float], goal: tuple[float, float]) -> None:
     planner = GridPlanner(two_rooms(0.9), RADIUS_M)
     way = planner.plan(start, goal)

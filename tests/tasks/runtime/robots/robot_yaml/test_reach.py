@@ -5,7 +5,8 @@ import math
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from helpers.examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.reach import geom_reach_m, solid_reach_m
@@ -47,7 +48,7 @@ def test_what_cannot_be_touched_does_not_count() -> None:
     assert solid_reach_m(*stand(ghost)) == 0.0
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     kind=st.sampled_from(("sphere", "capsule", "cylinder", "ellipsoid", "box")),
     size=st.tuples(*[st.floats(0.02, 0.4)] * 3),
