@@ -11,8 +11,10 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 
 pytest_plugins = [
+    "helpers.endpoint_here",
     "helpers.endpoint_process",
     "helpers.job_worker_process",
+    "helpers.known_worlds",
     "helpers.minio_server",
     "helpers.postgres_server",
     "helpers.prefect_server",

@@ -20,10 +20,9 @@ COMMAND = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "serv
 
 
 @dataclass(frozen=True)
-class Served:
-    """A running `robomaker serve`."""
+class Endpoint:
+    """An endpoint that answers: what it said of itself, and the file with its log."""
 
-    process: subprocess.Popen[str]
     facts: Mapping[str, Any]
     log: Path
 
@@ -37,13 +36,20 @@ class Served:
         path = operation[0].lower() + operation[1:]
         headers = {"Content-Type": "application/json"}
         message = urllib.request.Request(f"{self.url}/{path}", json.dumps(request).encode(), headers)
-        with urllib.request.urlopen(message, timeout=30) as answer:
+        with urllib.request.urlopen(message, timeout=60) as answer:
             return json.load(answer)
 
     def worker(self) -> dict[str, Any]:
         """What the health page says of the job worker."""
-        with urllib.request.urlopen(f"{self.url}/health", timeout=30) as answer:
+        with urllib.request.urlopen(f"{self.url}/health", timeout=60) as answer:
             return json.load(answer)["performer"]
+
+
+@dataclass(frozen=True)
+class Served(Endpoint):
+    """A running `robomaker serve`."""
+
+    process: subprocess.Popen[str]
 
     def wait_until_ready(self) -> int:
         """Waits until jobs are performed; returns the job worker's process id."""
@@ -73,7 +79,7 @@ def serving(home: Path, folder: Path, *words: str, **variables: str) -> Iterator
         assert process.stdout is not None
         line = process.stdout.readline()
         assert line, log.read_text()
-        yield Served(process, json.loads(line), log)
+        yield Served(json.loads(line), log, process)
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ class PollingRobot:
 
     def wait_for_link(self, kind: str) -> str:
         """Polls until it is asked for something of a kind; returns the address."""
-        wait_for(lambda: kind in self.links(), f"{kind} for {self.name}", 20)
+        wait_for(lambda: kind in self.links(), f"{kind} for {self.name}")
         return self.links()[kind]["href"]
 
     def fetch_order(self) -> dict[str, Any]:
@@ -79,7 +79,7 @@ class PollingRobot:
         return {"Authorization": f"TargetToken {self.token}", **others}
 
     def _send(self, request: urllib.request.Request) -> bytes:
-        with urllib.request.urlopen(request, timeout=30) as answer:
+        with urllib.request.urlopen(request, timeout=60) as answer:
             return answer.read()
 
 
@@ -99,9 +99,9 @@ def carried_out(job: str, service: Service) -> Iterator[None]:
         yield
     except BaseException:
         service.catalog.request_cancel(job)
-        thread.join(30)
+        thread.join(60)
         raise
-    thread.join(30)
+    thread.join(60)
     assert not thread.is_alive(), f"{job} has not ended"
 
 

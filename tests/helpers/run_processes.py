@@ -19,7 +19,9 @@ def running() -> Iterator[Path]:
 
 
 def is_running(pid: int) -> bool:
-    return any(entry.name == str(pid) for entry in running())
+    with suppress(OSError):
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    return False
 
 
 def children_of(pid: int) -> list[int]:
@@ -51,7 +53,7 @@ def processes_in(folder: Path) -> list[int]:
     return found
 
 
-def wait_until(condition: Callable[[], bool], timeout_s: float) -> None:
+def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
     deadline = time.monotonic() + timeout_s
     while not condition():
         assert time.monotonic() < deadline, "it did not become true in time"

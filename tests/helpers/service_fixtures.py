@@ -3,7 +3,7 @@
 import copy
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from helpers.paths import BUNDLES
 from helpers.small_flat import BODY, ROLE
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz
@@ -23,6 +24,17 @@ from prefect_robomaker.tasks.storage import pack_tar_gz
 def timing() -> Timing:
     """How long the service waits for what; tests give others by `parametrize`."""
     return Timing()
+
+
+@pytest.fixture(scope="session")
+def launcher() -> Iterator[Launcher]:
+    """One warm process for all runs of a test process: it takes longer to start than most runs.
+
+    It is started before a test can change the environment: how runs are confined is found out then.
+    """
+    with Launcher() as launcher:
+        launcher.start()
+        yield launcher
 
 
 @pytest.fixture(scope="session")

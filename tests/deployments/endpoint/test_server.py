@@ -1,4 +1,4 @@
-"""A real server in a process of its own."""
+"""A real server, and real connections to it."""
 
 import asyncio
 import http.client
@@ -16,13 +16,13 @@ import pytest
 from botocore.auth import SigV4Auth
 from botocore.awsrequest import AWSRequest
 from botocore.credentials import Credentials
-from helpers.endpoint_server import endpoint, exchange, http_request
+from helpers.endpoint_here import endpoint_here
+from helpers.endpoint_server import exchange, http_request
 
 from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.server import listening, run_server
-from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.service.service import Service
 
@@ -33,7 +33,7 @@ NAMES = 6
 def ask(
     port: int, method: str, target: str, body: bytes = b"", **headers: str
 ) -> tuple[int, http.client.HTTPMessage, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
     connection.request(method, target, body, {name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     content = answer.read()
@@ -41,9 +41,9 @@ def ask(
     return answer.status, answer.headers, content
 
 
-def test_what_boto3_sends_is_served(service: Service, settings: Settings, template: str, tmp_path: Path) -> None:
-    keys = {"AKIAEXAMPLE": "secret"}
-    with endpoint(settings, tmp_path / "log", keys=keys) as port:
+def test_what_boto3_sends_is_served(service: Service, template: str) -> None:
+    keys = {"AKIAEXAMPLE": AccessKey("AKIAEXAMPLE", "secret")}
+    with endpoint_here(make_application(service, access_keys=keys)) as port:
 
         def sent(method: str, target: str, body: bytes, secret: str = "secret") -> tuple[int, Any, Any]:
             url = f"http://localhost:{port}{target}"
@@ -52,7 +52,7 @@ def test_what_boto3_sends_is_served(service: Service, settings: Settings, templa
                 headers["Content-Type"] = "application/json"
             request = AWSRequest(method=method, url=url, data=body, headers=headers)
             SigV4Auth(Credentials("AKIAEXAMPLE", secret), "robomaker", "us-east-1").add_auth(request)
-            connection = http.client.HTTPConnection("localhost", port, timeout=30)
+            connection = http.client.HTTPConnection("localhost", port, timeout=60)
             connection.request(method, target, body, dict(request.headers.items()))
             answer = connection.getresponse()
             content = json.loads(answer.read())
@@ -72,7 +72,7 @@ def test_what_boto3_sends_is_served(service: Service, settings: Settings, templa
         assert (status, refused["__type"], headers["x-amzn-ErrorType"]) == (403, *["InvalidSignatureException"] * 2)
 
 
-def test_of_several_clients_one_gets_a_name(settings: Settings, service: Service, tmp_path: Path) -> None:
+def test_of_several_clients_one_gets_a_name(service: Service) -> None:
     together = threading.Barrier(CLIENTS)
 
     def create(port: int, name: str) -> tuple[int, dict[str, Any]]:
@@ -81,7 +81,7 @@ def test_of_several_clients_one_gets_a_name(settings: Settings, service: Service
         status, _, body = ask(port, "POST", "/createRobotApplication", json.dumps(request).encode())
         return status, json.loads(body)
 
-    with endpoint(settings, tmp_path / "log") as port, ThreadPoolExecutor(CLIENTS) as pool:
+    with endpoint_here(make_application(service)) as port, ThreadPoolExecutor(CLIENTS) as pool:
         for number in range(NAMES):
             answers = list(pool.map(create, [port] * CLIENTS, [f"robot-{number}"] * CLIENTS))
             refused = [body["__type"] for status, body in answers if status == 400]
@@ -90,7 +90,7 @@ def test_of_several_clients_one_gets_a_name(settings: Settings, service: Service
             assert refused == ["ResourceAlreadyExistsException"] * (CLIENTS - 1)
 
 
-def test_connections_stay_open(settings: Settings, service: Service, tmp_path: Path) -> None:
+def test_connections_stay_open(service: Service) -> None:
     async def several(port: int) -> list[int]:
         reader, writer = await asyncio.open_connection("127.0.0.1", port)
         paths = ["/listWorlds", "/makeCoffee", "/listWorlds"]
@@ -99,7 +99,7 @@ def test_connections_stay_open(settings: Settings, service: Service, tmp_path: P
         await writer.wait_closed()
         return statuses
 
-    with endpoint(settings, tmp_path / "log") as port:
+    with endpoint_here(make_application(service)) as port:
         assert asyncio.run(several(port)) == [200, 404, 200]
 
 
@@ -112,8 +112,8 @@ def test_connections_do_not_collect_small_packets() -> None:
         assert connection.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
-def test_a_body_that_is_too_long_is_refused_in_full(settings: Settings, service: Service, tmp_path: Path) -> None:
-    with endpoint(settings, tmp_path / "log") as port:
+def test_a_body_that_is_too_long_is_refused_in_full(service: Service) -> None:
+    with endpoint_here(make_application(service)) as port:
         status, _, body = ask(port, "POST", "/listWorlds", b" " * 30_000_000, content_type="application/json")
 
         assert (status, json.loads(body)["__type"]) == (413, "RequestEntityTooLargeException")
@@ -123,9 +123,9 @@ def test_a_body_that_is_too_long_is_refused_in_full(settings: Settings, service:
     "sent",
     [b"\x16\x03\x01\x02\x00\x01\x00", b"GET\r\n\r\n", b"POST /listWorlds HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n"],
 )
-def test_what_is_no_http_is_refused(sent: bytes, settings: Settings, service: Service, tmp_path: Path) -> None:
-    with endpoint(settings, tmp_path / "log") as port:
-        with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+def test_what_is_no_http_is_refused(sent: bytes, service: Service) -> None:
+    with endpoint_here(make_application(service)) as port:
+        with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
             connection.sendall(sent)
             connection.shutdown(socket.SHUT_WR)
             answer = b"".join(iter(lambda: connection.recv(65536), b""))

@@ -2,9 +2,6 @@
 
 import datetime
 import ipaddress
-import json
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +13,7 @@ from botocore.exceptions import SSLError
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
-from helpers.processes import started
+from helpers.endpoint_here import ServeHere
 
 from prefect_robomaker.deployments.endpoint.tls import TlsFiles
 from prefect_robomaker.deployments.service_model.installation import data_path
@@ -49,23 +46,18 @@ def make_certificate(folder: Path, name: str = "server", password: bytes | None 
     return str(files[0]), str(files[1])
 
 
-def test_boto3_calls_over_https(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_boto3_calls_over_https(serve_here: ServeHere, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     certificate, key = make_certificate(tmp_path)
-    options = ["--execute", "none", "--port", "0", "-o", "json", "--tls-certificate", certificate, "--tls-key", key]
-    command = [sys.executable, "-m", "prefect_robomaker", "serve", *options]
-    environ = {"ROBOMAKER_HOME": str(tmp_path / "home"), "HOME": str(tmp_path)}
     monkeypatch.setenv("AWS_DATA_PATH", data_path({}))
-    with started(command, environ, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as server:
-        assert server.stdout is not None
-        said = json.loads(server.stdout.readline())
-        assert said["url"].startswith("https://127.0.0.1:")
-        assert said["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == said["url"]
+    with serve_here("--tls-certificate", certificate, "--tls-key", key) as served:
+        assert served.url.startswith("https://127.0.0.1:")
+        assert served.facts["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == served.url
 
         def list_fleets(verify: str | None) -> object:
             make: Any = boto3.client  # whose types do not know the service any more
             client = make(
                 "robomaker",
-                endpoint_url=said["url"],
+                endpoint_url=served.url,
                 region_name="us-east-1",
                 aws_access_key_id="local",
                 aws_secret_access_key="local",
@@ -77,10 +69,7 @@ def test_boto3_calls_over_https(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         assert list_fleets(certificate) == []
         with pytest.raises(SSLError, match="certificate verify failed"):
             list_fleets(None)
-        server.terminate()
-        assert server.wait(30) == 0
-        assert server.stderr is not None
-        assert "Traceback" not in server.stderr.read()
+    assert "Traceback" not in served.log.read_text()
 
 
 def test_without_options_there_is_no_tls() -> None:

@@ -1,4 +1,4 @@
-"""Robots at a real `robomaker serve`: orders of deployments, and nothing but their own."""
+"""Robots at `robomaker serve`: orders of deployments, and nothing but their own."""
 
 import hashlib
 import secrets
@@ -8,7 +8,7 @@ from urllib.request import urlopen
 
 import pytest
 from helpers.deployed_robots import deployable
-from helpers.endpoint_process import Serve
+from helpers.endpoint_here import ServeHere
 from helpers.fleet_calls import Fleets
 from helpers.polling_robot import PollingRobot, artifact_of, carried_out
 from helpers.processes import wait_for
@@ -17,7 +17,6 @@ from prefect_robomaker.schemas.documents.fleets import RobotDocument
 from prefect_robomaker.tasks.fleet.known_robots import enrol
 from prefect_robomaker.tasks.service.service import Service
 
-HERE = ("--execute", "none")
 ALL_AT_ONCE = {"concurrentDeploymentPercentage": 100, "failureThresholdPercentage": 100}
 
 
@@ -39,7 +38,7 @@ class Site:
 
     def robot(self, name: str, url: str) -> PollingRobot:
         robot = PollingRobot(url, name, self.tokens[name])
-        wait_for(lambda: robot.poll_status() == 200, f"{name} to be let in", 20)
+        wait_for(lambda: robot.poll_status() == 200, f"{name} to be let in")
         return robot
 
     def deploy(self, token: str = "once") -> str:
@@ -62,9 +61,9 @@ def site(service: Service) -> Site:
     return Site(service)
 
 
-def test_robots_get_orders_and_files_and_their_answers_decide(serve: Serve, site: Site) -> None:
+def test_robots_get_orders_and_files_and_their_answers_decide(serve_here: ServeHere, site: Site) -> None:
     site.enrol("good", "broken", "liar")
-    with serve(*HERE) as served:
+    with serve_here() as served:
         good, broken, liar = (site.robot(name, served.url) for name in ("good", "broken", "liar"))
         good.describe_itself(board="demo")
         job = site.deploy()
@@ -74,7 +73,7 @@ def test_robots_get_orders_and_files_and_their_answers_decide(serve: Serve, site
             assert hashlib.sha256(file).hexdigest() == artifact_of(order)["hashes"]["sha256"]
             assert len(file) == artifact_of(order)["size"]
             assert good.say_of(order, "proceeding", "none", "Installed Chunk.") == 200
-            wait_for(lambda: site.summary(job)["good"][0] == "Deploying", "the progress", 20)
+            wait_for(lambda: site.summary(job)["good"][0] == "Deploying", "the progress")
             assert good.say_of(order, "closed", "success", "health ok") == 200
 
             failed = broken.fetch_order()
@@ -82,8 +81,6 @@ def test_robots_get_orders_and_files_and_their_answers_decide(serve: Serve, site
             broken.say_of(failed, "closed", "failure", "No suitable .swu image found")
             liar.say_of(liar.fetch_order(), "closed", "success", "Skipped Update.")
         assert good.links().keys() == set()
-        served.process.terminate()
-        assert served.process.wait(20) == 0, served.log.read_text()
 
     assert site.summary(job) == {
         "good": ("InSync", None, None),
@@ -101,10 +98,12 @@ def test_robots_get_orders_and_files_and_their_answers_decide(serve: Serve, site
 
 
 @pytest.mark.deep
-def test_a_robot_is_asked_to_give_up_until_it_has_answered_also_by_the_next_server(serve: Serve, site: Site) -> None:
+def test_a_robot_is_asked_to_give_up_until_it_has_answered_also_by_the_next_server(
+    serve_here: ServeHere, site: Site
+) -> None:
     site.enrol("rover")
     job = site.deploy()
-    with serve(*HERE) as served, carried_out(job, site.service):
+    with serve_here() as served, carried_out(job, site.service):
         rover = site.robot("rover", served.url)
         order = rover.fetch_order()
         served.call("CancelDeploymentJob", {"job": job})
@@ -112,7 +111,7 @@ def test_a_robot_is_asked_to_give_up_until_it_has_answered_also_by_the_next_serv
     assert site.fleets.described(job)["status"] == "Canceled"
 
     after = site.deploy("again")
-    with serve(*HERE) as served, carried_out(after, site.service):
+    with serve_here() as served, carried_out(after, site.service):
         rover = site.robot("rover", served.url)
         cancellation = rover.wait_for_link("cancelAction")
         assert cancellation.endswith(order["id"]), "the order of the first deployment comes first"
@@ -125,10 +124,10 @@ def test_a_robot_is_asked_to_give_up_until_it_has_answered_also_by_the_next_serv
 
 
 @pytest.mark.deep
-def test_a_robot_that_refuses_to_give_up_carries_on(serve: Serve, site: Site) -> None:
+def test_a_robot_that_refuses_to_give_up_carries_on(serve_here: ServeHere, site: Site) -> None:
     site.enrol("rover")
     job = site.deploy()
-    with serve(*HERE) as served:
+    with serve_here() as served:
         rover = site.robot("rover", served.url)
         with carried_out(job, site.service):
             order = rover.fetch_order()
@@ -137,15 +136,15 @@ def test_a_robot_that_refuses_to_give_up_carries_on(serve: Serve, site: Site) ->
             assert rover.say(rover.wait_for_link("cancelAction"), "rejected") == 200
         assert rover.wait_for_link("deploymentBase").endswith(order["id"])
         assert rover.say_of(order, "closed", "success") == 200
-        wait_for(lambda: site.summary(job)["rover"][0] == "InSync", "what it did all the same", 20)
+        wait_for(lambda: site.summary(job)["rover"][0] == "InSync", "what it did all the same")
 
 
-def test_tokens_are_the_robots_own_and_end_with_them(serve: Serve, site: Site, tmp_path: Path) -> None:
+def test_tokens_are_the_robots_own_and_end_with_them(serve_here: ServeHere, site: Site, tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     keys.write_text("[me]\naws_access_key_id = AKIDEXAMPLE\naws_secret_access_key = secret\n")
     keys.chmod(0o600)
     site.enrol("rover", "other")
-    with serve(*HERE, ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
+    with serve_here(ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
         rover, other = site.robot("rover", served.url), site.robot("other", served.url)
         assert PollingRobot(served.url, "rover", other.token).poll_status() == 401
         with pytest.raises(HTTPError) as refused, urlopen(f"{served.url}/listRobots", b"{}"):
@@ -155,6 +154,6 @@ def test_tokens_are_the_robots_own_and_end_with_them(serve: Serve, site: Site, t
         token = enrol("rover", site.service, secrets.token_bytes, rotate=True)
         site.fleets.call("DeleteRobot", robot=site.arns["other"])
 
-        wait_for(lambda: PollingRobot(served.url, "rover", token).poll_status() == 200, "the new token", 20)
+        wait_for(lambda: PollingRobot(served.url, "rover", token).poll_status() == 200, "the new token")
         assert rover.poll_status() == 401
         assert other.poll_status() == 401
