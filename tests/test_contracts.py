@@ -52,7 +52,6 @@ def verdicts(report: str) -> dict[str, str]:
     return dict(re.findall(r"^(.+) (KEPT|BROKEN)$", report, re.MULTILINE))
 
 
-@pytest.mark.slow
 def test_all_contracts_are_kept() -> None:
     checked = check_contracts(ROOT)
 
@@ -60,7 +59,7 @@ def test_all_contracts_are_kept() -> None:
     assert verdicts(checked.stdout) == dict.fromkeys(BROKEN, "KEPT")
 
 
-@pytest.mark.slow
+@pytest.mark.deep
 def test_each_contract_breaks_when_what_it_forbids_is_planted(tmp_path: Path) -> None:
     for folder in FOLDERS:
         shutil.copytree(ROOT / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))

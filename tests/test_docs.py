@@ -1,5 +1,6 @@
 """What the documentation shows is true: its specifications check, its Python runs, its links lead somewhere."""
 
+import ast
 import json
 import os
 import re
@@ -17,7 +18,10 @@ from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.deployments.cli.grammar import build_parser
+from prefect_robomaker.deployments.cli.inputs.operations import operation_name
+from prefect_robomaker.deployments.cli.inputs.requests import read_request
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
@@ -73,11 +77,43 @@ def test_python_in_the_documentation_runs(
                 exec(compile(text, f"{page.name}, block {number}", "exec"), {})
 
 
-@pytest.mark.slow
-def test_programs_for_the_service_run(serve: Serve, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    programs = [(page.name, text) for page in PAGES for text in blocks(page, "python") if FOR_SDKS in text]
-    assert {name for name, _ in programs} >= {"README.md", GUIDE.name}
+def programs_for_sdks() -> list[tuple[str, str]]:
+    """The pages' names and programs."""
+    found = [(page.name, text) for page in PAGES for text in blocks(page, "python") if FOR_SDKS in text]
+    assert {name for name, _ in found} >= {"README.md", GUIDE.name}
+    return found
 
+
+def test_programs_for_sdks_name_operations_and_waiters_with_their_members() -> None:
+    """What boto3 makes of the programs, each request checked by the operation's own shape; none is sent."""
+    model, waiters = (json.loads((MODEL_FOLDER / name).read_text()) for name in (SERVICE, WAITERS))
+    operations = {xform_name(name): name for name in model["operations"]}
+    waits = {xform_name(name): each["operation"] for name, each in waiters["waiters"].items()}
+    called: set[str] = set()
+
+    for page, text in programs_for_sdks():
+        for node in ast.walk(ast.parse(text)):
+            if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute):
+                continue
+            match node.func:
+                case ast.Attribute(value=ast.Name(id="robomaker"), attr=attr) if attr != "get_waiter":
+                    name = operations[attr]
+                case ast.Attribute(value=ast.Call(func=ast.Attribute(attr="get_waiter"), args=[made]), attr="wait"):
+                    name = waits[ast.literal_eval(made)]
+                case _:
+                    continue
+            called.add(name)
+            given = {str(each.arg) for each in node.keywords}
+            fields = OPERATIONS[name].request.model_fields
+            assert given <= set(fields), (page, name)
+            assert {member for member, field in fields.items() if field.is_required()} <= given, (page, name)
+
+    assert called >= {"CreateWorldTemplate", "CreateSimulationJob", "DescribeSimulationJob"}
+
+
+@pytest.mark.deep
+def test_programs_for_the_service_run(serve: Serve, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    programs = programs_for_sdks()
     with serve(PREFECT_API_URL=prefect_server) as served:
         for name, value in {**served.facts["environment"], "AWS_DATA_PATH": str(DATA_PATH)}.items():
             monkeypatch.setenv(name, value)
@@ -89,6 +125,19 @@ def test_programs_for_the_service_run(serve: Serve, prefect_server: str, monkeyp
     assert [job["status"] for job in jobs] == ["Completed"]
 
 
+def test_what_the_guide_says_to_type_is_understood() -> None:
+    """The command line's own grammar takes each command; requests are what their operations take."""
+    typed = [
+        shlex.split(line) for line in "\n".join(blocks(GUIDE, "bash")).splitlines() if line.startswith("robomaker")
+    ]
+    assert len(typed) >= 2
+
+    for _, *words in typed:
+        asked = build_parser().parse_args(words)
+        assert read_request(asked.input, operation_name(asked.operation)) is not None
+
+
+@pytest.mark.deep
 def test_what_the_guide_says_to_type_works(serve: Serve, service: Service, tmp_path: Path) -> None:
     program = "import boto3; print(boto3.client('robomaker').list_world_templates()['templateSummaries'][0]['name'])"
     with serve("--execute", "none") as served:

@@ -1,14 +1,17 @@
 """`prefect_robomaker`: the names that users import, and that importing it costs nothing."""
 
+import ast
 import json
 import subprocess
 import sys
 import tomllib
+from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import prefect_robomaker
+from prefect_robomaker import operation_flows
 from prefect_robomaker.tasks.operations.registry import registry
 
 ROOT = Path(__file__).parents[1]
@@ -76,7 +79,30 @@ def test_other_names_are_errors() -> None:
         _ = prefect_robomaker.CreateWorlds  # pyright: ignore[reportAttributeAccessIssue]
 
 
-@pytest.mark.slow
+def told_to_type_checkers(module: str) -> dict[str, str]:
+    """The names that a module of the package imports for type checkers alone, with the modules that have them."""
+    told: dict[str, str] = {}
+    for block in ast.parse((DOOR / f"{module}.py").read_text()).body:
+        if isinstance(block, ast.If) and isinstance(block.test, ast.Name) and block.test.id == "TYPE_CHECKING":
+            for each in block.body:
+                if isinstance(each, ast.ImportFrom):
+                    assert each.level == 1
+                    # A name is only passed on by a module that imports it `as` itself.
+                    told |= {alias.asname or "": str(each.module) for alias in each.names if alias.asname == alias.name}
+    return told
+
+
+def test_type_checkers_are_told_where_each_name_is() -> None:
+    flows = told_to_type_checkers("operation_flows")
+
+    assert set(told_to_type_checkers("__init__")) == NAMES - {"__version__"}
+    assert set(flows) == set(operation_flows.__all__)
+    for name, module in {**told_to_type_checkers("__init__"), **flows}.items():
+        given = getattr(import_module(f"prefect_robomaker.{module}"), name)
+        assert getattr(prefect_robomaker, name) is given
+
+
+@pytest.mark.deep
 def test_type_checkers_know_its_names(tmp_path: Path) -> None:
     """In the layout that an installed package has, which links make here."""
     package = tmp_path / "prefect_robomaker"
