@@ -19,6 +19,7 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worlds import export as world_export
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
 MISSING = {"bucket": "nowhere", "prefix": "worlds/none"}
 
 
@@ -201,8 +202,9 @@ def test_a_running_job_that_is_cancelled_leaves_no_archive(
     call("CancelWorldExportJob", {"job": job}, service)
     at_once = described(job, service)["status"]
     goes_on.set()
-    wait_for(lambda: described(job, service)["status"] == "Canceled", "the end", timeout_s=30)
-    worker.join(30)
+    wait_for(lambda: described(job, service)["status"] == "Canceled", "the end")
+    worker.join(60)
+    assert not worker.is_alive()
 
     assert at_once == "Canceling"
     assert [info.key for info in service.store.list("exports")] == []
