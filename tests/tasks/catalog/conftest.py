@@ -8,6 +8,8 @@ from typing import Any
 
 import pytest
 from helpers.postgres_server import NEEDS_POSTGRESQL
+from sqlalchemy import create_engine, inspect, text
+from sqlalchemy.pool import NullPool
 
 from prefect_robomaker.tasks.catalog import Catalog, NewResource, Resource
 
@@ -70,15 +72,36 @@ def url(new_database: NewDatabase) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture(scope="module")
-def shared_url(new_database: NewDatabase) -> Iterator[str]:
-    """One database for all tests of a module that ask for it."""
-    with new_database() as url:
+@pytest.fixture(scope="session")
+def postgres_tables(request: pytest.FixtureRequest) -> Iterator[str]:
+    """The URL of a database on PostgreSQL with the tables of a catalog, which tests empty: to make one takes longer."""
+    with request.getfixturevalue("postgres_server").new_database() as url:
+        Catalog.open(url, clock=Clock()).close()
         yield url
 
 
+@pytest.fixture(scope="module")
+def empty_catalog(request: pytest.FixtureRequest, database: str) -> NewDatabase:
+    """The URL of a catalog with nothing in it, for each `with`: on PostgreSQL the same one, so one at a time."""
+    if database == "sqlite":
+        return _sqlite_file
+    url: str = request.getfixturevalue("postgres_tables")
+    return lambda: _emptied(url)
+
+
+@contextmanager
+def _emptied(url: str) -> Iterator[str]:
+    kept = {"schema_version"}
+    engine = create_engine(url, poolclass=NullPool)
+    with engine.begin() as connection:
+        names = [name for name in inspect(connection).get_table_names() if name not in kept]
+        connection.execute(text(f"TRUNCATE {', '.join(names)} RESTART IDENTITY CASCADE"))
+    yield url
+
+
 @pytest.fixture
-def catalog(url: str, clock: Clock) -> Iterator[Catalog]:
-    opened = Catalog.open(url, clock=clock)
-    yield opened
-    opened.close()
+def catalog(empty_catalog: NewDatabase, clock: Clock) -> Iterator[Catalog]:
+    with empty_catalog() as url:
+        opened = Catalog.open(url, clock=clock)
+        yield opened
+        opened.close()

@@ -55,15 +55,13 @@ def test_a_resource_is_read_as_it_was_created(catalog: Catalog, make_resource: M
     assert (created.created_at, created.revision) == (datetime(2025, 1, 2, 3, 4, 5, 678901, tzinfo=UTC), 1)
 
 
-def test_times_are_utc_whatever_zone_the_clock_has(url: str, make_resource: MakeResource) -> None:
-    there = datetime(2025, 1, 2, 12, 0, tzinfo=timezone(timedelta(hours=9)))
-    catalog = Catalog.open(url, clock=lambda: there)
+def test_times_are_utc_whatever_zone_the_clock_has(catalog: Catalog, clock: Any, make_resource: MakeResource) -> None:
+    there = clock.now = datetime(2025, 1, 2, 12, 0, tzinfo=timezone(timedelta(hours=9)))
 
     catalog.create(make_resource(1), token=None)
 
     read = catalog.get(make_resource(1).arn).created_at
     assert (read, read.utcoffset()) == (there, timedelta(0))
-    catalog.close()
 
 
 def test_what_does_not_exist_is_named(catalog: Catalog, make_resource: MakeResource) -> None:
@@ -399,7 +397,8 @@ def test_a_worker_that_lost_its_lease_changes_nothing(
 # Opening
 
 
-def test_a_database_that_fails_is_said_to(url: str, catalog: Catalog, make_resource: MakeResource) -> None:
+def test_a_database_that_fails_is_said_to(url: str, clock: Any, make_resource: MakeResource) -> None:
+    catalog = Catalog.open(url, clock=clock)
     engine = create_engine(url)
     with engine.begin() as connection:
         connection.execute(text("DROP TABLE client_tokens"))
@@ -407,6 +406,7 @@ def test_a_database_that_fails_is_said_to(url: str, catalog: Catalog, make_resou
 
     with pytest.raises(ServiceUnavailableException, match=r"the catalog .* does not answer: .*client_tokens"):
         catalog.create(make_resource(1), token=token())
+    catalog.close()
 
 
 def test_a_catalog_outlives_its_program(url: str, clock: Any, make_resource: MakeResource) -> None:

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from hypothesis import settings
+from helpers.examples import examples
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule, run_state_machine_as_test
 
@@ -28,15 +28,15 @@ class CatalogMachine(RuleBasedStateMachine):
 
     arns = Bundle("arns")
 
-    def __init__(self, new_database: NewDatabase) -> None:
+    def __init__(self, empty_catalog: NewDatabase) -> None:
         super().__init__()
-        self.new_database = new_database
+        self.empty_catalog = empty_catalog
         self.resources = ExitStack()
 
     @initialize()
     def open(self) -> None:
         self.now = datetime(2025, 1, 1, tzinfo=UTC)
-        url = self.resources.enter_context(self.new_database())
+        url = self.resources.enter_context(self.empty_catalog())
         self.catalog = Catalog.open(url, clock=lambda: self.now)
         self.resources.callback(self.catalog.close)
         self.model: dict[str, dict[str, Any]] = {}
@@ -156,10 +156,10 @@ class CatalogMachine(RuleBasedStateMachine):
         self.resources.close()
 
 
-def test_a_catalog_is_like_a_dictionary(database: str, new_database: NewDatabase) -> None:
+def test_a_catalog_is_like_a_dictionary(database: str, empty_catalog: NewDatabase) -> None:
     class Machine(CatalogMachine):
         def __init__(self) -> None:
-            super().__init__(new_database)
+            super().__init__(empty_catalog)
 
-    examples = 30 if database == "sqlite" else 10  # the same code but for the driver, and three times as slow
-    run_state_machine_as_test(Machine, settings=settings(max_examples=examples, stateful_step_count=30, deadline=None))
+    number = 40 if database == "sqlite" else 25  # the same code but for the driver
+    run_state_machine_as_test(Machine, settings=examples(number, stateful_step_count=30))

@@ -113,9 +113,9 @@ def test_no_document_was_rewritten(old: Service) -> None:
 @pytest.mark.parametrize(
     ("operation", "kind"),
     [
-        ("CreateSimulationJob", "simulation-job"),
+        pytest.param("CreateSimulationJob", "simulation-job", marks=pytest.mark.deep),
         ("StartSimulationJobBatch", "simulation-job-batch"),
-        ("CreateWorldGenerationJob", "world-generation-job"),
+        pytest.param("CreateWorldGenerationJob", "world-generation-job", marks=pytest.mark.deep),
     ],
 )
 def test_a_pending_job_is_performed(old: Service, prefect_server: str, operation: str, kind: str) -> None:

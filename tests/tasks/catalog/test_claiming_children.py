@@ -99,7 +99,7 @@ def test_many_workers_at_once_never_hold_more_than_allowed_and_no_job_twice(
 
 
 def test_what_another_takes_by_its_arn_meanwhile_is_not_given_out(catalog: Catalog, make_resource: Any) -> None:
-    batch, jobs = make_batch(catalog, make_resource, jobs=60, concurrency=60)
+    batch, jobs = make_batch(catalog, make_resource, jobs=20, concurrency=20)
     claim = claimer(catalog, batch)
 
     for number, job in enumerate(jobs):
