@@ -42,7 +42,7 @@ def in_a_fork(action: Callable[[], Any]) -> bool:
 
 def connect(family: int, address: Any) -> bool:
     with socket.socket(family) as client:
-        client.settimeout(3)
+        client.settimeout(20)
         client.connect(address)
         return client.recv(2) == b"hi"
 

@@ -16,12 +16,6 @@ from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 TROUBLE = BUNDLES / "trouble"
 
 
-@pytest.fixture(scope="session")
-def launcher() -> Iterator[Launcher]:
-    with Launcher() as launcher:
-        yield launcher
-
-
 @pytest.fixture
 def make_plan(tmp_path: Path) -> Callable[..., RunPlan]:
     """Plans a run of the `trouble` bundle in folders of its own."""

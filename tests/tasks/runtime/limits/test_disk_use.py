@@ -239,6 +239,7 @@ with tempfile.TemporaryFile(dir="/dev/shm") as shared, open("data.mdb", "wb") as
 
     def test_what_is_put_among_the_data_counts(
         self,
+        launcher: Launcher,
         program: MakeProgram,
         plan_programs: ProgramsPlan,
         tmp_path: Path,
@@ -257,8 +258,7 @@ data.chmod(0o700)
 time.sleep(1000)
 """
         plan = plan_programs(program(code), compute=SMALL, root_dir=tmp_path / "run-1/root", data_dir=data)
-        with Launcher() as launcher:
-            reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
+        reason = reason_of(launcher.run(plan, never), "RobotApplicationCrash")
         assert "it used 25 MB; the biggest files are /opt/robomaker/datasources/mine.bin (25 MB)" in reason
 
     def test_a_run_that_goes_on_knows_what_was_there_before_its_first_attempt(

@@ -42,11 +42,15 @@ def test_what_fails_is_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert capsys.readouterr() == ("", "")
 
 
-def test_runs_begin_where_nothing_can_be_rehearsed(make_plan: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_is_rehearsed_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rehearsal.tempfile, "tempdir", "/no/such/folder")
     with rehearsal.rehearsal_room() as room:
         assert room is None
         rehearsal.rehearse(room, lambda _: False, always)
+
+
+@pytest.mark.deep
+def test_a_launcher_starts_where_nothing_can_be_rehearsed(make_plan: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TMPDIR", "/proc")
     with Launcher() as launcher:
         assert launcher.run(make_plan("Judging"), lambda: None).status == "Completed"

@@ -42,7 +42,7 @@ class Bystander:
 
     def end(self) -> RunOutcome:
         self.is_over = True
-        self._thread.join(20)
+        self._thread.join(120)
         assert self._outcome is not None
         return self._outcome
 
@@ -53,7 +53,7 @@ def bystander(launcher: Launcher, make_plan: Plan) -> Iterator[Bystander]:
     plan = make_plan(run_id="bystander", variables={"STEPS": "100000", "WAIT_S": "0.01"})
     run = Bystander(launcher, plan)
     run.start()
-    wait_until((plan.work_dir / "busy").exists, 20)
+    wait_until((plan.work_dir / "busy").exists)
     yield run
     assert run.end().status == "Canceled"
     result = RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
@@ -183,22 +183,6 @@ class TestOutput:
     ) -> None:
         outcome = launcher.run(plan_programs(program("import os; os.closerange(0, 1000); os._exit(0)")), never)
         assert outcome.status == "Completed"
-
-    def test_a_job_worker_without_any_output(self, make_plan: Plan, tmp_path: Path) -> None:
-        """A job worker whose standard streams are closed."""
-        plan = make_plan()
-        (tmp_path / "plan.json").write_text(plan.model_dump_json())
-        script = (
-            "import os, sys; os.closerange(0, 3)\n"
-            "from pathlib import Path\n"
-            "from prefect_robomaker.schemas.runs.plan import RunPlan\n"
-            "from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher\n"
-            "plan = RunPlan.model_validate_json(Path(sys.argv[1]).read_bytes())\n"
-            "outcome = Launcher().run(plan, lambda: None)\n"
-            "Path(sys.argv[1]).with_name('outcome').write_text(outcome.status)\n"
-        )
-        subprocess.run([sys.executable, "-c", script, str(tmp_path / "plan.json")], check=True, timeout=60)
-        assert (tmp_path / "outcome").read_text() == "Completed"
 
     @pytest.mark.deep
     def test_a_flood(self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan) -> None:
