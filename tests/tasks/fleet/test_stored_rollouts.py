@@ -63,7 +63,7 @@ def test_a_robot_that_leaves_after_the_end_is_not_waited_for(service: Service) -
     yard.robot("r1", good)
     config = {"failureThresholdPercentage": 100, "robotDeploymentTimeoutInSeconds": 60}
     job = yard.fleets.deploy(yard.arn, deployable(yard.fleets, "X86_64"), deploymentConfig=config)["arn"]
-    yard.run(job)
+    yard.run(job, yard.stride)
     assert open_rollouts(yard.service) != []
 
     yard.fleets.call("DeleteRobot", robot=away)

@@ -126,8 +126,8 @@ def test_a_pause_holds_robots_that_have_not_begun_and_the_others_go_on(yard: Yar
     arn = deployed(yard, concurrentDeploymentPercentage=34)
     seen: list[Any] = []
     yard.at_look[3] = lambda: pause(arn, "ada", yard.service)
-    yard.at_look[300] = lambda: seen.append((causes(yard, arn), yard.statuses(), list(yard.offered)))
-    yard.at_look[301] = lambda: resume(arn, yard.service)
+    yard.at_look[60] = lambda: seen.append((causes(yard, arn), yard.statuses(), list(yard.offered)))
+    yard.at_look[61] = lambda: resume(arn, yard.service)
 
     job = yard.run(arn)
 
@@ -165,11 +165,11 @@ def test_a_deployment_may_be_paused_before_it_begins_and_after_its_run_died(yard
 def test_the_time_of_an_order_that_is_held_back_stands_still(yard: Yard) -> None:
     away = yard.robot("r0", silent)
     arn = deployed(yard, robotDeploymentTimeoutInSeconds=60)
-    yard.at_look[20] = lambda: pause(arn, "ada", yard.service)
-    yard.at_look[1000] = lambda: resume(arn, yard.service)
-    yard.at_look[1001] = lambda: yard.behaviours.update({away: good})
+    yard.at_look[8] = lambda: pause(arn, "ada", yard.service)
+    yard.at_look[50] = lambda: resume(arn, yard.service)
+    yard.at_look[51] = lambda: yard.behaviours.update({away: good})
 
-    assert yard.run(arn)["status"] == "Succeeded"
+    assert yard.run(arn, yard.stride)["status"] == "Succeeded"
 
 
 def test_outside_its_windows_no_robot_begins(yard: Yard) -> None:
@@ -183,13 +183,14 @@ def test_outside_its_windows_no_robot_begins(yard: Yard) -> None:
     seen: list[Any] = []
 
     def sleep(_: float) -> None:
-        yard.sleep(5.0)
+        is_open = yard.now.minute in (10, 11, 30, 31)
+        yard.sleep(5.0 if is_open else 20.0)
         for robot in yard.offered:
             begun.setdefault(robot.split("/")[1], f"{yard.now:%H:%M}")
         if f"{yard.now:%H:%M}" == "03:20":  # its order is held back now
             yard.behaviours[late] = good
 
-    yard.at_look[10] = lambda: seen.append(yard.fleets.described(arn)["waitsFor"])
+    yard.at_look[5] = lambda: seen.append(yard.fleets.described(arn)["waitsFor"])
 
     job = yard.run(arn, sleep)
 
@@ -202,7 +203,7 @@ def test_outside_its_windows_no_robot_begins(yard: Yard) -> None:
 def test_an_order_that_a_robot_got_after_the_end_of_the_job_times_out(yard: Yard) -> None:
     yard.robot("r0", good)
     away = yard.robot("r1", silent)
-    job = yard.run(deployed(yard, robotDeploymentTimeoutInSeconds=300))
+    job = yard.run(deployed(yard, robotDeploymentTimeoutInSeconds=300), yard.stride)
     yard.behaviours[away] = slow
     for _ in range(3):
         yard.act()  # it answers the cancellation, and gets another order
