@@ -1,5 +1,6 @@
 """Fixtures for all tests."""
 
+import gc
 import os
 import signal
 import sys
@@ -20,6 +21,7 @@ pytest_plugins = [
     "helpers.prefect_server",
     "helpers.real_engine",
     "helpers.receivers",
+    "helpers.repeating",
     "helpers.s3_server",
     "helpers.service_fixtures",
     "helpers.swing_fixtures",
@@ -48,6 +50,17 @@ def pytest_configure() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
         signal.signal(signal.SIGHUP, signal.SIG_DFL)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Skips folders whose tests are deselected anyway; importing them takes each worker seconds."""
+    marker = {"benchmarks": "benchmark", "endurance": "endurance"}.get(collection_path.name)
+    return True if marker and f"not {marker}" in config.option.markexpr else None
+
+
+def pytest_collection_finish() -> None:
+    """Keeps the collector from walking over the collected tests, 500 MB, again and again."""
+    gc.freeze()
 
 
 @pytest.fixture

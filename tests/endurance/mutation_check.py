@@ -259,7 +259,7 @@ def tried(tree: Path, broken: Break, limit_s: float) -> Outcome:
 
 
 def _first_failure(tree: Path, files: list[str], limit_s: float) -> str:
-    options = ["-x", "-q", "-p", "no:randomly", "-p", "no:cacheprovider", "-n", "0", "-m", MARKERS, "--no-header"]
+    options = ["-x", "-q", "-p", "no:randomly", "-n", "0", "-m", MARKERS, "--no-header"]
     command = [str(tree / ".venv" / "bin" / "pytest"), *options, *files]
     environ = {**os.environ, "PATH": f"{tree}/.venv/bin:{os.environ['PATH']}"}
     with subprocess.Popen(
