@@ -1,16 +1,41 @@
-"""The hostile bundle as applications of a service."""
+"""The hostile bundle as applications of a service, and the command in this process."""
 
+import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from helpers.small_flat import ROLE
 
+from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
+
+
+@pytest.fixture
+def robomaker(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Iterator[Callable[..., tuple[int, str, str]]]:
+    """Runs `robomaker` here with a home and words; returns its exit code, what it wrote and what it complained of."""
+    before = dict(os.environ)
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    monkeypatch.setenv("CI", "true")
+
+    def run(home: object, *words: object) -> tuple[int, str, str]:
+        monkeypatch.setenv("ROBOMAKER_HOME", str(home))
+        try:
+            code = main([str(word) for word in words])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        return code, *capsys.readouterr()
+
+    yield run
+    # Commands tell Prefect by variables where its server is.
+    os.environ.clear()
+    os.environ.update(before)
 
 
 @pytest.fixture

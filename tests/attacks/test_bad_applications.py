@@ -72,22 +72,44 @@ def attack(hostile: Callable[..., dict[str, Any]], service: Service, simulate: S
 @pytest.mark.parametrize(
     ("environment", "agent", "code", "words"),
     [
-        ("hostile.failing_import.x", None, SIMULATION, ("hostile.failing_import", "ZeroDivisionError")),
+        pytest.param(
+            "hostile.failing_import.x",
+            None,
+            SIMULATION,
+            ("hostile.failing_import", "ZeroDivisionError"),
+            marks=pytest.mark.deep,
+        ),
         ("hostile.leaving_import.x", None, SIMULATION, ("sys.exit", "I never wanted to be imported")),
         ("hostile.circle.make_environment", None, SIMULATION, ("hostile.circle", "circular import")),
-        ("hostile.arena.clam", None, SIMULATION, ("no clam", "did you mean calm")),
-        ("hostile.arna.calm", None, SIMULATION, ("no arna", "did you mean arena")),
-        ("hostle.arena.calm", None, SIMULATION, ("no package hostle", "did you mean hostile")),
+        pytest.param("hostile.arena.clam", None, SIMULATION, ("no clam", "did you mean calm"), marks=pytest.mark.deep),
+        pytest.param("hostile.arna.calm", None, SIMULATION, ("no arna", "did you mean arena"), marks=pytest.mark.deep),
+        pytest.param(
+            "hostle.arena.calm", None, SIMULATION, ("no package hostle", "did you mean hostile"), marks=pytest.mark.deep
+        ),
         ("hostile.arena.NoTimeStep", None, SIMULATION, ("step() returned of type tuple", "dm_env.TimeStep")),
-        ("hostile.arena.NoTimeStepAtFirst", None, SIMULATION, ("reset() returned None", "dm_env.TimeStep")),
-        ("hostile.arena.nothing", None, SIMULATION, ("environment is None", "dm_env.Environment")),
-        ("hostile.arena.exiting", None, SIMULATION, ("exit code 0 before the run was over",)),
-        ("hostile.arena.crashing", None, SIMULATION, ("SIGSEGV",)),
-        ("hostile.arena.piping_log", None, SIMULATION, ("now read my log",)),
+        pytest.param(
+            "hostile.arena.NoTimeStepAtFirst",
+            None,
+            SIMULATION,
+            ("reset() returned None", "dm_env.TimeStep"),
+            marks=pytest.mark.deep,
+        ),
+        pytest.param(
+            "hostile.arena.nothing",
+            None,
+            SIMULATION,
+            ("environment is None", "dm_env.Environment"),
+            marks=pytest.mark.deep,
+        ),
+        pytest.param(
+            "hostile.arena.exiting", None, SIMULATION, ("exit code 0 before the run was over",), marks=pytest.mark.deep
+        ),
+        pytest.param("hostile.arena.crashing", None, SIMULATION, ("SIGSEGV",), marks=pytest.mark.deep),
+        pytest.param("hostile.arena.piping_log", None, SIMULATION, ("now read my log",), marks=pytest.mark.deep),
         ("hostile.arena.linking_log", None, SIMULATION, ("now read my log",)),
         ("hostile.arena.CyclicResult", None, SIMULATION, ("run_result()", "JSON", "Circular")),
         (None, "hostile.arena.no_agent", ROBOT, ("agent is of type str", "function of a time step")),
-        (None, "hostile.arena.agnt", ROBOT, ("no agnt", "did you mean agent")),
+        pytest.param(None, "hostile.arena.agnt", ROBOT, ("no agnt", "did you mean agent"), marks=pytest.mark.deep),
     ],
 )
 def test_what_goes_wrong_fails_the_job_with_its_reason_and_without_a_manifest(
@@ -119,8 +141,11 @@ def test_what_takes_the_output_folder_away_fails_the_job(
 
 @pytest.mark.parametrize(
     "environment",
-    ["single.make_environment"]
-    + [f"hostile.arena.{name}" for name in ("NonsenseSpecs", "BoastingResult", "printing", "wandering", "daemonising")],
+    ["single.make_environment", "hostile.arena.wandering", "hostile.arena.daemonising"]
+    + [
+        pytest.param(f"hostile.arena.{name}", marks=pytest.mark.deep)
+        for name in ("NonsenseSpecs", "BoastingResult", "printing")
+    ],
 )
 def test_what_only_looks_bad_completes_and_is_published_whole(attack: Callable[..., Attack], environment: str) -> None:
     ended = attack(environment)
@@ -135,11 +160,13 @@ def test_what_only_looks_bad_completes_and_is_published_whole(attack: Callable[.
     ("environment", "left_out"),
     [
         ("linking", "'innocent.txt' is not stored: it is a symbolic link"),
-        ("linking_folders", "'everything' is not stored: it is a symbolic link"),
-        ("piping", "'pipe' is not stored: it is neither a regular file nor a folder"),
+        pytest.param("linking_folders", "'everything' is not stored: it is a symbolic link", marks=pytest.mark.deep),
+        pytest.param(
+            "piping", "'pipe' is not stored: it is neither a regular file nor a folder", marks=pytest.mark.deep
+        ),
         ("forging", "'manifest.json' is not stored: it has the name of the manifest"),
         ("naming", r"'\udcff\udcfe' is not stored: it has a name that no store takes"),
-        ("digging", "is not stored: it is nested more than 100 folders deep"),
+        pytest.param("digging", "is not stored: it is nested more than 100 folders deep", marks=pytest.mark.deep),
     ],
 )
 def test_what_cannot_be_stored_is_left_out_by_name_and_all_else_is_stored(
@@ -176,7 +203,9 @@ def test_a_crash_keeps_its_logs_for_people_to_read(attack: Callable[..., Attack]
         read_manifest(service.store, place["bucket"], place["prefix"])
 
 
-@pytest.mark.parametrize(("agent", "words"), [("dreaming_agent", "nan"), ("many_armed_agent", "17")])
+@pytest.mark.parametrize(
+    ("agent", "words"), [("dreaming_agent", "nan"), pytest.param("many_armed_agent", "17", marks=pytest.mark.deep)]
+)
 def test_an_action_that_is_none_is_the_robot_applications_fault(
     attack: Callable[..., Attack], generate: Callable[..., dict[str, Any]], service: Service, agent: str, words: str
 ) -> None:

@@ -3,9 +3,7 @@
 Every row changes one place of the quickstart specification, as a slip of a finger or of the mind would.
 """
 
-import os
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +16,6 @@ QUICKSTART = REPOSITORY / "deployments" / "specs" / "quickstart.yaml"
 SUCCEEDED = "${{ worlds.finishedWorldsSummary.succeededWorlds }}"
 TAGS = 'tags: {flat: "flat-${{ index }}"}'
 EXPORT = "  export:\n"
-MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 
 # What is written, what stands there instead, words of the message.
 MISTAKES: list[tuple[str, str, tuple[str, ...]]] = [
@@ -136,22 +133,17 @@ def test_one_mistake_is_told_once_with_place_value_and_remedy(right: str, wrong:
 
 
 @pytest.mark.parametrize("index", [0, 17, 31, 47, 57, 63, 73])
-def test_the_command_refuses_and_creates_nothing(index: int, tmp_path: Path) -> None:
+def test_the_command_refuses_and_creates_nothing(
+    index: int, tmp_path: Path, robomaker: Callable[..., tuple[int, str, str]]
+) -> None:
     right, wrong, words = MISTAKES[index]
     path, home = tmp_path / "spec.yaml", tmp_path / "home"
     path.write_text(broken(right, wrong)[0])
 
-    ended = subprocess.run(
-        [*MAIN, "run", path],
-        env={**os.environ, "ROBOMAKER_HOME": str(home)},
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
+    code, out, err = robomaker(home, "run", path)
 
-    assert (ended.returncode, ended.stdout) == (2, "")
-    first, count = ended.stderr.splitlines()
+    assert (code, out) == (2, "")
+    first, count = err.splitlines()
     assert first.startswith(f"{path}:")
     assert all(word in first for word in words)
     assert count == f"robomaker: 1 problem in {path}; nothing was run"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import RobomakerError
@@ -174,21 +175,18 @@ def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     store = Path(service.settings.object_store)
     assert manifests(store / "results") == []
     processes = [int(line) for line in (tmp_path / "processes").read_text().split()]
-    deadline = time.monotonic() + 5
-    while any(Path(f"/proc/{pid}").exists() for pid in processes):
-        assert time.monotonic() < deadline, "the simulation outlived its run"
-        time.sleep(0.05)
+    wait_for(lambda: not any(Path(f"/proc/{pid}").exists() for pid in processes), "the simulation to end with its run")
     # A process that opens the catalog now sees the job as it stood, and can run another.
-    assert Service.open(service.settings, {}).catalog.get(job).status == status
-    command[-1] = str(spec(hostile()))
-    again = subprocess.run(command, env=variables, capture_output=True, text=True, check=False, timeout=100)
-    assert again.returncode == 0, again.stderr
+    again = Service.open(service.settings, {})
+    assert again.catalog.get(job).status == status
+    other = call("CreateSimulationJob", hostile(), again)
+    assert registry()["CreateSimulationJob"].perform(other["arn"], again)["status"] == "Completed"
     assert len(manifests(store / "results")) == 1
     check_manifests(store)
 
 
 def _wait_for(service: Service, status: str, process: "subprocess.Popen[bytes]") -> str:
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 200
     while time.monotonic() < deadline and process.poll() is None:
         for job in service.catalog.list("simulation-job").resources:
             notes = Path(

@@ -28,7 +28,7 @@ def bystander(service: Service, order: Order) -> Iterator[str]:
     yield arn
     assert call("DescribeSimulationJob", {"job": arn}, service)["status"] == "Running"
     call("CancelSimulationJob", {"job": arn}, service)
-    worker.join(20)
+    worker.join(120)
     assert result_of(service, arn).ended_by == "canceled"
     assert working_below(service.settings.home) == set()
 
@@ -65,9 +65,11 @@ BOMB = "import os, time\nfor _ in range(11): os.fork()\ntime.sleep(100)"
     [
         ("import os; os._exit(0)", {}, "ended itself with exit code 0 before the run was over"),
         ("import os; os.kill(os.getpid(), 11)", {}, "killed by SIGSEGV"),
-        (HOG, {"compute": {"simulationUnitLimit": 1}}, "2048 MiB of memory are allowed"),
+        pytest.param(
+            HOG, {"compute": {"simulationUnitLimit": 1}}, "2048 MiB of memory are allowed", marks=pytest.mark.deep
+        ),
         # Processes, or their memory, which cannot be measured exactly while they fork: the first one found.
-        pytest.param(BOMB, {}, "used too much", marks=pytest.mark.deep),
+        pytest.param(BOMB, {}, "used too much", marks=pytest.mark.endurance),
     ],
     ids=["leaves at import", "segmentation fault", "memory hog", "fork bomb"],
 )
@@ -80,6 +82,7 @@ def test_a_fault_fails_its_job_alone(
     assert words in job["failureReason"]
 
 
+@pytest.mark.deep
 def test_an_endless_loop_ends_at_the_duration_limit(order: Order, perform: Callable[..., dict[str, Any]]) -> None:
     job = perform(order({"DO": "while True: pass"}, maxJobDurationInSeconds=1))
 
@@ -94,6 +97,7 @@ def test_closed_streams_do_no_harm(service: Service, order: Order, perform: Call
     assert result_of(service, job["arn"]).ended_by == "environment"
 
 
+@pytest.mark.deep
 def test_a_killed_tool_that_may_not_end_fails_its_job(order: Order, perform: Callable[..., dict[str, Any]]) -> None:
     request = order({"DURATION_S": "60"})
     request["robotApplications"][0]["tools"] = [tool("sleep 100 & kill -9 $$", "FAIL")]

@@ -1,7 +1,7 @@
 """Requests broken at random: refused with the service's own errors, and a refusal changes nothing."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import pytest
@@ -220,30 +220,50 @@ def empty_service(tmp_path_factory: pytest.TempPathFactory) -> Service:
     return Service.open(Settings.from_environment({"ROBOMAKER_HOME": str(home)}), {})
 
 
-def rows(service: Service) -> dict[str, int]:
-    """Number of rows of every table of the catalog."""
-    engine = create_engine(service.settings.catalog_url)
-    with engine.connect() as connection:
-        counts = {
-            table.name: connection.scalar(select(func.count()).select_from(table)) or 0
-            for table in metadata.sorted_tables
-        }
+@pytest.fixture(scope="module")
+def count_rows(empty_service: Service) -> Iterator[Callable[[], dict[str, int]]]:
+    """Counts the rows of every table of the catalog."""
+    engine = create_engine(empty_service.settings.catalog_url)
+
+    def count() -> dict[str, int]:
+        with engine.connect() as connection:
+            return {
+                table.name: connection.scalar(select(func.count()).select_from(table)) or 0
+                for table in metadata.sorted_tables
+            }
+
+    yield count
     engine.dispose()
-    return counts
 
 
 def test_every_operation_is_fuzzed() -> None:
     assert REQUESTS.keys() == registry().keys()
 
 
+@examples(300, suppress_health_check=(HealthCheck.function_scoped_fixture,))
+@given(operation=st.sampled_from(sorted(REQUESTS)), data=st.data())
+def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing(
+    operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
+) -> None:
+    check_broken_request(operation, empty_service, count_rows, data)
+
+
+@pytest.mark.deep
 @pytest.mark.parametrize("operation", sorted(REQUESTS))
 @examples(10, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(data=st.data())
-def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing(
-    operation: str, empty_service: Service, data: st.DataObject
+def test_broken_requests_of_every_operation(
+    operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
 ) -> None:
+    check_broken_request(operation, empty_service, count_rows, data)
+
+
+def check_broken_request(
+    operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
+) -> None:
+    """Breaks an operation's request; what refuses it changes nothing."""
     request = mutate(REQUESTS[operation], data)
-    before = rows(empty_service)
+    before = count_rows()
     objects = sorted(empty_service.settings.home.rglob("*"))
 
     refused: ServiceError | None = None
@@ -254,7 +274,7 @@ def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing
     if refused is not None:
         assert str(refused).strip()
         assert type(refused) in registry()[operation].shape.errors
-        assert rows(empty_service) == before
+        assert count_rows() == before
         assert sorted(empty_service.settings.home.rglob("*")) == objects
 
 

@@ -22,6 +22,7 @@ from prefect_robomaker.tasks.service.service import Service
 MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 # Root can write to any folder, unless it gives up the right to.
 AS_ANYBODY = ["setpriv", "--bounding-set=-dac_override", "--inh-caps=-dac_override"] if os.geteuid() == 0 else []
+Robomaker = Callable[..., tuple[int, str, str]]
 SPEC = """\
 version: 1
 name: quick
@@ -50,7 +51,7 @@ def command(
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=250,
     )
 
 
@@ -65,14 +66,14 @@ def spec(tmp_path: Path) -> Path:
 @pytest.mark.parametrize("words", [("run", "SPEC"), ("call", "ListWorlds"), ("server", "start")])
 @pytest.mark.parametrize("home", ["file", "file/below", "/proc/nowhere"])
 def test_a_home_that_cannot_be_used_is_told_in_one_line(
-    tmp_path: Path, spec: Path, home: str, words: tuple[str, ...]
+    tmp_path: Path, spec: Path, robomaker: Robomaker, home: str, words: tuple[str, ...]
 ) -> None:
     (tmp_path / "file").write_text("no folder")
 
-    ended = command(*(spec if word == "SPEC" else word for word in words), ROBOMAKER_HOME=tmp_path / home)
+    code, out, err = robomaker(tmp_path / home, *(spec if word == "SPEC" else word for word in words))
 
-    assert (ended.returncode, ended.stdout) == (2, "")
-    [line] = ended.stderr.splitlines()
+    assert (code, out) == (2, "")
+    [line] = err.splitlines()
     assert str(tmp_path / home) in line
     assert "set ROBOMAKER_HOME to a folder you can write to" in line
 
@@ -88,15 +89,26 @@ def test_a_home_without_the_right_to_write(tmp_path: Path) -> None:
     assert "cannot be written to" in ended.stderr
 
 
-@pytest.mark.parametrize("name", ["with space", "größe", "a#b%20c", "what?", "-dash"])
-def test_a_home_may_have_an_odd_name_and_be_relative(tmp_path: Path, name: str) -> None:
+@pytest.mark.parametrize("name", ["with space", "größe", "what?", "-dash"])
+def test_a_home_may_have_an_odd_name_and_be_relative(
+    tmp_path: Path, robomaker: Robomaker, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+
+    code, _, err = robomaker(name, "call", "CreateRobotApplication", "--input", json.dumps(APPLICATION))
+
+    assert code == 0, err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+    assert (tmp_path / name / "catalog.db").exists()
+
+
+def test_a_command_of_its_own_may_have_an_odd_home(tmp_path: Path) -> None:
     made = command(
-        "call", "CreateRobotApplication", "--input", json.dumps(APPLICATION), cwd=tmp_path, ROBOMAKER_HOME=name
+        "call", "CreateRobotApplication", "--input", json.dumps(APPLICATION), cwd=tmp_path, ROBOMAKER_HOME="a#b%20c"
     )
 
     assert made.returncode == 0, made.stderr
-    assert [path.name for path in tmp_path.iterdir()] == [name]
-    assert (tmp_path / name / "catalog.db").exists()
+    assert [path.name for path in tmp_path.iterdir()] == ["a#b%20c"]
 
 
 def test_a_dead_prefect_server_is_named_and_none_is_started(tmp_path: Path, spec: Path) -> None:
@@ -128,7 +140,7 @@ def test_two_first_runs_at_once_share_one_server_and_both_succeed(fresh_home: Pa
         )
         for _ in range(2)
     ]
-    ended = [run.communicate(timeout=150) for run in runs]
+    ended = [run.communicate(timeout=250) for run in runs]
 
     assert [run.returncode for run in runs] == [0, 0], ended
     assert len(list((fresh_home / "runs").iterdir())) == 2
@@ -152,7 +164,7 @@ def test_of_eight_processes_that_create_one_name_exactly_one_wins(settings: Sett
         subprocess.Popen(start, env=variables, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         for _ in range(8)
     ]
-    ended = [each.communicate(timeout=100) for each in calls]
+    ended = [each.communicate(timeout=250) for each in calls]
 
     assert sorted(each.returncode for each in calls) == [0] + [2] * 7, ended
     assert sum("ResourceAlreadyExistsException" in errors for _, errors in ended) == 7

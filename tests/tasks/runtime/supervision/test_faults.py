@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -76,9 +75,14 @@ PROGRAM_FAULTS = {
     ),
     "killed": ("import os; os.kill(os.getpid(), 9)", "was killed by SIGKILL"),
 }
+BOMBS = {"memory hog", "fork bomb of sessions"}
+"""What the suite sees beside another run; ends of programs are in `test_programs`."""
 
 
-@pytest.mark.parametrize("fault", PROGRAM_FAULTS)
+@pytest.mark.parametrize(
+    "fault",
+    [fault if fault in BOMBS else pytest.param(fault, marks=pytest.mark.deep) for fault in PROGRAM_FAULTS],
+)
 def test_programs_that_break(
     launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, bystander: Bystander, tmp_path: Path,
     fault: str,
@@ -124,7 +128,7 @@ def plan_fault(make_plan: Plan) -> Callable[..., RunPlan]:
     [
         ("broken_at_import.make", "making the environment: the process ended itself with exit code 0"),
         ("faults.segfaulting_in_c", "environment.step(): killed by SIGSEGV"),
-        ("faults.forking_without_end", "used too much: 100 processes and threads"),
+        pytest.param("faults.forking_without_end", "used too much: 100 processes and threads", marks=pytest.mark.deep),
     ],
 )
 def test_environments_that_break(
@@ -140,8 +144,8 @@ def test_environments_that_break(
 @pytest.mark.parametrize(
     "code",
     [
-        "while True: pass",
-        "import signal\nsignal.signal(15, signal.SIG_IGN)\nwhile True: pass",
+        pytest.param("while True: pass", marks=pytest.mark.deep),
+        pytest.param("import signal\nsignal.signal(15, signal.SIG_IGN)\nwhile True: pass", marks=pytest.mark.deep),
         "sum(iter(int, 1))",  # never leaves C
         "import signal, os\nsignal.pthread_sigmask(signal.SIG_BLOCK, range(1, 65))\nos.kill(os.getpid(), 19)\n",
     ],
@@ -160,6 +164,7 @@ def test_endless_loops_are_canceled_in_time(
     assert processes_with(str(plan.work_dir)) == []
 
 
+@pytest.mark.deep
 def test_an_environment_that_never_leaves_c(launcher: Launcher, plan_fault: Callable[..., RunPlan]) -> None:
     plan = plan_fault("faults.endless_in_c")
 

@@ -136,22 +136,40 @@ class TestFailures:
     @pytest.mark.parametrize(
         ("environment", "agent", "code", "texts"),
         [
-            ("raising", OK, SIMULATION, ["arena failed in environment.step()", "ValueError: the table is on fire"]),
-            ("raising", OK, SIMULATION, ["in step 10 (arena.py, line"]),
+            (
+                "raising",
+                OK,
+                SIMULATION,
+                [
+                    "arena failed in environment.step()",
+                    "ValueError: the table is on fire",
+                    "in step 10 (arena.py, line",
+                ],
+            ),
             ("UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"]),
-            ("unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"]),
+            pytest.param(
+                "unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"], marks=pytest.mark.deep
+            ),
             ("diverging", OK, SIMULATION, ["PhysicsError", "mjWARN_BADQPOS"]),
             ("Loose", OK, SIMULATION, ["PhysicsError", "bad numbers at joint 'wrist_hinge' of body 'wrist'"]),
             ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL'"]),
-            ("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"]),
+            pytest.param("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"], marks=pytest.mark.deep),
             ("segfaulting", OK, SIMULATION, ["killed by SIGSEGV", "environment.step()"]),
             ("filling", OK, SIMULATION, ["File too large"]),
             ("mking_environment", OK, SIMULATION, ["has no mking_environment", "did you mean make_environment"]),
-            ("not_callable", OK, SIMULATION, ["trouble.arena.not_callable is a int, not a function"]),
+            pytest.param(
+                "not_callable",
+                OK,
+                SIMULATION,
+                ["trouble.arena.not_callable is a int, not a function"],
+                marks=pytest.mark.deep,
+            ),
             (OK, "raising", ROBOT, ["driver failed in the agent", "ZeroDivisionError: lost the map", "agent.py, line"]),
             (OK, "unable", ROBOT, ["driver failed in making the agent", "no wheels"]),
-            (OK, "killed", ROBOT, ["killed by SIGKILL", "failed in the agent"]),
-            (OK, "make_agnt", ROBOT, ["has no make_agnt", "did you mean make_agent"]),
+            pytest.param(OK, "killed", ROBOT, ["killed by SIGKILL", "failed in the agent"], marks=pytest.mark.deep),
+            pytest.param(
+                OK, "make_agnt", ROBOT, ["has no make_agnt", "did you mean make_agent"], marks=pytest.mark.deep
+            ),
             (
                 "overfilling",
                 OK,
