@@ -1,15 +1,20 @@
 """Runs the command in this process, with a data home of its own."""
 
+import logging
 import os
+import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from prefect_robomaker.deployments.cli import prefect_server as cli_prefect_server
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.deployments.prefect_server.local_server import stop_server
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.execution.run_watch import WATCH
 
 
 @dataclass(frozen=True)
@@ -54,6 +59,26 @@ def robomaker(home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     # Commands tell Prefect by variables where its server is.
     os.environ.clear()
     os.environ.update(before)
+
+
+@pytest.fixture
+def robomaker_at_server(robomaker: Command, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> Iterator[Command]:
+    """Runs `robomaker` with the given words at the test run's Prefect server: what a command changes ends with it."""
+    monkeypatch.setenv("PREFECT_API_URL", prefect_server)
+    logger = logging.getLogger("prefect_robomaker")
+    monkeypatch.setattr(logger, "handlers", logger.handlers)
+    monkeypatch.setattr(logger, "propagate", logger.propagate)
+    monkeypatch.setattr(WATCH, "tells_of_silence", WATCH.tells_of_silence)
+    patiences: list[Any] = []
+    monkeypatch.setattr(cli_prefect_server, "_FOR_EVER", patiences)
+    level = logger.level
+    yield robomaker
+    for thread in threading.enumerate():
+        if thread.name == "dead runs" and not thread.daemon:
+            thread.join(60)
+    for patience in reversed(patiences):
+        patience.__exit__(None, None, None)
+    logger.setLevel(level)
 
 
 @pytest.fixture

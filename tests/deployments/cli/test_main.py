@@ -101,7 +101,8 @@ import os, sys
 class Look:
     def find_spec(self, name, path=None, target=None):
         if name == "prefect":
-            print("Prefect begins with", os.environ.get("DO_NOT_TRACK"), file=sys.stderr)
+            os.write(1, f"Prefect begins with {os.environ.get('DO_NOT_TRACK')}".encode())
+            os._exit(0)  # the rest takes seconds, and shows nothing more
 
 sys.meta_path.insert(0, Look())
 from prefect_robomaker.deployments.cli.main import main
@@ -120,4 +121,4 @@ def test_prefect_is_told_to_send_nothing_before_it_is_imported(words: tuple[str,
         capture_output=True,
         text=True,
     )
-    assert ended.stderr.startswith("Prefect begins with 1\n")
+    assert ended.stdout == "Prefect begins with 1"

@@ -1,7 +1,7 @@
 """What botocore makes of the shipped model, without a server."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
 from typing import Any
 
@@ -23,13 +23,14 @@ JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1"
 ROLE = "arn:aws:iam::000000000000:role/local"
 
 
-@pytest.fixture
-def session(monkeypatch: pytest.MonkeyPatch) -> botocore.session.Session:
-    """A session that knows the shipped model by nothing but the environment variable."""
-    monkeypatch.setenv("AWS_DATA_PATH", str(DATA_PATH))
-    monkeypatch.delenv("AWS_ENDPOINT_URL_ROBOMAKER", raising=False)
-    monkeypatch.delenv("AWS_ENDPOINT_URL", raising=False)
-    return botocore.session.get_session()
+@pytest.fixture(scope="module")
+def session() -> Iterator[botocore.session.Session]:
+    """A session that knows the shipped model by nothing but the environment variable, and reads it once."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("AWS_DATA_PATH", str(DATA_PATH))
+        patch.delenv("AWS_ENDPOINT_URL_ROBOMAKER", raising=False)
+        patch.delenv("AWS_ENDPOINT_URL", raising=False)
+        yield botocore.session.get_session()
 
 
 @pytest.fixture
@@ -70,10 +71,11 @@ def body_of(request: AWSPreparedRequest) -> Any:
     return json.loads(request.body)
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_the_committed_files_are_current(name: str) -> None:
+def test_the_committed_files_are_current() -> None:
     """Run `python -m prefect_robomaker.deployments.service_model.model` after changes of the schemas."""
-    assert (MODEL_FOLDER / name).read_text() == model_files()[name]
+    made = model_files()
+    for name in FILES:
+        assert (MODEL_FOLDER / name).read_text() == made[name], name
 
 
 def test_sessions_find_the_service_by_the_environment_variable(session: botocore.session.Session) -> None:

@@ -13,6 +13,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from helpers.endpoint_here import ServeHere
 from helpers.endpoint_process import Serve, Served
 from helpers.processes import alive, descendants, wait_for, working_below
 
@@ -46,12 +47,12 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")
         processes = descendants(served.process.pid)
         served.process.send_signal(signal.SIGINT)
-        assert served.process.wait(20) == 0, served.log.read_text()
+        assert served.process.wait(60) == 0, served.log.read_text()
 
     assert status(service, waiting) == "Pending"
     assert "Interrupted: 3 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
     assert "Traceback" not in served.log.read_text()
-    wait_for(lambda: not alive(processes), "the end of every process", 10)
+    wait_for(lambda: not alive(processes), "the end of every process")
     assert [status(service, arn) for arn in (long, batch)] == ["Running", "Completing"]
     assert children(service, batch) == ["Running"]
     assert {"CRASHED"} == {state for arn in (long, batch) for state in flow_run_states(arn)}
@@ -67,8 +68,8 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         wait_for(lambda: len(descendants(served.process.pid)) >= 4, "the processes of the batch's job")
         processes = descendants(served.process.pid)
         served.process.kill()
-        served.process.wait(5)
-        wait_for(lambda: not alive(processes), "the end of every process", 10)
+        served.process.wait(60)
+        wait_for(lambda: not alive(processes), "the end of every process")
 
     assert status(service, batch) == "Completing"
     assert len(service.catalog.children(batch, kind="simulation-job")) == 1
@@ -94,7 +95,7 @@ def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
         assert "the job worker was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
         described = served.call("DescribeSimulationJob", {"job": deadly})
         served.process.terminate()
-        assert served.process.wait(20) == 0
+        assert served.process.wait(60) == 0
     assert described["failureCode"] == "InternalServiceError"
     assert "3 job workers died" in described["failureReason"]
     assert service.catalog.lost_workers(other) == 1
@@ -122,31 +123,31 @@ def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Servic
         assert served.worker() == {"state": "elsewhere"}
         assert served.facts["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == served.url
         served.process.send_signal(signal.SIGHUP)
-        assert served.process.wait(20) == 0
+        assert served.process.wait(60) == 0
 
     assert status(service, arn) == "Pending"
     assert "POST /createSimulationJob 200" in served.log.read_text()
 
 
-def test_clients_have_to_sign_when_there_are_access_keys(serve: Serve, tmp_path: Path) -> None:
+def test_clients_have_to_sign_when_there_are_access_keys(serve_here: ServeHere, tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     keys.write_text("[default]\naws_access_key_id = AKID\naws_secret_access_key = secret\n")
     keys.chmod(0o644)
-    with serve("--execute", "none", ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
+    with serve_here(ROBOMAKER_ACCESS_KEYS_FILE=str(keys)) as served:
         with pytest.raises(urllib.error.HTTPError, match="403"):
             served.call("ListWorlds", {})
         assert "AWS_ACCESS_KEY_ID" not in served.facts["environment"]
         assert "others can read the access keys" in served.log.read_text()
 
 
-def test_a_trusted_proxy_says_that_visitors_come_by_https(serve: Serve, tmp_path: Path) -> None:
+def test_a_trusted_proxy_says_that_visitors_come_by_https(serve_here: ServeHere, tmp_path: Path) -> None:
     keys = tmp_path / "keys"
     keys.write_text("[default]\naws_access_key_id = AKID\naws_secret_access_key = word\n")
     proxied = {"ROBOMAKER_ACCESS_KEYS_FILE": str(keys), "ROBOMAKER_TRUSTED_PROXIES": "127.0.0.1"}
-    with serve("--execute", "none", **proxied) as served:
+    with serve_here(**proxied) as served:
         cookies = []
         for headers in ({}, {"X-Forwarded-Proto": "https"}):
-            connection = http.client.HTTPConnection(urlsplit(served.url).netloc, timeout=30)
+            connection = http.client.HTTPConnection(urlsplit(served.url).netloc, timeout=60)
             connection.request("POST", "/console/login", "key=AKID&secret=word", headers)
             cookies.append(connection.getresponse().headers["set-cookie"])
             connection.close()
@@ -180,8 +181,8 @@ def a_second_ctrl_c_does_not_wait(served: Served) -> None:
     served.process.send_signal(signal.SIGINT)
     wait_for(lambda: not answers(served), "the end of the endpoint")
     served.process.send_signal(signal.SIGINT)
-    assert served.process.wait(20) == 130
-    wait_for(lambda: not alive(processes), "the end of every process", 10)
+    assert served.process.wait(60) == 130
+    wait_for(lambda: not alive(processes), "the end of every process")
 
 
 def answers(served: Served) -> bool:

@@ -2,18 +2,15 @@
 
 import io
 import json
-import os
 import re
-import subprocess
-import sys
 import time
 
 import pytest
-from helpers.paths import REPOSITORY
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles, WaiterRecord
+from prefect_robomaker.tasks.service.service import Service
 
 BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
 
@@ -90,54 +87,30 @@ def test_what_a_job_waits_for_on_this_machine_is_said_beside_its_description(rob
     assert described.err == "request 0 of it has waited 1 min 05 s on this machine: no memory is left\n"
 
 
-def test_a_job_can_be_carried_to_its_end(home, prefect_server: str) -> None:
+def test_a_job_can_be_carried_to_its_end(robomaker_at_server) -> None:
     request = {
         "maxJobDurationInSeconds": 60,
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "robotApplications": [{"application": "scout", "launchConfig": {}}],
     }
-
-    def start(*words: str) -> subprocess.CompletedProcess[str]:
-        environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
-        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
-
-    stored = json.loads(start("call", "CreateSimulationJob", "--input", json.dumps(request)).stdout)
+    stored = json.loads(robomaker_at_server("call", "CreateSimulationJob", "--input", json.dumps(request)).out)
     assert stored["status"] == "Pending"
-    ended = start("perform", stored["arn"])
-    answer = json.loads(ended.stdout)
+    ended = robomaker_at_server("perform", stored["arn"])
+    answer = json.loads(ended.out)
     # Nothing says which world to drive in: the job fails, not the call.
     assert (answer["status"], answer["failureCode"]) == ("Failed", "InvalidInput")
-    assert ended.returncode == 3
-    assert start("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x").returncode == 2
+    assert ended.code == 3
+    refused = robomaker_at_server("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x")
+    assert refused.code == 2
+    assert "names a world; jobs and batches can be performed" in refused.err
 
 
-def test_a_verdict_of_fail_ends_a_waited_call_with_1(home, prefect_server: str) -> None:
-    """The cartpole of the examples falls when its agent does nothing."""
-    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server}
-    environ["PYTHONPATH"] = str(REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle")
+def test_a_verdict_of_fail_ends_a_waited_call_with_1(robomaker_at_server, swing, service: Service) -> None:
+    stored = swing(perform=False, LIMIT="0.5")
+    request = service.catalog.get(stored["arn"]).document["request"]
 
-    def call(operation: str, request: dict, *more: str) -> subprocess.CompletedProcess[str]:
-        words = ["call", operation, "--input", json.dumps(request), *more]
-        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *words]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+    ended = robomaker_at_server("call", "CreateSimulationJob", "--input", json.dumps(request), "--wait")
 
-    suites = {"robotSoftwareSuite": {"name": "General"}}
-    robot = {"name": "agent", "environment": {"uri": "python://my_cartpole.agent"}, **suites}
-    assert call("CreateRobotApplication", robot).returncode == 0
-    arena = {"name": "arena", "environment": {"uri": "python://my_cartpole.arena"}, **suites}
-    runtime = {"simulationSoftwareSuite": {"name": "SimulationRuntime"}}
-    assert call("CreateSimulationApplication", arena | runtime).returncode == 0
-    job = {
-        "maxJobDurationInSeconds": 60,
-        "iamRole": "arn:aws:iam::000000000000:role/test",
-        "robotApplications": [
-            {"application": "agent", "launchConfig": {"environmentVariables": {"GAIN": "0"}}},
-        ],
-        "simulationApplications": [{"application": "arena", "launchConfig": {}}],
-    }
-
-    ended = call("CreateSimulationJob", job, "--wait")
-
-    assert json.loads(ended.stdout)["status"] == "Completed"
-    assert ended.returncode == 1
+    answer = json.loads(ended.out)
+    assert answer["arn"] != stored["arn"]
+    assert (answer["status"], ended.code) == ("Completed", 1)

@@ -1,11 +1,8 @@
 """`robomaker world import` and `vary`: worlds of the catalog like any other."""
 
 import json
-import os
 import re
 import shlex
-import subprocess
-import sys
 import zipfile
 from pathlib import Path
 
@@ -17,8 +14,9 @@ ROLE = "arn:aws:iam::000000000000:role/test"
 
 
 def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
-    robomaker, home: Path, tmp_path: Path, prefect_server: str
+    robomaker_at_server, home: Path, tmp_path: Path
 ) -> None:
+    robomaker = robomaker_at_server
     made = robomaker("world", "import", FLAT, "--seed", 4)
     assert (made.code, made.err) == (0, "")
     arn, verdict = made.out.splitlines()[:2]
@@ -55,11 +53,8 @@ def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
         "outputLocation": {"s3Bucket": "robomaker", "s3Prefix": "x"},
         "iamRole": ROLE,
     }
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "call", "CreateWorldExportJob"]
-    environ = {**os.environ, "PREFECT_API_URL": prefect_server}
-    command += ["--input", json.dumps(order), "--wait"]
-    exported = subprocess.run(command, env=environ, capture_output=True, text=True, check=False)
-    assert json.loads(exported.stdout)["status"] == "Completed", exported.stderr
+    exported = robomaker("call", "CreateWorldExportJob", "--input", json.dumps(order), "--wait")
+    assert json.loads(exported.out)["status"] == "Completed", exported.err
     [archive] = home.rglob("x/*.zip")
     names = zipfile.ZipFile(archive).namelist()
     for each in (arn, facts["arn"]):

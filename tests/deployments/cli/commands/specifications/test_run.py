@@ -36,7 +36,7 @@ def run(home: Path, prefect_server: str):
 
     def start(*words: object) -> subprocess.CompletedProcess[str]:
         command = [*MAIN, *map(str, words)]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=300)
 
     return start
 
@@ -65,20 +65,20 @@ def test_a_run_says_what_happened_and_where_things_are(run, robomaker, spec, hom
 
 
 @pytest.mark.deep
-def test_a_run_says_how_far_off_its_forecast_was(run, spec) -> None:
+def test_a_run_says_how_far_off_its_forecast_was(robomaker_at_server, spec) -> None:
     path = spec(QUICK)
-    planned = run("plan", path, "--probe", "--price-per-hour", "0.5")
-    assert planned.returncode == 0, planned.stderr
-    assert "forecast for 1 machine, backend local:" in planned.stdout
-    assert "  cost       0.0" in planned.stdout
-    ended = run("run", path)
-    assert re.search(r"^forecast [\d.]+ s, took [\d.]+ s \(", ended.stdout, re.MULTILINE), ended.stdout
+    planned = robomaker_at_server("plan", path, "--probe", "--price-per-hour", "0.5")
+    assert planned.code == 0, planned.err
+    assert "forecast for 1 machine, backend local:" in planned.out
+    assert "  cost       0.0" in planned.out
+    ended = robomaker_at_server("run", path)
+    assert re.search(r"^forecast [\d.]+ s, took [\d.]+ s \(", ended.out, re.MULTILINE), ended.out
 
 
-def test_a_step_that_fails_ends_the_run_with_3(run, spec) -> None:
-    ended = run("run", spec(FAILING), "-o", "json")
-    assert ended.returncode == 3, ended.stderr
-    record = RunRecord.model_validate_json(ended.stdout)
+def test_a_step_that_fails_ends_the_run_with_3(robomaker_at_server, spec) -> None:
+    ended = robomaker_at_server("run", spec(FAILING), "-o", "json")
+    assert ended.code == 3, ended.err
+    record = RunRecord.model_validate_json(ended.out)
     assert [(step.name, step.status) for step in record.steps] == [("world", "Failed"), ("after", "Skipped")]
     assert (record.state, record.exit_code, record.schema_version) == ("broken", 3, 2)
     assert "ResourceNotFoundException" in (record.steps[0].error or "")
