@@ -165,7 +165,7 @@ def tell(step, method, **members):
 def finish(step, method, waiter="", busy=BUSY, **members):
     """Waits as well as this boto3 can."""
     if snake(waiter) in robomaker.waiter_names:
-        robomaker.get_waiter(snake(waiter)).wait(**members, WaiterConfig={"Delay": 1, "MaxAttempts": 120})
+        robomaker.get_waiter(snake(waiter)).wait(**members, WaiterConfig={"Delay": 1, "MaxAttempts": 240})
         waited.append(waiter)
     else:
         until(lambda: getattr(robomaker, method)(**members)["status"] not in busy)
@@ -174,14 +174,14 @@ def finish(step, method, waiter="", busy=BUSY, **members):
 
 def until_status(waiter, method, **members):
     if snake(waiter) in robomaker.waiter_names:
-        robomaker.get_waiter(snake(waiter)).wait(**members, WaiterConfig={"Delay": 1, "MaxAttempts": 120})
+        robomaker.get_waiter(snake(waiter)).wait(**members, WaiterConfig={"Delay": 1, "MaxAttempts": 240})
         waited.append(waiter)
     until(lambda: getattr(robomaker, method)(**members)["status"] == "Running")
     return getattr(robomaker, method)(**members)
 
 
 def until(done):
-    end = time.monotonic() + 120
+    end = time.monotonic() + 240
     while not done():
         if time.monotonic() > end:
             raise SystemExit("waited too long")

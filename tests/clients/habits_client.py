@@ -1,12 +1,13 @@
 """Ways in which programs really used the service, seen in public; each function is one, named after what it relies on.
 
-`habits_client.py HABIT`, with what to ask for as JSON on standard input, and the boto3 that still has the service.
-Members are looked up without a guard where those programs did so.
+`habits_client.py HABIT...`, with what to ask for as JSON on standard input, and the boto3 that still has the service;
+prints what each habit found, or how it failed. Members are looked up without a guard where those programs did so.
 """
 
 import json
 import sys
 import time
+import traceback
 
 import boto3
 from botocore.exceptions import ClientError
@@ -191,11 +192,19 @@ ARNS = []
 
 
 def poll(done):
-    end = time.monotonic() + 100
+    end = time.monotonic() + 240
     while not done():
         if time.monotonic() > end:
-            raise SystemExit("waited too long")
+            raise TimeoutError("waited too long")
         time.sleep(0.2)
 
 
-print(json.dumps(globals()[sys.argv[1]]()))
+told = {}
+for habit in sys.argv[1:]:
+    name = f"{wanted['name']}-{habit.replace('_', '-')[:30]}"
+    ARNS.clear()
+    try:
+        told[habit] = {"found": globals()[habit]()}
+    except Exception:
+        told[habit] = {"failed": traceback.format_exc()}
+print(json.dumps(told))

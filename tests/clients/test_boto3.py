@@ -15,10 +15,12 @@ from prefect_robomaker.deployments.cli.main import main
 
 _SCRIPT = str(Path(__file__).parent / "boto3_client.py")
 
+pytestmark = pytest.mark.timeout(600)  # the first to come starts what is served
+
 Client = Callable[[str], dict[str, Any]]
 
 
-@pytest.fixture(params=["1.40.60", "today"])
+@pytest.fixture(params=[pytest.param("1.40.60", marks=pytest.mark.deep), "today"])
 def client(
     request: pytest.FixtureRequest, place: Any, wanted: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Client:

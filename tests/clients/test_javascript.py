@@ -18,6 +18,8 @@ from helpers.client_environments import node_modules, run_client
 
 _PROJECT = Path(__file__).parent / "node"
 
+pytestmark = pytest.mark.timeout(600)  # the first to come starts what is served
+
 Client = Callable[[str], dict[str, Any]]
 
 
@@ -40,6 +42,7 @@ def client(modules: Path, place: Any, wanted: dict[str, Any], tmp_path: Path) ->
     return run
 
 
+@pytest.mark.deep
 def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any, wanted: dict[str, Any]) -> None:
     told = client("worlds")
 
@@ -54,6 +57,7 @@ def test_jobs_and_batches_run_to_their_end(client: Client, place: Any, wanted: d
     check_pages(told, "jobs", "batches")
 
 
+@pytest.mark.deep
 def test_jobs_and_batches_are_cancelled(client: Client) -> None:
     check_cancels(client("cancels"))
 

@@ -90,7 +90,7 @@ def _kept(config: pytest.Config, name: str, contents: list[str], make: Callable[
 
 
 def run_client(
-    command: list[str], environ: dict[str, str], given: str = "", folder: Path | None = None, timeout_s: float = 240
+    command: list[str], environ: dict[str, str], given: str = "", folder: Path | None = None, timeout_s: float = 280
 ) -> str:
     """Runs somebody's program with an environment of its own, and returns what it printed."""
     kept = {name: os.environ[name] for name in ("PATH", "LANG", "LC_ALL") if name in os.environ}
