@@ -121,6 +121,9 @@ class Page:
             self.complaints.append(str(parameters["exceptionDetails"].get("text")))
         elif event.get("method") == "Log.entryAdded" and parameters["entry"]["level"] in ("error", "warning"):
             self.complaints.append(str(parameters["entry"]["text"]))
+        elif event.get("method") == "Runtime.consoleAPICalled" and parameters["type"] in ("error", "warning", "assert"):
+            said = (str(each.get("value", each.get("description"))) for each in parameters["args"])
+            self.complaints.append(" ".join(said))
 
 
 class Browser:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.made_once import made_once
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
@@ -60,23 +61,36 @@ def flat(make_body: MakeBody) -> World:
 
 @pytest.fixture(scope="session")
 def bundles(make_body: MakeBody, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Bundles of worlds with doors, and of one without, by their names in archives; two share a floor plan."""
-    folder = tmp_path_factory.mktemp("bundles")
+    """Bundles of two flats with doors, and of two rooms without, by their names in archives; two share a floor plan."""
     doors = {"Name": "all", "TargetSet": "Target.All", "Door": {"InitialState": {"OpenPosition": {"Percent": 50}}}}
     wished: dict[str, Any] = make_body().model_dump(mode="json", exclude_none=True) | {"Version": "2"}
     wished["Buildings"][0]["Floors"][0]["Interior"]["Doorways"] = {"DoorwaySets": [doors]}
     dressed = parse_template_body(json.dumps(wished))
-    made = {1: (dressed, 1, 2), 2: (dressed, 1, 3), 10: (make_body(), 4, 5)}
-    for number, order in made.items():
-        write_bundle(generate_world(*order, settle=False), folder / str(number))
-    return {f"generation_82856b0yq33y_world_{number}": folder / str(number) for number in made}
+    wanted = {1: (dressed, 1, 2), 2: (dressed, 1, 3), 10: (make_body(ROOMS[:2]), 4, 5)}
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        for number, order in wanted.items():
+            write_bundle(generate_world(*order, settle=False), folder / str(number))
+
+    made = made_once(tmp_path_factory, "worldforge-bundles", make)
+    return {f"generation_82856b0yq33y_world_{number}": made / str(number) for number in wanted}
 
 
 @pytest.fixture(scope="session")
-def exported(bundles: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+def export_zip(bundles: dict[str, Path], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The export of the bundles."""
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        write_export_zip(bundles, folder / "export.zip")
+        with zipfile.ZipFile(folder / "export.zip") as archive:
+            archive.extractall(folder)
+
+    return made_once(tmp_path_factory, "worldforge-export", make) / "export.zip"
+
+
+@pytest.fixture(scope="session")
+def exported(export_zip: Path) -> Path:
     """The unpacked export of the bundles: its folder `aws_robomaker_worldforge_pkgs`."""
-    folder = tmp_path_factory.mktemp("exported")
-    write_export_zip(bundles, folder / "export.zip")
-    with zipfile.ZipFile(folder / "export.zip") as archive:
-        archive.extractall(folder)
-    return folder / "aws_robomaker_worldforge_pkgs"
+    return export_zip.parent / "aws_robomaker_worldforge_pkgs"

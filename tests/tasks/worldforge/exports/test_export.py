@@ -107,9 +107,9 @@ def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, P
         mujoco.mj_forward(model, data)
         hits, missing = 0, []
         for room in read_world(folder).floorplan.rooms:
-            for height in np.linspace(ROBOT_LOW_M + 0.02, ROBOT_HIGH_M - 0.02, 5):
+            for height in np.linspace(ROBOT_LOW_M + 0.02, ROBOT_HIGH_M - 0.02, 3):
                 # Not along diagonals of cells: a ray that only grazes a wall's corner ends in the free cell behind it.
-                for angle in np.linspace(-np.pi, np.pi, 90, endpoint=False) + 0.01:
+                for angle in np.linspace(-np.pi, np.pi, 60, endpoint=False) + 0.01:
                     start = np.array([*room.goal, height])
                     ray = np.array([np.cos(angle), np.sin(angle), 0.0])
                     distance = mujoco.mj_ray(model, data, start, ray, colliding, 1, -1, np.zeros(1, np.int32))
@@ -120,11 +120,11 @@ def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, P
                     if not grid.occupied[grid.cell((float(end[0]), float(end[1])))]:
                         missing.append((room.name, end.round(3)))
             assert grid.free[grid.cell(room.goal)]
-        assert hits > 1000
+        assert hits > 300
         assert missing == []
 
 
-def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], tmp_path: Path) -> None:
+def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], export_zip: Path, tmp_path: Path) -> None:
     copies = {name: tmp_path / f"copy{number}" for number, name in enumerate(bundles)}
     for name, copy in copies.items():
         shutil.copytree(bundles[name], copy)
@@ -132,15 +132,14 @@ def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], tmp_path: Path)
             os.utime(path, (1, 1))
             if path.is_file():
                 path.chmod(0o755)
-    write_export_zip(bundles, tmp_path / "one.zip")
     # Another process: nothing may hang on the order of sets or on what was written before.
     program = (
         "import json, sys; from pathlib import Path; from prefect_robomaker.tasks.worldforge.exports import export;"
         "export.write_export_zip({k: Path(v) for k, v in json.loads(sys.argv[1]).items()}, Path(sys.argv[2]))"
     )
     order = json.dumps({name: str(copies[name]) for name in reversed(bundles)})
-    subprocess.run([sys.executable, "-c", program, order, str(tmp_path / "two.zip")], check=True)
-    assert (tmp_path / "one.zip").read_bytes() == (tmp_path / "two.zip").read_bytes()
+    subprocess.run([sys.executable, "-c", program, order, str(tmp_path / "again.zip")], check=True)
+    assert (tmp_path / "again.zip").read_bytes() == export_zip.read_bytes()
 
 
 @pytest.fixture

@@ -61,32 +61,31 @@ def test_another_reader_finds_every_drawn_shape_where_mujoco_has_it(first: Path)
     assert len(places) >= drawn
 
 
-def test_bounds_are_those_of_the_mjcf(bundles: dict[str, Path]) -> None:
-    for bundle in bundles.values():
-        scene = read_scene(bundle)
-        data = mujoco.MjData(scene.model)
-        mujoco.mj_forward(scene.model, data)
-        corners = []
-        for geom in np.flatnonzero((scene.model.geom_group != 3) & (scene.model.geom_group != 4)):
-            if scene.model.geom(geom).name.startswith("ceiling_"):
-                continue
-            if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-                mesh = scene.model.mesh(scene.model.geom_dataid[geom])
-                first, number = mesh.vertadr[0], mesh.vertnum[0]
-                turned = scene.model.mesh_vert[first : first + number] @ data.geom_xmat[geom].reshape(3, 3).T
-                corners += list(data.geom_xpos[geom] + turned)
-                continue
-            # Of a box, cylinder or ellipsoid alike: its box about its own axes.
-            half, turn = scene.model.geom_aabb[geom, 3:].copy(), data.geom_xmat[geom].reshape(3, 3)
-            middle = data.geom_xpos[geom] + turn @ scene.model.geom_aabb[geom, :3]
-            if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
-                half = np.array([*scene.model.geom_size[geom, :2], 0])
-            reach = np.abs(turn) @ half
-            corners += [middle - reach, middle + reach]
-        low, high = np.min(corners, axis=0), np.max(corners, axis=0)
-        bounds = load(world_glb(bundle)).bounds
-        assert bounds[0] == pytest.approx([low[0], low[2], -high[1]], abs=1e-3)
-        assert bounds[1] == pytest.approx([high[0], high[2], -low[1]], abs=1e-3)
+def test_bounds_are_those_of_the_mjcf(first: Path) -> None:
+    scene = read_scene(first)
+    data = mujoco.MjData(scene.model)
+    mujoco.mj_forward(scene.model, data)
+    corners = []
+    for geom in np.flatnonzero((scene.model.geom_group != 3) & (scene.model.geom_group != 4)):
+        if scene.model.geom(geom).name.startswith("ceiling_"):
+            continue
+        if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+            mesh = scene.model.mesh(scene.model.geom_dataid[geom])
+            start, number = mesh.vertadr[0], mesh.vertnum[0]
+            turned = scene.model.mesh_vert[start : start + number] @ data.geom_xmat[geom].reshape(3, 3).T
+            corners += list(data.geom_xpos[geom] + turned)
+            continue
+        # Of a box, cylinder or ellipsoid alike: its box about its own axes.
+        half, turn = scene.model.geom_aabb[geom, 3:].copy(), data.geom_xmat[geom].reshape(3, 3)
+        middle = data.geom_xpos[geom] + turn @ scene.model.geom_aabb[geom, :3]
+        if scene.model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
+            half = np.array([*scene.model.geom_size[geom, :2], 0])
+        reach = np.abs(turn) @ half
+        corners += [middle - reach, middle + reach]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    bounds = load(world_glb(first)).bounds
+    assert bounds[0] == pytest.approx([low[0], low[2], -high[1]], abs=1e-3)
+    assert bounds[1] == pytest.approx([high[0], high[2], -low[1]], abs=1e-3)
 
 
 def test_things_are_nodes_with_their_names(first: Path) -> None:

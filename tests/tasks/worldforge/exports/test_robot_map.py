@@ -44,7 +44,9 @@ def bundle(bundles: dict[str, Path]) -> Path:
     return next(iter(bundles.values()))
 
 
-@pytest.mark.parametrize("height_m", HEIGHTS)
+@pytest.mark.parametrize(
+    "height_m", [pytest.param(height, marks=pytest.mark.deep if height != 0.4 else []) for height in HEIGHTS]
+)
 def test_at_most_a_twentieth_of_the_occupied_cells_disagrees_with_mujoco(bundle: Path, height_m: float) -> None:
     grid = robot_map(read_scene(bundle), height_m)
     expected = met(bundle / "world.xml", grid, height_m) & grid.known

@@ -89,6 +89,7 @@ def test_the_ros_1_launch_file_passes_only_what_gazebo_takes(exported: Path) -> 
     assert passed == {"world_name", "gui", "paused", "use_sim_time", "debug", "verbose"}
 
 
+@pytest.mark.deep
 @needs("ros", shutil.which("catkin_make"), "catkin is not installed (Debian's catkin)")
 def test_catkin_builds_installs_and_finds_the_packages(workspace: Path) -> None:
     run("catkin_make", "install", cwd=workspace, ROS_VERSION="1")
@@ -106,25 +107,25 @@ def test_catkin_builds_installs_and_finds_the_packages(workspace: Path) -> None:
 
 
 @needs("ros", Path("/usr/share/ament_cmake/cmake").is_dir(), "ament-cmake is not installed (Debian's ament-cmake)")
-def test_ament_installs_the_packages_and_their_environment(workspace: Path) -> None:
+@pytest.mark.parametrize("package", [pytest.param(SHARED, marks=pytest.mark.deep), WORLDS])
+def test_ament_installs_a_package_and_its_environment(workspace: Path, package: str) -> None:
     top = workspace / "src" / "aws_robomaker_worldforge_pkgs"
-    for package in PACKAGES:
-        build = workspace / "build" / package
-        prefix = workspace / "install" / package
-        run(
-            "cmake", "-S", str(top / package), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={prefix}",
-            cwd=workspace, ROS_VERSION="2",
-        )  # fmt: skip
-        run("cmake", "--install", str(build), cwd=workspace)
-        share = prefix / "share" / package
-        assert (prefix / "share" / "ament_index" / "resource_index" / "packages" / package).is_file()
-        assert {path.name for path in (top / package / FOLDERS[package]).iterdir()} == {
-            path.name for path in (share / FOLDERS[package]).iterdir()
-        }
-        output = run("sh", "-c", f". {share}/local_setup.sh; env", cwd=workspace, AMENT_CURRENT_PREFIX=str(prefix))
-        for variable in VARIABLES:
-            assert f"{variable}={share / FOLDERS[package]}\n" in output
-    assert (workspace / "install" / WORLDS / "share" / WORLDS / "launch" / "launch_world.py").is_file()
+    build = workspace / "build" / package
+    prefix = workspace / "install" / package
+    run(
+        "cmake", "-S", str(top / package), "-B", str(build), f"-DCMAKE_INSTALL_PREFIX={prefix}",
+        cwd=workspace, ROS_VERSION="2",
+    )  # fmt: skip
+    run("cmake", "--install", str(build), cwd=workspace)
+    share = prefix / "share" / package
+    assert (prefix / "share" / "ament_index" / "resource_index" / "packages" / package).is_file()
+    assert {path.name for path in (top / package / FOLDERS[package]).iterdir()} == {
+        path.name for path in (share / FOLDERS[package]).iterdir()
+    }
+    output = run("sh", "-c", f". {share}/local_setup.sh; env", cwd=workspace, AMENT_CURRENT_PREFIX=str(prefix))
+    for variable in VARIABLES:
+        assert f"{variable}={share / FOLDERS[package]}\n" in output
+    assert package == SHARED or (share / "launch" / "launch_world.py").is_file()
 
 
 @needs(

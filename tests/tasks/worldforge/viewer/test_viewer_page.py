@@ -2,13 +2,11 @@
 
 import io
 import re
-import shutil
-import subprocess
 import zipfile
 from pathlib import Path
 
 import pytest
-from helpers.required_programs import needs
+from helpers.browser import NEEDS_BROWSER, Page, browsing
 from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import World
@@ -16,12 +14,9 @@ from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.viewer import viewer_page as page_module
 from prefect_robomaker.tasks.worldforge.viewer.viewer_page import viewer_page
 
-BROWSER = next((path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), "")
-needs_browser = needs("chromium", BROWSER, "no Chromium on this machine")
-
-pytestmark = pytest.mark.slow  # browsers without a graphics card draw slowly
-
-NO_WEBGL = "<script>HTMLCanvasElement.prototype.getContext = () => null</script>"
+NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
+SOFTWARE_GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+"""Draws without a graphics card."""
 
 
 @pytest.fixture(scope="module")
@@ -31,37 +26,19 @@ def html(flat: World, tmp_path_factory: pytest.TempPathFactory) -> str:
     return viewer_page(folder, "Flat </script><b>1")
 
 
-def browse(page: Path, *options: str) -> subprocess.CompletedProcess[str]:
-    command = [
-        BROWSER, "--headless=new", "--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader",
-        "--enable-unsafe-swiftshader", "--hide-scrollbars", "--disable-dev-shm-usage", "--no-first-run",
-        "--disable-background-networking", "--enable-logging=stderr", f"--user-data-dir={page.parent / 'profile'}",
-        "--virtual-time-budget=10000", "--window-size=900,700", *options, page.as_uri(),
-    ]  # fmt: skip
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-
-
-def written(html: str, folder: Path, script: str = "", before: str = "") -> Path:
-    """The page, with more scripts than its policy allows."""
-    if script or before:
-        html = re.sub(r'<meta http-equiv="Content-Security-Policy"[^>]*>', before, html)
-        html = html.replace("</body>", f"<script>{script}</script></body>")
-    page = folder / "page.html"
-    page.write_text(html, encoding="utf-8")
-    return page
-
-
-def shot(page: Path) -> Image.Image:
-    picture = page.with_suffix(".png")
-    browsed = browse(page, "--blink-settings=preferredColorScheme=1", f"--screenshot={picture}")
-    assert "CONSOLE" not in browsed.stderr  # refused scripts, shaders that do not compile, exceptions
-    with Image.open(picture) as opened:
+def shot(page: Page, folder: Path) -> Image.Image:
+    with Image.open(page.picture(folder / "page.png")) as opened:
         return opened.convert("RGB")
 
 
 def colors(picture: Image.Image) -> int:
     """How many colours there are between the panels."""
-    return len(picture.crop((150, 230, 750, 560)).getcolors(1_000_000) or [])
+    return len(picture.crop((100, 150, 500, 370)).getcolors(1_000_000) or [])
+
+
+def state(page: Page) -> str:
+    """What the page says of its picture: `drawn`, `failed`, or not yet known."""
+    return page.evaluate("document.body?.dataset.state") or ""
 
 
 def test_the_page_fetches_nothing_and_escapes_names(html: str) -> None:
@@ -87,18 +64,35 @@ def test_a_library_that_is_packed_otherwise_is_named(monkeypatch: pytest.MonkeyP
         page_module.three_js()
 
 
-@needs_browser
-def test_a_browser_draws_the_world(html: str, tmp_path: Path) -> None:
-    picture = shot(written(html, tmp_path))
-    assert colors(picture) > 3000
+@NEEDS_BROWSER
+def test_a_browser_draws_the_world_turns_it_and_says_when_it_cannot(html: str, tmp_path: Path) -> None:
+    file = tmp_path / "page.html"
+    file.write_text(html, encoding="utf-8")
+    with browsing(tmp_path / "profile", *SOFTWARE_GL, "--blink-settings=preferredColorScheme=1") as browser:
+        with browser.page() as page:
+            page.load(file.as_uri(), 600, 460)
+            page.wait(lambda page: state(page) == "drawn", "the world")
+            still = shot(page, tmp_path)
+            assert colors(still) > 2000
+            # Refused scripts, shaders that do not compile, exceptions; taking a picture makes the driver wait.
+            assert [each for each in page.complaints if "GPU stall due to ReadPixels" not in each] == []
+            turns(page, still, tmp_path)
+            names_rooms_and_obeys_its_controls(page)
+
+        with browser.page() as page:
+            page.send("Page.enable")
+            page.send("Page.addScriptToEvaluateOnNewDocument", source=NO_WEBGL)
+            page.load(file.as_uri(), 600, 460)
+            page.wait(lambda page: state(page) == "failed", "the problem")
+            problem = page.evaluate("document.querySelector('section#problem[role=alert]').innerText")
+            assert "WebGL 2 is missing" in problem
 
 
-@needs_browser
-def test_rooms_are_named_and_controls_do_what_they_say(html: str, tmp_path: Path) -> None:
+def names_rooms_and_obeys_its_controls(page: Page) -> None:
+    # In one step, as the page draws at most once in a step.
     press = "document.dispatchEvent(new KeyboardEvent('keydown', {key: 'c', bubbles: true}));"
-    cut = "const c = document.getElementById('cut'); c.value = 1; c.dispatchEvent(new Event('input'));"
-    document = browse(written(html, tmp_path, press + cut), "--dump-dom").stdout
-    assert 'data-state="drawn"' in document
+    page.evaluate(f"{press} const c = document.getElementById('cut'); c.value = 1; c.dispatchEvent(new Event('input'))")
+    document = page.evaluate("document.documentElement.outerHTML")
     for room in ("Living Room", "Kitchen", "Bedroom", "Bath"):
         assert f">{room}<small>" in document
         assert f"<button>{room}</button>" in document
@@ -106,19 +100,9 @@ def test_rooms_are_named_and_controls_do_what_they_say(html: str, tmp_path: Path
     assert ">1.00 m</output>" in document
 
 
-@needs_browser
-@pytest.mark.deep
-def test_turning_changes_the_picture(html: str, tmp_path: Path) -> None:
-    turn = "for (let i = 0; i < 6; i++) document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowLeft'}));"
-    (tmp_path / "turned").mkdir()
-    still, turned = shot(written(html, tmp_path)), shot(written(html, tmp_path / "turned", turn))
-    assert colors(turned) > 3000
+def turns(page: Page, still: Image.Image, folder: Path) -> None:
+    press = "document.dispatchEvent(new KeyboardEvent('keydown', {key: 'ArrowLeft'}))"
+    page.evaluate(f"for (let i = 0; i < 6; i++) {press}")
+    turned = shot(page, folder)
+    assert colors(turned) > 2000
     assert still.tobytes() != turned.tobytes()
-
-
-@needs_browser
-def test_a_browser_without_webgl_says_so(html: str, tmp_path: Path) -> None:
-    document = browse(written(html, tmp_path, before=NO_WEBGL), "--dump-dom").stdout
-    assert 'data-state="failed"' in document
-    assert re.search(r'<section id="problem" role="alert">', document)
-    assert "WebGL 2 is missing" in document
