@@ -1,6 +1,7 @@
 """Job workers' flow runs in work pools of a real Prefect server, without workers that would run them."""
 
 import re
+import threading
 import time
 import uuid
 from collections.abc import Iterator
@@ -9,8 +10,10 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
+from prefect_robomaker.tasks.backends import pool_places
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.pool_places import Places
 from prefect_robomaker.tasks.backends.work_pools import WorkPool, backend_at
 
 
@@ -20,7 +23,7 @@ def batch() -> str:
     return f"arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/sim-batch-{uuid.uuid4().hex[:12]}"
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def client(prefect_server: str) -> Iterator[Any]:
     """A client of the server."""
     from prefect.client.orchestration import get_client
@@ -106,7 +109,14 @@ def test_a_pool_of_containers_wants_a_number(client: Any, batch: str) -> None:
         pass
 
 
-@pytest.mark.parametrize(("limit", "most", "wanted", "count"), [(3, None, 9, 3), (None, 2, 9, 2), (5, 4, 1, 1)])
+@pytest.mark.parametrize(
+    ("limit", "most", "wanted", "count"),
+    [
+        (3, None, 9, 3),
+        pytest.param(None, 2, 9, 2, marks=pytest.mark.deep),
+        pytest.param(5, 4, 1, 1, marks=pytest.mark.deep),
+    ],
+)
 def test_a_pool_of_containers_gets_as_many_as_is_said_and_are_wanted(
     client: Any, batch: str, limit: int | None, most: int | None, wanted: int, count: int
 ) -> None:
@@ -128,7 +138,7 @@ def test_job_workers_follow_the_prefect_workers_that_are_online(client: Any, bat
         lab.come(*workers)
         return lab.states(batch)
 
-    with quick(lab.name).job_workers(batch, 9) as workers:
+    with WorkPool(lab.name, look_s=1.0).job_workers(batch, 9) as workers:
         wait_for(lambda: "none of its Prefect workers is online" in workers.look(), "the look")
         # They count as gone three heartbeats later, which is soon: they go on giving them.
         wait_for(lambda: states_with("first") == ["SCHEDULED"], "the first")
@@ -162,15 +172,27 @@ def test_each_of_two_batches_has_job_workers_of_its_own(client: Any, batch: str)
         wait_for(lambda: (len(lab.runs(batch)), len(lab.runs(other))) == (2, 1), "two and one")
 
 
-def test_one_that_ends_early_is_replaced_after_a_while(client: Any, batch: str) -> None:
+def test_one_that_ends_early_is_replaced_after_a_while(
+    client: Any, batch: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     from prefect.states import Crashed
 
+    pauses_over = threading.Event()
+    missing = Places.missing
+
+    def counted(places: Places, alive: int, room: int, now: float) -> int:
+        """As if minutes had passed once the event is set."""
+        return missing(places, alive, room, now + (600.0 if pauses_over.is_set() else 0.0))
+
+    monkeypatch.setattr(pool_places, "_FIRST_PAUSE_S", 60.0)
+    monkeypatch.setattr(Places, "missing", counted)
     lab = Lab(client, "kubernetes")
     with quick(lab.name, 1).job_workers(batch, 1) as workers:
         wait_for(lambda: lab.states(batch) == ["SCHEDULED"], "the job worker")
         client.set_flow_run_state(lab.runs(batch)[0].id, Crashed(message="the roof fell in"), force=True)
         wait_for(lambda: "ended as Crashed: the roof fell in" in workers.look(), "that its end is said")
         assert lab.states(batch) == ["CRASHED"], "not at once"
+        pauses_over.set()
         wait_for(lambda: lab.states(batch) == ["CRASHED", "SCHEDULED"], "another")
 
 
@@ -184,7 +206,7 @@ def test_machines_with_other_settings_end_it(client: Any, batch: str) -> None:
         wait_for(lambda: lab.states(batch) == ["SCHEDULED"] * 3, "the job workers")
         for run in lab.runs(batch):
             client.set_flow_run_state(run.id, ended, force=True)
-        wait_for(lambda: not workers.look(), "the error", 30)
+        wait_for(lambda: not workers.look(), "the error")
 
 
 def test_a_server_that_does_not_answer_breaks_nothing(batch: str) -> None:

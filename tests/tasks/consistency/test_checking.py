@@ -23,9 +23,13 @@ from prefect_robomaker.tasks.storage.folders import regular_files
 
 FILES = {"result.json": b"{}", "recording.mcap": b"x" * 1000, "logs/a.log": b"said"}
 Job = Callable[..., Resource]
+ALSO_ON_S3 = pytest.mark.parametrize(
+    "service", ["directory", pytest.param("s3", marks=pytest.mark.slow)], indirect=True
+)
+"""What both stores show in the suite; what only the check decides is on S3 in deep runs."""
 
 
-@pytest.fixture(params=["directory", pytest.param("s3", marks=pytest.mark.slow)])
+@pytest.fixture(params=["directory", pytest.param("s3", marks=[pytest.mark.slow, pytest.mark.deep])])
 def service(request: pytest.FixtureRequest, settings: Settings, tmp_path: Path) -> Service:
     """An empty service on each kind of store, with a bucket of its own."""
     environ = dict[str, str]()
@@ -159,6 +163,7 @@ def test_outputs_of_jobs_that_the_catalog_does_not_know_are_told_and_are_no_prob
     assert service.store.get_bytes(service.settings.bucket, "simulation-jobs/sim-other/run/a.log") == b"said"
 
 
+@ALSO_ON_S3
 def test_an_interrupted_removal_is_finished(service: Service, job: Job, monkeypatch: pytest.MonkeyPatch) -> None:
     job()
     bucket, delete = service.settings.bucket, service.store.delete

@@ -1,7 +1,8 @@
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
+from helpers.processes import wait_for
 from prefect.client.orchestration import SyncPrefectClient, get_client
 
 from prefect_robomaker.tasks.execution.batch_slots import Slots
@@ -17,13 +18,6 @@ def client(prefect_server: str) -> Iterator[SyncPrefectClient]:
 
 def never() -> bool:
     return False
-
-
-def wait_for(condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
-    deadline = time.monotonic() + timeout_s
-    while not condition():
-        assert time.monotonic() < deadline, "waited in vain"
-        time.sleep(0.05)
 
 
 def test_the_limit_shows_on_the_server_while_it_is_used(client: SyncPrefectClient) -> None:
@@ -47,7 +41,7 @@ def test_a_worker_that_takes_over_does_not_wait_for_the_slots_of_a_dead_one() ->
 def test_a_limit_that_is_lowered_on_the_server_is_obeyed(client: SyncPrefectClient) -> None:
     with Slots("lowered", 2, 2, look_s=0.2) as slots:
         client.upsert_global_concurrency_limit_by_name("lowered", 1)
-        wait_for(lambda: client.read_global_concurrency_limit_by_name("lowered").active_slots == 1)
+        wait_for(lambda: client.read_global_concurrency_limit_by_name("lowered").active_slots == 1, "one slot")
 
         with slots.hold(never) as first:
             gave_up = time.monotonic() + 1.0
@@ -62,7 +56,7 @@ def test_slots_that_the_server_has_given_to_others_are_taken_anew(client: SyncPr
             client.release_concurrency_slots_with_lease(lease)
         slots._renew()
 
-        wait_for(lambda: client.read_global_concurrency_limit_by_name("lost").active_slots == 2)
+        wait_for(lambda: client.read_global_concurrency_limit_by_name("lost").active_slots == 2, "two slots")
         with slots.hold(never) as first, slots.hold(never) as second:
             assert (first, second) == (True, True)
         slots.remove()

@@ -1,7 +1,7 @@
-import time
 from dataclasses import replace
 
 import pytest
+from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.base import Changes
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
@@ -33,12 +33,8 @@ def test_a_worker_that_was_held_up_learns_that_another_took_over(
         assert not lease.lost
         with monkeypatch.context() as patch:
             patch.setattr(service.catalog, "renew", unavailable)
-            while not service.catalog.claim(job, "another", 60):
-                time.sleep(0.05)
-        deadline = time.monotonic() + 10
-        while not lease.lost:
-            assert time.monotonic() < deadline
-            time.sleep(0.05)
+            wait_for(lambda: service.catalog.claim(job, "another", 600), "the lease to run out")
+        wait_for(lambda: lease.lost, "it to notice")
         lease.transition("start")
 
     with pytest.raises(StateConflictError, match="another"):
@@ -57,8 +53,7 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: 
         with pytest.raises(StateConflictError, match="cannot happen"):
             lease.transition("complete")
         was_lost.append(lease.lost)
-        while not service.catalog.claim(job, "another", 60):
-            time.sleep(0.05)
+        wait_for(lambda: service.catalog.claim(job, "another", 600), "the lease to run out")
         for change in (lambda: lease.transition("start"), lambda: lease.update(lambda document: Changes())):
             with pytest.raises(StateConflictError, match="another"):
                 change()
@@ -69,15 +64,26 @@ def test_a_change_that_is_refused_tells_at_once_that_another_took_over(service: 
     assert was_lost == [False, True, True]
 
 
-def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(service: Service, job: str) -> None:
-    service = replace(service, timing=Timing(lease_s=3.0, renew_lease_every_s=0.1))
+def test_a_lease_is_kept_while_the_work_goes_on_and_given_back_after(
+    service: Service, job: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = replace(service, timing=Timing(lease_s=600.0, renew_lease_every_s=0.01))
+    catalog, renewed = service.catalog, list[tuple[bool, float]]()
+    renew = catalog.renew
+
+    def noted(arn: str, owner: str, lease_s: float) -> bool:
+        renewed.append((renew(arn, owner, lease_s), lease_s))
+        return renewed[-1][0]
+
+    monkeypatch.setattr(catalog, "renew", noted)
 
     def work(lease: Lease) -> None:
-        time.sleep(3.5)
-        assert not service.catalog.claim(job, "another", 60)
+        wait_for(lambda: len(renewed) > 2, "it to be renewed again and again")
+        assert not catalog.claim(job, "another", 60)
         assert not lease.lost
 
     run_under_lease(job, KIND, service, work)
+    assert set(renewed) == {(True, 600.0)}
 
     assert service.catalog.claim(job, "another", 60)
 

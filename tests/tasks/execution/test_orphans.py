@@ -4,73 +4,86 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 from contextlib import suppress
 
-import pytest
+PROGRAM = """
+import os, sys, threading, time, uuid
+from prefect_robomaker.tasks.execution import orphans
 
-PARENT = """
-import os, sys, time
-child = os.fork()
-if child:
-    print(child, flush=True)
-    sys.stdin.read()
-    os._exit(0)
-"""
-"""Starts a process, and dies when its standard input is closed."""
+orphans._LOOK_S = 0.05
+parent = os.getpid()
 
+def orphaned():
+    print("orphaned", flush=True)
+    os._exit(1)
 
-def run(child: str) -> str:
-    """Runs a program whose parent dies after its first line; returns what it printed until it ended."""
-    program = textwrap.dedent(PARENT) + textwrap.dedent(child)
-    environ = {**os.environ, "PREFECT_API_URL": "http://127.0.0.1:1/api"}
-    with subprocess.Popen(
-        [sys.executable, "-c", program], env=environ, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    ) as parent:
-        assert parent.stdin is not None
-        assert parent.stdout is not None
-        pid = int(parent.stdout.readline())
-        try:
-            first = parent.stdout.readline()
-            parent.stdin.close()
-            parent.wait(60)
-            return first + parent.stdout.read()  # until the child, too, has closed it
-        finally:
-            with suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGKILL)
+def in_a_run():
+    with orphans.watching_parent(orphaned):
+        print("watching", flush=True)
+        time.sleep(60)
 
-
-@pytest.mark.parametrize(("ended", "told"), [(False, "watching\norphaned\n"), (True, "watching\n")])
-def test_the_death_of_the_parent_counts_until_the_run_ends(ended: bool, told: str) -> None:
-    child = f"""
-    from prefect_robomaker.tasks.execution.orphans import watching_parent
-    def orphaned():
-        print("orphaned", flush=True)
-        os._exit(1)
-    with watching_parent(orphaned):
-        parent = os.getppid()
-        if not {ended}:
-            print("watching", flush=True)
-            time.sleep(60)
+def after_its_run():
+    with orphans.watching_parent(orphaned):
+        pass
     print("watching", flush=True)
     while os.getppid() == parent:
         time.sleep(0.1)
-    time.sleep(3)
-    """
-    assert run(child) == told
+    time.sleep(1)
 
-
-def test_an_orphan_ends_also_when_its_leases_cannot_be_given_back() -> None:
-    child = """
-    import threading, uuid
-    from prefect_robomaker.tasks.execution.orphans import HELD, end_orphan
+def with_a_broken_catalog():
     class Broken:
         def release(self, arn, owner):
             raise LookupError(arn)
-    with HELD.owner_of("arn"):
+    with orphans.HELD.owner_of("arn"):
         print("watching", flush=True)
-        threading.Thread(target=end_orphan, args=(Broken(), uuid.uuid4()), daemon=True).start()
+        threading.Thread(target=orphans.end_orphan, args=(Broken(), uuid.uuid4()), daemon=True).start()
         time.sleep(60)
         print("it lives", flush=True)
-    """
-    assert run(child) == "watching\n"
+
+for case, output in zip((in_a_run, after_its_run, with_a_broken_catalog), sys.argv[1:]):
+    if child := os.fork():
+        os.close(int(output))
+        print(child, flush=True)
+    else:
+        os.dup2(int(output), 1)
+        os.close(int(output))
+        case()
+        os._exit(0)
+sys.stdin.read()
+os._exit(0)
+"""
+"""Starts processes that write to files of their own, and dies when its standard input is closed."""
+
+
+def test_the_death_of_the_parent_counts_until_the_run_ends_and_ends_the_process_whatever() -> None:
+    """The last one's leases cannot be given back."""
+    environ = {**os.environ, "PREFECT_API_URL": "http://127.0.0.1:1/api"}
+    pipes = [os.pipe() for _ in range(3)]
+    ends = [write for _, write in pipes]
+    with subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, *map(str, ends)],
+        env=environ,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+        pass_fds=ends,
+    ) as parent:
+        for end in ends:
+            os.close(end)
+        assert parent.stdin is not None
+        assert parent.stdout is not None
+        children = [int(parent.stdout.readline()) for _ in pipes]
+        outputs = [os.fdopen(read) for read, _ in pipes]
+        try:
+            first = [output.readline() for output in outputs]
+            parent.stdin.close()
+            parent.wait(60)
+            told = [said + output.read() for said, output in zip(first, outputs, strict=True)]  # until all have ended
+        finally:
+            for output in outputs:
+                output.close()
+            for child in children:
+                with suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGKILL)
+
+    assert told == ["watching\norphaned\n", "watching\n", "watching\n"]

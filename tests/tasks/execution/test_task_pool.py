@@ -24,11 +24,11 @@ def test_calls_that_have_not_begun_are_left_out_once_the_job_stops(
 
     def part(index: int) -> None:
         begun.append(index)
-        stopped.wait(30)
+        stopped.wait(120)
 
     def look() -> bool:
         if begun:
-            threading.Timer(0.5, stopped.set).start()
+            threading.Timer(1.0, stopped.set).start()
         return bool(begun)
 
     calls = [{"index": index} for index in range(20)]
@@ -74,7 +74,7 @@ def test_an_interruption_asks_for_the_jobs_end_and_is_raised_once_its_parts_have
 
     def part(index: int) -> None:
         begun.append(index)
-        assert asked.wait(30)
+        assert asked.wait(120)
         ended.append(index)
 
     def look() -> None:

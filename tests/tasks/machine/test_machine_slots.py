@@ -318,14 +318,14 @@ class Machine:
         """Ends jobs of a batch, and waits until as many others have begun."""
         before = self._begun()
         tell(batch, ["end"] * count)
-        wait_for(lambda: len(self._begun() - before) == count, f"{count} to begin", 20.0)
+        wait_for(lambda: len(self._begun() - before) == count, f"{count} to begin")
 
     def _begun(self) -> set[float]:
         """When the jobs that run have begun."""
         return {holder.began_s for holder in self._files.look().holders}
 
     def check(self, expected: dict[str | None, int]) -> None:
-        wait_for(lambda: self.running() == expected, f"{expected}, not {self.running()}", 20.0)
+        wait_for(lambda: self.running() == expected, f"{expected}, not {self.running()}")
 
 
 def tell(process: "subprocess.Popen[str]", words: Iterable[str]) -> None:
@@ -349,6 +349,7 @@ def test_two_batches_end_up_with_half_the_slots_each(settings: Settings) -> None
         machine.check({"first": 2, "second": 2})
 
 
+@pytest.mark.deep
 def test_a_batch_of_higher_priority_gets_the_next_free_slots(settings: Settings) -> None:
     with Machine(settings) as machine:
         first = machine.batch("first")

@@ -34,9 +34,13 @@ RESULT = RunResult(
 ).model_dump_json().encode()  # fmt: skip
 MONTH = RetentionPolicy(older_than=timedelta(days=30))
 MakeRun = Callable[..., RunRecord]
+ALSO_ON_S3 = pytest.mark.parametrize(
+    "service", ["directory", pytest.param("s3", marks=pytest.mark.slow)], indirect=True
+)
+"""What both stores show in the suite; what only the collection decides is on S3 in deep runs."""
 
 
-@pytest.fixture(params=["directory", pytest.param("s3", marks=pytest.mark.slow)])
+@pytest.fixture(params=["directory", pytest.param("s3", marks=[pytest.mark.slow, pytest.mark.deep])])
 def service(request: pytest.FixtureRequest, settings: Settings) -> Service:
     """An empty service on each kind of store, whose bucket has something that is not ours."""
     if request.param == "s3":
@@ -130,6 +134,7 @@ def test_looking_changes_nothing_and_says_what_goes(service: Service, job: Any, 
     assert (items["night-2"].action, items["night-2"].reason) == ("keep", "not old enough")
 
 
+@ALSO_ON_S3
 def test_a_run_goes_with_its_outputs_jobs_and_folders(service: Service, job: Any, night: MakeRun) -> None:
     night("night-1", [job("sim-1")], days=40)
     night("night-2", [job("sim-2"), job("sim-22")], days=3)
@@ -211,6 +216,7 @@ def test_what_two_removed_runs_name_counts_once(service: Service, job: Any, nigh
     assert (keys(service), runs(service)) == (set(), set())
 
 
+@ALSO_ON_S3
 def test_results_that_stay_are_whole_and_the_report_says_what_went(
     service: Service, job: Any, night: MakeRun, prefect_server: str
 ) -> None:

@@ -89,7 +89,10 @@ def test_what_an_absent_robot_still_gets_stays(yard: Yard) -> None:
     robot = yard.robot("absent", silent)
     yard.fleets.let_agents_in(yard.arn)
     config = {"robotDeploymentTimeoutInSeconds": 60, "failureThresholdPercentage": 100}
-    yard.run(yard.fleets.deploy(yard.arn, archive_of(yard.fleets, "third"), "third", deploymentConfig=config)["arn"])
+    yard.run(
+        yard.fleets.deploy(yard.arn, archive_of(yard.fleets, "third"), "third", deploymentConfig=config)["arn"],
+        yard.stride,
+    )
     assert yard.fleets.described(robot)["status"] == "NoResponse"
     collected(yard, 0)
     assert [each for each in documents(yard) if each.startswith("applications/third/")]

@@ -33,7 +33,8 @@ from prefect_robomaker.tasks.storage.s3 import S3Store
 from prefect_robomaker.tasks.storage.s3.failures import from_client_error
 
 BUCKET = "s3-tests"
-LARGE = bytes(range(256)) * 80_000
+LARGE = bytes(range(256)) * 67_000
+"""So large that it goes in parts."""
 
 
 @pytest.fixture
