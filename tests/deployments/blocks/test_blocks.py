@@ -5,16 +5,17 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 from prefect.blocks.core import Block
 from prefect.client.orchestration import get_client
+from prefect.plugins import load_prefect_collections
 from prefect.testing.standard_test_suites.blocks import BlockStandardTestSuite
 from prefect.utilities.templating import resolve_block_document_references
 from pydantic import SecretStr
 
+from prefect_robomaker.deployments import blocks
 from prefect_robomaker.deployments.blocks import (
     RobomakerCatalog,
     RobomakerCredentials,
@@ -99,18 +100,14 @@ def test_a_service_opens_with_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyP
     service.catalog.close()
 
 
-@pytest.mark.slow
-def test_prefect_finds_the_blocks_and_registers_them(prefect_server: str, tmp_path: Path) -> None:
-    found: Any = subprocess.run(
-        [sys.executable, "-c", "import prefect.plugins as p; print(p.load_prefect_collections()['prefect_robomaker'])"],
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert "module 'prefect_robomaker.deployments.blocks'" in found.stdout
+def test_prefect_finds_the_blocks() -> None:
+    assert load_prefect_collections()["prefect_robomaker"] is blocks
 
+
+@pytest.mark.deep
+def test_prefects_command_registers_the_blocks(prefect_server: str, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "prefect", "block", "register", "-m", "prefect_robomaker.deployments.blocks"]
     environ = {**os.environ, "PREFECT_API_URL": prefect_server, "PREFECT_HOME": str(tmp_path)}
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=290)
 
     assert "Successfully registered 3 blocks" in done.stdout, done.stderr

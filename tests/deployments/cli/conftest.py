@@ -5,11 +5,13 @@ import os
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.deployments.cli import prefect_server as cli_prefect_server
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.deployments.prefect_server.local_server import stop_server
@@ -79,6 +81,13 @@ def robomaker_at_server(robomaker: Command, prefect_server: str, monkeypatch: py
     for patience in reversed(patiences):
         patience.__exit__(None, None, None)
     logger.setLevel(level)
+
+
+@pytest.fixture
+def without_programs(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leaves out the checks of `doctor` that start programs; `test_a_healthy_machine` has them all."""
+    for name, subject in (("check_physics", "physics"), ("check_video", "video"), ("check_extras", "extras")):
+        monkeypatch.setattr(health, name, partial(health.Finding, subject, "ok", "not looked at"))
 
 
 @pytest.fixture

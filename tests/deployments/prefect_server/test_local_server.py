@@ -6,17 +6,17 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 import urllib.request
 import uuid
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from helpers.ports import free_port
 from helpers.prefect_server import server_settings
+from helpers.processes import started, wait_for
 
-from prefect_robomaker.deployments.prefect_server import local_server
+from prefect_robomaker.deployments.prefect_server import local_server, server_health
 from prefect_robomaker.deployments.prefect_server.local_server import (
     LocalServerError,
     client_variables,
@@ -59,13 +59,11 @@ def test_an_active_schedule_gets_runs(prefect_server: str) -> None:
         deployment_id = client.create_deployment(flow_id, "nightly", schedules=[schedule])
         wanted = DeploymentFilter(id=DeploymentFilterId(any_=[deployment_id]))
         try:
-            deadline = time.monotonic() + 60  # the server looks for schedules every few seconds, slower under load
-            while not (runs := client.read_flow_runs(deployment_filter=wanted)) and time.monotonic() < deadline:
-                time.sleep(0.5)
+            # The server looks for schedules every few seconds, slower under load.
+            runs = wait_for(lambda: client.read_flow_runs(deployment_filter=wanted), "a run of an active cron", 240)
         finally:
             client.delete_deployment(deployment_id)
 
-    assert runs, "the server's scheduler made no run of an active cron"
     assert {run.state_name for run in runs} <= {"Scheduled", "Late"}
     log = Path(str(server_settings().home / "prefect" / "server.log")).read_text()
     assert "bulk DML" not in log
@@ -112,37 +110,53 @@ def test_a_configured_server_that_does_not_answer_is_named(settings: Settings) -
         ensure_server(settings, {"PREFECT_API_URL": "http://127.0.0.1:1/api"})
 
 
+SMALL = """
+import http.server, sys
+
+class Answer(http.server.BaseHTTPRequestHandler):
+    def do_GET(self):
+        self.send_response(200)
+        self.send_header("content-length", "0")
+        self.end_headers()
+
+http.server.HTTPServer(("127.0.0.1", int(sys.argv[-1])), Answer).serve_forever()
+"""
+"""What is known of a server: its program, its port, and that it answers."""
+
+
 @pytest.fixture
-def own_server(settings: Settings) -> Iterator[Settings]:
-    """A server that the test may stop for a while."""
-    ensure_server(settings, NOTHING)
-    yield settings
-    with suppress(ProcessLookupError):
-        os.kill(server_pid(settings), signal.SIGCONT)
-    stop_server(settings)
+def small_server(settings: Settings) -> Iterator[int]:
+    """The process of a small program that counts as the local server; the test may stop it for a while."""
+    port, folder = free_port(), settings.home / "prefect"
+    folder.mkdir(parents=True)
+    command = [sys.executable, "-c", SMALL, local_server._PROGRAM, "--port", str(port)]
+    with started(command, {}, stderr=subprocess.DEVNULL) as process:
+        state = {"running": True, "api_url": f"http://127.0.0.1:{port}/api", "pid": process.pid}
+        (folder / "server.json").write_text(json.dumps(state))
+        wait_for(lambda: server_status(settings, NOTHING).running, "the server")
+        yield process.pid
 
 
-def server_pid(settings: Settings) -> int:
-    pid = server_status(settings, NOTHING).pid
-    assert pid is not None
-    return pid
-
-
-@pytest.mark.deep
 def test_a_server_that_is_busy_is_waited_for_and_not_started_anew(
-    own_server: Settings, caplog: pytest.LogCaptureFixture
+    small_server: int, settings: Settings, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    before = server_status(own_server, NOTHING)
-    pid = server_pid(own_server)
-    for environ in (NOTHING, {"PREFECT_API_URL": str(before.api_url)}):
+    before = server_status(settings, NOTHING)
+    url = str(before.api_url)
+    for environ in (NOTHING, {"PREFECT_API_URL": url}):
         caplog.clear()
-        os.kill(pid, signal.SIGSTOP)
-        threading.Timer(7, os.kill, (pid, signal.SIGCONT)).start()
 
-        assert ensure_server(own_server, environ) == before.api_url
+        def go_on_once_it_is_waited_for() -> None:
+            wait_for(lambda: f"the Prefect server at {url} is busy and does not answer; waiting" in caplog.text, "it")
+            os.kill(small_server, signal.SIGCONT)
 
-        assert server_status(own_server, NOTHING) == before, "the same process"
-        assert f"the Prefect server at {before.api_url} is busy and does not answer; waiting for it" in caplog.text
+        going_on = threading.Thread(target=go_on_once_it_is_waited_for)
+        os.kill(small_server, signal.SIGSTOP)
+        going_on.start()
+        with monkeypatch.context() as impatient:
+            impatient.setattr(server_health, "_TIMEOUT_S", 1.0)
+            assert ensure_server(settings, environ) == url
+        going_on.join()
+        assert server_status(settings, NOTHING) == before, "the same process"
 
 
 def test_the_active_prefect_profile_is_respected(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     assert not list((home / "objects" / "robomaker").rglob(".doctor*/*")), "the probe is gone"
 
 
+@pytest.mark.usefixtures("without_programs")
 def test_a_wrong_roles_file_is_told_once_and_in_its_place(robomaker, monkeypatch, tmp_path: Path) -> None:
     roles = tmp_path / "roles.toml"
     roles.write_text('[[role]]\narn = "arn:aws:iam::000000000000:role/nightly"\nacces_key_id = "AK"\n')
@@ -47,6 +48,7 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     blocked.write_text("no folder")
     monkeypatch.setenv("ROBOMAKER_HOME", str(blocked))
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
+    monkeypatch.setattr(health, "check_physics", lambda: health.Finding("physics", "ok", "not looked at"))
     monkeypatch.setattr(health, "check_video", lambda: health.Finding("video", "warning", "slow", "apt install x"))
     ended = robomaker("doctor")
     assert ended.code == 3
@@ -59,6 +61,7 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     assert "✓ physics" in ended.out
 
 
+@pytest.mark.usefixtures("without_programs")
 def test_a_disk_on_which_no_job_begins_is_broken(robomaker, monkeypatch) -> None:
     monkeypatch.setenv("ROBOMAKER_MIN_FREE_DISK_MB", "9999999")
     ended = robomaker("doctor")
@@ -145,11 +148,12 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("without_programs")
 def test_a_backend_is_tried_with_one_job(robomaker: Any, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PREFECT_API_URL", prefect_server)
 
     examined = robomaker("doctor", "--backend", "local")
-    again = robomaker("doctor", "--backend", "local")
+    again = robomaker("doctor", "--backend", "local")  # its applications are there already
 
     for each in (examined, again):
         assert re.search(r"✓ backend local +one job ran there", each.out), each.out + each.err

@@ -101,6 +101,7 @@ def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
     assert service.catalog.lost_workers(other) == 1
 
 
+@pytest.mark.deep
 def test_without_prefect_jobs_wait_and_the_endpoint_answers(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:

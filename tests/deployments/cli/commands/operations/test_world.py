@@ -15,6 +15,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.viewer import pictures
 
 
 @pytest.fixture(scope="module")
@@ -68,11 +69,16 @@ def test_a_broken_world_is_not_called_proven(robomaker, bundle: Path, tmp_path: 
     assert "\x1b" not in shown
 
 
-def test_pictures_are_put_where_they_are_wanted(robomaker, bundle: Path, tmp_path: Path) -> None:
+def test_pictures_are_put_where_they_are_wanted(
+    robomaker, bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Rooms are drawn in tests/tasks/worldforge/viewer/test_pictures.py, which takes seconds."""
+    monkeypatch.setattr(pictures, "room_picture", lambda world, room: f"{len(world.floorplan.rooms)} {room}".encode())
     folder = tmp_path / "pictures"
     facts = json.loads(robomaker("world", "show", bundle, "--pictures", folder, "-o", "json").out)
     assert len(facts["pictures"]) == 4
     assert sorted(facts["pictures"]) == sorted(str(path) for path in folder.iterdir())
+    assert (folder / "room-1-living_room.png").read_text() == "2 living room"
 
 
 def test_prove_measures_anew_and_changes_nothing(robomaker, bundle: Path, tmp_path: Path) -> None:

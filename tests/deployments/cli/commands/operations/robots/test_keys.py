@@ -96,6 +96,7 @@ def _files(word: str) -> str:
     return str(sorted(Path(folder).glob(pattern))[place])
 
 
+@pytest.mark.usefixtures("without_programs")
 def test_what_is_to_be_done_ends_with_1_and_is_told_by_doctor(robomaker, rover, home: Path) -> None:
     robomaker("robots", "enroll", "rover", "--agent")
     assert robomaker("robots", "keys", "status").code == 0
