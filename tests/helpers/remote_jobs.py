@@ -37,8 +37,8 @@ class Job:
     def raw(self) -> socket.socket:
         """A connection that says nothing by itself."""
         connection = socket.socket(socket.AF_UNIX)
-        connection.settimeout(30)
-        deadline = time.monotonic() + 30
+        connection.settimeout(120)
+        deadline = time.monotonic() + 120
         while True:
             try:
                 connection.connect(str(self.path))
@@ -48,7 +48,7 @@ class Job:
                 time.sleep(0.02)
 
     def outcome(self) -> RunOutcome:
-        self._thread.join(40)
+        self._thread.join(150)
         assert self._outcome is not None, "the run has not ended"
         return self._outcome
 

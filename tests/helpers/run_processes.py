@@ -53,6 +53,19 @@ def processes_in(folder: Path) -> list[int]:
     return found
 
 
+def limit_reached(condition: Callable[[], bool]) -> Callable[[], float]:
+    """A clock by which the duration limit is reached once a condition holds, and not before."""
+    began = time.monotonic()
+    has_held = False
+
+    def clock() -> float:
+        nonlocal has_held
+        has_held = has_held or condition()
+        return time.monotonic() + 3600 if has_held else began
+
+    return clock
+
+
 def wait_until(condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
     deadline = time.monotonic() + timeout_s
     while not condition():
