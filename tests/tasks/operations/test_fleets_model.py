@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.examples import examples
 from helpers.fleet_calls import Fleets
-from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, initialize, invariant, rule
 
@@ -166,6 +166,5 @@ class FleetMachine(RuleBasedStateMachine):
         self.folder.cleanup()
 
 
-@pytest.mark.slow
 class TestFleetMachine(FleetMachine.TestCase):
-    settings = settings(max_examples=10, stateful_step_count=25, deadline=None)
+    settings = examples(10, stateful_step_count=25)

@@ -13,6 +13,8 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
+
 Generate = Callable[..., dict[str, Any]]
 
 

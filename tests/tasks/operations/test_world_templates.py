@@ -137,6 +137,7 @@ def test_an_empty_list_is_there(service: Service) -> None:
     assert call("ListWorldExportJobs", {}, service) == {"worldExportJobSummaries": []}
 
 
+@pytest.mark.usefixtures("known_worlds")
 def test_what_was_made_of_a_deleted_template_stays(
     service: Service, template: str, generate: Callable[..., dict[str, Any]]
 ) -> None:

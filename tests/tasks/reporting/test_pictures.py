@@ -4,7 +4,7 @@ import io
 import pytest
 from PIL import Image
 
-from prefect_robomaker.tasks.reporting.pictures import PictureError, embed_picture, embed_svg
+from prefect_robomaker.tasks.reporting.pictures import PictureError, budget_for_each, embed_picture, embed_svg
 
 
 def _noise(width: int, height: int) -> bytes:
@@ -24,6 +24,12 @@ def test_a_picture_shrinks_until_it_fits_its_budget() -> None:
     with Image.open(io.BytesIO(decoded)) as shown:
         assert shown.size == (picture.width, picture.height)
         assert picture.width == 2 * picture.height
+
+
+@pytest.mark.parametrize("pictures", [1, 2, 50, 1000])
+def test_all_pictures_together_leave_room_in_a_page_of_ten_megabytes(pictures: int) -> None:
+    in_base64 = pictures * budget_for_each(pictures) * 4 / 3
+    assert 7_500_000 < in_base64 <= 8_000_000
 
 
 def test_a_small_picture_keeps_its_size() -> None:

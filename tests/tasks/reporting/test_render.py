@@ -198,6 +198,7 @@ def test_the_same_report_gives_the_same_page(mixed_report: Report) -> None:
     assert render_report(mixed_report) == render_report(mixed_report)
 
 
+@pytest.mark.deep
 def test_fifty_worlds_stay_below_ten_megabytes(
     make_world: Any, make_job: Any, make_result: Any, make_report: Any
 ) -> None:

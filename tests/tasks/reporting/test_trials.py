@@ -70,7 +70,16 @@ def test_a_card_names_some_and_says_how_many_more() -> None:
     assert f"{250 - MOST_SHOWN} more did not pass" in page
 
 
-@pytest.mark.slow
+def test_a_report_grows_with_its_jobs_and_hardly_with_their_trials() -> None:
+    few = render_report(report(*(result(Trials(seeds=500), 5) for _ in range(4))))
+    more = render_report(report(*(result(Trials(seeds=1_000), 5) for _ in range(4))))
+    many = render_report(report(*(result(Trials(seeds=50), 5) for _ in range(20))))
+    assert len(more.encode()) < len(few.encode()) + 1_000
+    assert len(few.encode()) < 100_000
+    assert len(many.encode()) < 10_000 * 20
+
+
+@pytest.mark.deep
 def test_the_report_of_100_000_trials_stays_small() -> None:
     few = render_report(report(*(result(Trials(seeds=25_000), 5) for _ in range(4))))
     many = render_report(report(*(result(Trials(seeds=100), 5) for _ in range(1000))))

@@ -13,6 +13,8 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worlds import generation
 from prefect_robomaker.tasks.worlds.builders import WorldBuilders
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
+
 Generate = Callable[..., dict[str, Any]]
 
 

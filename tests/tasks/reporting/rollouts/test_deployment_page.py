@@ -1,6 +1,5 @@
 """The page of a deployment in a browser: nothing sticks out, bars are where they belong, on screens of any width."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -16,44 +15,52 @@ pytestmark = NEEDS_BROWSER
 LONG = "courier-with-a-very-long-name-" + "x" * 90
 
 
+TWELVE = [f"r{number}" for number in range(12)]
+
+
 def rollouts() -> dict[str, Rollout]:
-    twelve = [f"r{number}" for number in range(12)]
     return {
-        "one": simulate(["rover"]),
         "names": simulate(["r0", LONG, "größer-ロボット"], concurrent=34, threshold=50, bad=lambda number: number == 1),
-        "paused": simulate(twelve, events=((20, Paused()), (50, Resumed()), (60, Paused())), until_s=90),
-        "running": simulate(twelve, until_s=40),
-        "canceled": simulate(twelve, events=((40, Stopped(why="canceled")),)),
-        "breach": simulate(twelve, bad=lambda number: number > 2),
+        "paused": simulate(TWELVE, events=((20, Paused()), (50, Resumed()), (60, Paused())), until_s=90),
         "sixty": simulate([f"r{number}" for number in range(60)], silent=lambda number: number == 3),
-        "large": simulate([f"r{number}" for number in range(600)], bad=lambda number: number % 9 == 2, threshold=50),
+        "breach": simulate(TWELVE, bad=lambda number: number > 2),
     }
 
 
-@pytest.fixture(scope="module")
-def tab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
-    with browsing(tmp_path_factory.mktemp("profile")) as browser, browser.page() as page:
-        yield page
+def test_nothing_sticks_out_and_bars_are_where_they_belong(tmp_path: Path) -> None:
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        for name, rollout in rollouts().items():
+            nothing_sticks_out(write_deployment(report_of(rollout), tmp_path / f"{name}.html"), tab)
+        the_moment_of_the_breach_goes_through_all_rows(tab)
+        bars_are_drawn_where_time_and_wave_say(tab, tmp_path)
 
 
-@pytest.mark.parametrize("name", rollouts())
-def test_nothing_sticks_out(name: str, tab: Page, tmp_path: Path) -> None:
-    page = write_deployment(report_of(rollouts()[name]), tmp_path / f"{name}.html")
-    for width in (400, 1280):
-        for theme in ("light", "dark"):
-            tab.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
-            tab.load(page.as_uri(), width)
-            assert tab.evaluate("document.documentElement.scrollWidth") <= width
-            wide = (
-                "[...document.querySelectorAll('.scroll')].filter(each => each.scrollWidth > each.clientWidth).length"
-            )
-            assert tab.evaluate(wide) == 0
+@pytest.mark.deep
+def test_nothing_sticks_out_with_one_robot_or_many_or_before_the_end(tmp_path: Path) -> None:
+    more = {
+        "one": simulate(["rover"]),
+        "running": simulate(TWELVE, until_s=40),
+        "canceled": simulate(TWELVE, events=((40, Stopped(why="canceled")),)),
+        "large": simulate([f"r{number}" for number in range(600)], bad=lambda number: number % 9 == 2, threshold=50),
+    }
+    with browsing(tmp_path / "profile") as browser, browser.page() as tab:
+        for name, rollout in more.items():
+            nothing_sticks_out(write_deployment(report_of(rollout), tmp_path / f"{name}.html"), tab)
+
+
+def nothing_sticks_out(page: Path, tab: Page) -> None:
+    for width, theme in ((400, "dark"), (1280, "light")):
+        tab.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": theme}])
+        tab.load(page.as_uri(), width)
+        assert tab.evaluate("document.documentElement.scrollWidth") <= width
+        wide = "[...document.querySelectorAll('.scroll')].filter(each => each.scrollWidth > each.clientWidth).length"
+        assert tab.evaluate(wide) == 0
     assert tab.complaints == []
 
 
-def test_bars_are_drawn_where_time_and_wave_say(tab: Page, tmp_path: Path) -> None:
+def bars_are_drawn_where_time_and_wave_say(tab: Page, folder: Path) -> None:
     rollout = simulate(["r0", "r1", "r2"], concurrent=34)
-    page = write_deployment(report_of(rollout), tmp_path / "page.html")
+    page = write_deployment(report_of(rollout), folder / "bars.html")
     tab.load(page.as_uri(), 1280)
 
     rows = tab.evaluate(
@@ -75,10 +82,7 @@ def test_bars_are_drawn_where_time_and_wave_say(tab: Page, tmp_path: Path) -> No
         assert launching[2] > offered[2], "height says the same as colour"
 
 
-def test_the_moment_of_the_breach_goes_through_all_rows(tab: Page, tmp_path: Path) -> None:
-    rollout = simulate([f"r{number}" for number in range(12)], bad=lambda number: number > 2)
-    tab.load(write_deployment(report_of(rollout), tmp_path / "page.html").as_uri(), 1280)
-
+def the_moment_of_the_breach_goes_through_all_rows(tab: Page) -> None:
     rows = "[...document.querySelectorAll('.wave-row svg.row')]"
     marks = f"{rows}.map(row => row.querySelector('use').getBoundingClientRect()).filter(each => each.height > 10)"
     assert tab.evaluate(f"{marks}.length") == tab.evaluate(f"{rows}.length") == 13
