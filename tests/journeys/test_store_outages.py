@@ -78,7 +78,7 @@ def performed(service: Service, request: dict[str, Any], notes: list[str]) -> It
     worker = threading.Thread(target=perform_job, args=(arn, replace(service, report_note=notes.append)), daemon=True)
     worker.start()
     yield arn
-    worker.join(60.0)
+    worker.join(120.0)
     assert not worker.is_alive()
 
 
@@ -119,7 +119,7 @@ def test_inputs_that_cannot_be_fetched_are_waited_for_and_nothing_is_started(
     assert owner is not None
     assert not has_run_out
     proxy.pass_on()
-    worker.join(60.0)
+    worker.join(120.0)
 
     assert status_of(service, arn) == "Completed"
     assert notes[0].startswith(f"{arn.rpartition('/')[2]}: waits for the object store, at most 30 min: ")
@@ -171,10 +171,10 @@ def test_a_cancel_ends_the_wait_for_a_server_that_hangs(
 
     call("CancelSimulationJob", {"job": arn}, service)
 
-    # A request to a server that hangs takes ten times as long.
-    wait_for(lambda: status_of(service, arn) == "Canceled", "the cancellation to be heard", 12.0)
+    # The server hangs until then, whatever a request to it takes.
+    wait_for(lambda: status_of(service, arn) == "Canceled", "the cancellation to be heard")
     mortal_s3.go_on()
-    worker.join(60.0)
+    worker.join(120.0)
 
 
 def test_a_server_that_hangs_for_a_while_costs_a_job_nothing(
@@ -190,17 +190,14 @@ def test_a_server_that_hangs_for_a_while_costs_a_job_nothing(
     stored_whole(service, arn)
 
 
-@pytest.fixture
-def kept(service: Service, order: Order, proxy: FaultProxy, notes: list[str]) -> str:
-    """A job that ran, and four of whose files were stored before the store went away for longer than its patience."""
+def test_when_patience_is_over_the_job_fails_and_its_outputs_are_kept_and_stored_later_each_file_once(
+    service: Service, order: Order, proxy: FaultProxy, notes: list[str]
+) -> None:
+    """Four of the files were stored before the store went away for longer than its patience."""
     request = with_maps(order({"DO": WRITE, "DURATION_S": "1"}))
-    with performed(replace(service, timing=HASTY), request, notes) as arn:
-        wait_for(lambda: status_of(service, arn) == "Running", "the run to begin")
+    with performed(replace(service, timing=HASTY), request, notes) as kept:
+        wait_for(lambda: status_of(service, kept) == "Running", "the run to begin")
         proxy.answer(503, "SlowDown", after_puts=4)
-    return arn
-
-
-def test_when_patience_is_over_the_job_fails_and_keeps_its_outputs(service: Service, kept: str) -> None:
     job = call("DescribeSimulationJob", {"job": kept}, service)
 
     assert (job["status"], job["failureCode"]) == ("Failed", "InternalServiceError")
@@ -212,13 +209,10 @@ def test_when_patience_is_over_the_job_fails_and_keeps_its_outputs(service: Serv
     names = {path.name for path in found.files()}
     assert {"result.json", *(f"map-{number}.pgm" for number in range(6))} <= names
     assert find_kept(service, kept.rpartition("/")[2]) == [found]
-
-
-def test_kept_outputs_are_stored_later_and_each_file_once(service: Service, kept: str, proxy: FaultProxy) -> None:
-    [found] = find_kept(service)
     with pytest.raises(StorageUnavailableError):
         store_kept(found, replace(service, timing=HASTY))
     proxy.pass_on()
+    half_is_stored_and_does_not_look_whole(service)
 
     place = store_kept(found, service)
 
@@ -232,12 +226,9 @@ def test_kept_outputs_are_stored_later_and_each_file_once(service: Service, kept
     assert find_kept(service) == []
 
 
-def test_half_of_the_outputs_never_looks_finished(service: Service, kept: str, proxy: FaultProxy) -> None:
-    proxy.pass_on()
+def half_is_stored_and_does_not_look_whole(service: Service) -> None:
     run = next((service.settings.home / "jobs").glob("*/*"))
-
     stored = list(service.store.list("robomaker", f"nightly/{run.parent.name}/{run.name}"))
-
     assert 0 < len(stored) < len(list(find_kept(service)[0].files()))
     with pytest.raises(ObjectNotFoundError):
         read_manifest(service.store, "robomaker", f"nightly/{run.parent.name}/{run.name}")
@@ -336,6 +327,7 @@ def outage(mortal_s3: MortalS3Server, begin: Callable[[], object], notes: list[s
 
 
 @pytest.mark.slow
+@pytest.mark.deep
 def test_a_batch_goes_through_an_outage_and_everything_is_stored_once(
     service: Service,
     order: Order,
@@ -351,7 +343,7 @@ def test_a_batch_goes_through_an_outage_and_everything_is_stored_once(
 
     watched = replace(service, report_note=notes.append)
     ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], watched)
-    trouble.join(60.0)
+    trouble.join(120.0)
 
     assert ended["status"] == "Completed"
     assert [job["status"] for job in ended["createdRequests"]] == ["Completed"] * 6
@@ -380,6 +372,7 @@ def test_requests_whose_data_cannot_be_looked_up_wait_to_become_jobs(
     assert notes[0].startswith(f"{batch['arn'].rpartition('/')[2]}: waits for the object store")
 
 
+@pytest.mark.usefixtures("known_worlds")
 def test_worlds_are_generated_and_exported_through_outages(
     service: Service, template: str, proxy: FaultProxy, prefect_server: str, notes: list[str]
 ) -> None:
@@ -415,7 +408,7 @@ def through(proxy: FaultProxy, notes: list[str], work: Callable[[], dict[str, An
     mender = threading.Thread(target=mend, daemon=True)
     mender.start()
     ended = work()
-    mender.join(60.0)
+    mender.join(120.0)
     return ended
 
 
@@ -450,7 +443,7 @@ def test_a_run_that_is_typed_while_the_store_is_away_says_so_at_once_and_waits(
         log.open("w") as errors,
         started([*command, "-o", "json"], environ, stdout=output, stderr=errors) as run,
     ):
-        wait_for(lambda: "Ctrl-C ends the wait" in log.read_text(), "the note", 60.0)
+        wait_for(lambda: "Ctrl-C ends the wait" in log.read_text(), "the note", 120.0)
         time.sleep(20.0)  # longer than the S3 client repeats a request by itself
         assert run.poll() is None
         assert "started" not in log.read_text()
