@@ -29,7 +29,7 @@ def shown_tasks(service: Service, prefect_server: str) -> ShownTasks:
             state: State[Any] = find_flow(operation)(**members, return_state=True)
         assert state.state_details.flow_run_id is not None
         ours = FlowRunFilter(id=FlowRunFilterId(any_=[state.state_details.flow_run_id]))
-        deadline = time.monotonic() + 60  # task runs reach the API as events, seconds later
+        deadline = time.monotonic() + 120  # task runs reach the API as events, seconds later
         with get_client(sync_client=True) as client:
             while True:
                 names = [re.sub("-[0-9a-f]{3}$", "", run.name) for run in client.read_task_runs(flow_run_filter=ours)]
@@ -50,6 +50,7 @@ def test_a_write_is_validated_and_recorded(shown_tasks: ShownTasks) -> None:
     assert tasks == {"validate": 1, "record": 1}
 
 
+@pytest.mark.usefixtures("known_worlds")
 def test_worlds_are_generated_and_uploaded(shown_tasks: ShownTasks, template: str) -> None:
     count = {"floorplanCount": 1, "interiorCountPerFloorplan": 2}
     job, tasks = shown_tasks("CreateWorldGenerationJob", 6, template=template, worldCount=count, seed=7)
@@ -58,6 +59,7 @@ def test_worlds_are_generated_and_uploaded(shown_tasks: ShownTasks, template: st
     assert tasks == {"validate": 1, "record": 1, "upload": 2, **dict.fromkeys(worlds, 1)}
 
 
+@pytest.mark.usefixtures("known_worlds")
 def test_worlds_are_exported_and_the_archive_is_uploaded(
     shown_tasks: ShownTasks, service: Service, generate: Callable[..., dict[str, Any]]
 ) -> None:

@@ -40,6 +40,7 @@ def running(service: Service, order: Callable[..., dict[str, Any]]) -> str:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("known_worlds")
 def test_what_was_copied_is_whole_in_another_home(
     service: Service,
     generate: Callable[..., dict[str, Any]],

@@ -18,6 +18,7 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
 Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]
 Generate = Callable[..., dict[str, Any]]

@@ -63,6 +63,7 @@ def stored(service: Service) -> set[str]:
 
 
 @pytest.mark.deep
+@pytest.mark.usefixtures("known_worlds")
 def test_nights_are_collected(run: Callable[[int], RunRecord], service: Service) -> None:
     service.store.ensure_bucket("exports")
     first, second = run(7), run(8)

@@ -54,7 +54,7 @@ def verdicts(record: RunRecord) -> list[str | None]:
 
 
 @pytest.mark.deep
-@pytest.mark.usefixtures("prefect_server")
+@pytest.mark.usefixtures("prefect_server", "known_worlds")
 def test_the_example_of_a_urdf_robot_runs_as_its_readme_says(
     service: Service, settings: Settings, tmp_path: Path
 ) -> None:
@@ -69,7 +69,7 @@ def test_the_example_of_a_urdf_robot_runs_as_its_readme_says(
 
 
 @pytest.mark.deep
-@pytest.mark.usefixtures("prefect_server")
+@pytest.mark.usefixtures("prefect_server", "known_worlds")
 def test_the_walker_is_a_robot_application_by_its_name(settings: Settings) -> None:
     record = run_spec(load_spec(json.dumps(WALK), "walk.yaml"), settings, lambda _: None, spec_path="walk.yaml")
     assert verdicts(record) == ["PASS"]

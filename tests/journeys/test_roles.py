@@ -234,6 +234,7 @@ def test_in_a_folder_a_role_confines_a_job_to_its_places(tmp_path: Path, prefect
 
 
 @pytest.mark.deep
+@pytest.mark.usefixtures("known_worlds")
 def test_an_export_writes_as_its_role_and_reads_worlds_as_the_service(
     tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str
 ) -> None:

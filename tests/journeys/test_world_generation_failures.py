@@ -1,31 +1,19 @@
 """Generation jobs some of whose worlds cannot be had: how they end, and what they tell."""
 
-import os
-import signal
-import threading
-import time
+import subprocess
 from collections.abc import Callable
-from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.worlds.builders import WorldBuilders
 
 Generate = Callable[..., dict[str, Any]]
 
 
-def children() -> set[int]:
-    """Processes that any thread of this one has started."""
-    found = set()
-    for thread in Path("/proc/self/task").iterdir():
-        with suppress(OSError):  # it has ended already
-            found |= {int(child) for child in (thread / "children").read_text().split()}
-    return found
-
-
+@pytest.mark.usefixtures("known_worlds")
 def test_a_world_that_cannot_be_stored_makes_the_job_fail_in_part(service: Service, generate: Generate) -> None:
     first = generate(floorplans=2)["finishedWorldsSummary"]["succeededWorlds"]
     bundle = service.catalog.get(first[0]).document["bundle"]
@@ -43,25 +31,20 @@ def test_a_world_that_cannot_be_stored_makes_the_job_fail_in_part(service: Servi
     assert failure["sampleFailureReason"].startswith("the world could not be stored: ")
 
 
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="finds the builders in Linux's /proc")
-def test_builders_that_always_die_make_the_job_fail_with_their_end_as_the_reason(generate: Generate) -> None:
-    before, over = children(), threading.Event()
+def test_builders_that_always_die_make_the_job_fail_with_their_end_as_the_reason(
+    generate: Generate, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    start = WorldBuilders._start
 
-    def kill() -> None:
-        while not over.is_set():
-            for pid in children() - before:
-                with suppress(OSError):  # it has ended already
-                    if b"worldforge.bundle.worker" in Path(f"/proc/{pid}/cmdline").read_bytes():
-                        os.kill(pid, signal.SIGKILL)
-            time.sleep(0.05)
+    def start_and_kill(self: WorldBuilders) -> "subprocess.Popen[str]":
+        process = start(self)
+        process.kill()
+        process.wait()
+        return process
 
-    killer = threading.Thread(target=kill)
-    killer.start()
-    try:
-        job = generate(floorplans=2)
-    finally:
-        over.set()
-        killer.join()
+    monkeypatch.setattr(WorldBuilders, "_start", start_and_kill)
+
+    job = generate(floorplans=2)
 
     assert (job["status"], job["failureCode"]) == ("Failed", "AllWorldGenerationFailed")
     assert job["failureReason"] == "the process that built the world ended with code -9"

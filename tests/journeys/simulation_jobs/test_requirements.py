@@ -15,6 +15,7 @@ from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]
 
 
