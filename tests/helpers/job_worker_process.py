@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
 
 service = Service.open(Settings.from_environment(os.environ))
-perform_job(sys.argv[1], replace(service, timing=Timing(lease_s=2.0, renew_lease_every_s=0.3)))
+perform_job(sys.argv[1], replace(service, timing=Timing(lease_s=6.0, renew_lease_every_s=0.3)))
 """
 
 PerformElsewhere = Callable[[str], AbstractContextManager["subprocess.Popen[str]"]]

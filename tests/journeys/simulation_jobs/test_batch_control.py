@@ -149,7 +149,7 @@ def test_a_job_that_somebody_else_performs_is_cancelled_with_its_batch(
         call("CancelSimulationJobBatch", {"batch": arn}, service)
         assert describe(service, arn)["status"] == "Canceling"
         await_status(created["arn"], "Canceled")
-        worker.wait(10)
+        worker.wait(60)
 
     call("CancelSimulationJobBatch", {"batch": arn}, service)  # no job worker holds the batch: this call ends it
 

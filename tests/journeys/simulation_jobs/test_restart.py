@@ -1,6 +1,7 @@
 """Restarting simulation jobs, with real processes."""
 
 import shutil
+import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -49,7 +50,7 @@ def change_applications(service: Service, folder: Path, was: str, becomes: str) 
 def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_are_by_then(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus, tmp_path: Path
 ) -> None:
-    arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=12), service)["arn"]
+    arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=20), service)["arn"]
     with perform_elsewhere(arn) as worker:
         first = await_status(arn, "Running")
         wait_for(lambda: any(log.stat().st_size for log in service.settings.home.rglob(STDOUT_LOG)), "its first words")
@@ -65,12 +66,11 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
         assert not old & working_below(service.settings.home)
         job = await_status(arn, "Completed", "Failed")
         assert job["status"] == "Completed", job["failureReason"]
-        worker.wait(10)
+        worker.wait(60)
 
-    assert job["simulationTimeMillis"] >= 12_000, "the limit of 12 s counts from the restart"
+    assert job["simulationTimeMillis"] >= 20_000, "the limit of 20 s counts from the restart"
     assert second["lastStartedAt"] > first["lastStartedAt"]
     assert second["networkInterface"] == first["networkInterface"]
-    assert job["simulationTimeMillis"] < 60_000
     document = service.catalog.get(arn).document
     [earlier] = document["earlierRuns"]
     assert document["runId"] != earlier["runId"]
@@ -82,18 +82,18 @@ def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_ar
     assert not list((service.settings.home / "jobs").iterdir())
 
 
-def test_a_restarted_job_can_be_cancelled(
-    service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
-) -> None:
-    arn = call("CreateSimulationJob", order(LONG), service)["arn"]
-    with perform_elsewhere(arn) as worker:
-        await_status(arn, "Running")
+def test_a_restarted_job_can_be_cancelled(service: Service, order: Order, await_status: AwaitStatus) -> None:
+    arn = call("CreateSimulationJob", order(LONG, maxJobDurationInSeconds=600), service)["arn"]
+    worker = threading.Thread(target=job_runs.perform_job, args=(arn, service), daemon=True)
+    worker.start()
+    await_status(arn, "Running")
+    restart(service, arn)
+    call("CancelSimulationJob", {"job": arn}, service)
+    with pytest.raises(InvalidParameterException, match="is being cancelled"):
         restart(service, arn)
-        call("CancelSimulationJob", {"job": arn}, service)
-        with pytest.raises(InvalidParameterException, match="is being cancelled"):
-            restart(service, arn)
-        await_status(arn, "Canceled")
-        worker.wait(10)
+    await_status(arn, "Canceled")
+    worker.join(60)
+    assert not worker.is_alive()
     assert not working_below(service.settings.home)
 
 

@@ -72,7 +72,9 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
     assert not (folder / "recording.mcap").exists()
 
 
-@pytest.mark.parametrize("kept", [{}, {"CLOSED": "1"}], ids=["renewed", "made anew"])
+@pytest.mark.parametrize(
+    "kept", [{}, pytest.param({"CLOSED": "1"}, marks=pytest.mark.deep)], ids=["renewed", "made anew"]
+)
 def test_each_trial_has_the_states_that_a_job_with_its_seed_has(
     service: Service, swing: Simulate, kept: dict[str, str]
 ) -> None:
@@ -92,6 +94,20 @@ def test_each_trial_has_the_states_that_a_job_with_its_seed_has(
         assert found == [result.metrics["highest_rad"] for result in alone]
 
 
+def test_any_trial_is_verified(service: Service, swing: Simulate) -> None:
+    job = swing(seed=3, job={"trials": {"seeds": 2, "parameters": {"LIMIT": ["0", "9"]}}}, TIME_LIMIT_S="0.5")
+    rows = rows_of(service, job)
+
+    answer = verify_run(job["arn"], service, trial=3)
+
+    assert [row["verdict"] for row in rows] == ["FAIL", "FAIL", "PASS", "PASS"]
+    assert (answer.answer, answer.trial) == ("bit-identical", 3)
+    assert answer.digest == answer.digest_again == rows[3]["state_digest"]
+    kept = outputs_of(service, job) / "trials/000000"
+    assert verify_run(str(kept), service).digest == rows[0]["state_digest"]
+
+
+@pytest.mark.deep
 def test_any_trial_is_verified_and_taken_apart_by_itself(service: Service, swing: Simulate, tmp_path: Path) -> None:
     job = swing(seed=3, job={"trials": {"seeds": 6, "parameters": {"LIMIT": ["0.5", "9"]}}}, TIME_LIMIT_S="2")
     rows = rows_of(service, job)
@@ -179,7 +195,7 @@ def test_with_continue_a_crash_is_the_error_of_its_trial(service: Service, swing
 
 
 def test_the_time_limit_ends_the_job_in_a_trial(service: Service, swing: Simulate) -> None:
-    job = swing(duration_s=2, job={"trials": {"seeds": 1000}}, TIME_LIMIT_S="2", SLEEP_S="0.002")
+    job = swing(duration_s=2, job={"trials": {"seeds": 1000}}, TIME_LIMIT_S="0.5", SLEEP_S="0.004")
 
     rows, result = rows_of(service, job), result_of(service, job)
     assert job["status"] == "Completed"
@@ -202,7 +218,7 @@ def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finishe
 ) -> None:
     trials = {"seeds": 60}
     whole = rows_of(service, swing(job={"trials": trials}, TIME_LIMIT_S="1"))
-    job = swing(job={"trials": trials}, perform=False, TIME_LIMIT_S="1", SLEEP_S="0.002")
+    job = swing(job={"trials": trials}, perform=False, TIME_LIMIT_S="1", SLEEP_S="0.005")
     folder = service.settings.home / "jobs" / job["name"]
 
     def finished() -> int:
@@ -228,13 +244,13 @@ def test_a_job_whose_worker_was_killed_goes_on_after_the_trials_that_had_finishe
 
 def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
     told: list[Progress] = []
-    job = swing(perform=False, job={"trials": {"seeds": 100}}, TIME_LIMIT_S="1", SLEEP_S="0.001")
+    job = swing(perform=False, job={"trials": {"seeds": 40}}, TIME_LIMIT_S="0.2", SLEEP_S="0.02")
     perform_simulation_job(job["arn"], service.watched_by(told.append))
 
     counts = [(each.counts["completed"], each.total) for each in told]
     assert len(counts) > 2
     assert counts[:-1] == sorted(counts[:-1])
-    assert {total for _, total in counts[:-1]} == {100}
+    assert {total for _, total in counts[:-1]} == {40}
     assert counts[-1] == (1, 1)
     assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
 
@@ -243,27 +259,27 @@ def test_progress_of_a_batch_counts_the_trials_of_its_jobs(
     service: Service, swing: Simulate, prefect_server: str
 ) -> None:
     told: list[Progress] = []
-    job = swing(perform=False, job={"trials": {"seeds": 100}}, TIME_LIMIT_S="1", SLEEP_S="0.001")
+    job = swing(perform=False, job={"trials": {"seeds": 40}}, TIME_LIMIT_S="0.2", SLEEP_S="0.02")
     requests = [service.catalog.get(job["arn"]).document["request"]]
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": requests}, service)
     registry()["StartSimulationJobBatch"].perform(batch["arn"], service.watched_by(told.append))
 
     finished = [progress.trials.finished for progress in told if progress.trials]
     assert finished == sorted(finished)
-    assert any(0 < each < 100 for each in finished)
-    assert told[-1].trials == TrialCounts(100, 100)
+    assert any(0 < each < 40 for each in finished)
+    assert told[-1].trials == TrialCounts(40, 40)
 
 
 def test_a_job_that_was_killed_from_outside_goes_on_in_the_trial_it_was_in(service: Service, swing: Simulate) -> None:
-    trials = {"seeds": 20, "parameters": {"KILL_AT": ["-1", "30"]}}
-    job = swing(job={"trials": trials}, TIME_LIMIT_S="1", SLEEP_S="0.002")
+    trials = {"seeds": 5, "parameters": {"KILL_AT": ["-1", "30"]}}
+    job = swing(job={"trials": trials}, TIME_LIMIT_S="1", SLEEP_S="0.005")
 
     rows = rows_of(service, job)
     document = service.catalog.get(job["arn"]).document
-    assert (job["status"], document["attempts"], len(rows)) == ("Completed", 2, 40)
+    assert (job["status"], document["attempts"], len(rows)) == ("Completed", 2, 10)
     digests = [row["state_digest"] for row in rows]
-    assert digests[:20] == digests[20:]
-    assert (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins") == 41
+    assert digests[:5] == digests[5:]
+    assert (outputs_of(service, job) / "logs" / "stdout.log").read_text().count("agent begins") == 11
 
 
 def test_secret_parameters_are_in_nothing_that_a_job_leaves(service: Service, swing: Simulate) -> None:

@@ -206,7 +206,7 @@ def performing(service: Service, request: dict[str, Any]) -> Iterator[str]:
         worker.join()
 
 
-def wait_for(what: Callable[[], Any], timeout_s: float = 20) -> Any:
+def wait_for(what: Callable[[], Any], timeout_s: float = 120) -> Any:
     deadline = time.monotonic() + timeout_s
     while not (found := what()):
         assert time.monotonic() < deadline
