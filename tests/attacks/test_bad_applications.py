@@ -186,7 +186,7 @@ def test_what_cannot_be_stored_is_left_out_by_name_and_all_else_is_stored(
 
 
 def test_a_step_that_never_returns_ends_at_the_duration_limit_without_a_manifest(attack: Callable[..., Attack]) -> None:
-    ended = attack("hostile.arena.endless", duration_s=1)
+    ended = attack("hostile.arena.endless", duration_s=5)
 
     assert ended.job["status"] == "Completed"
     assert ended.manifest is None
@@ -203,6 +203,7 @@ def test_a_crash_keeps_its_logs_for_people_to_read(attack: Callable[..., Attack]
         read_manifest(service.store, place["bucket"], place["prefix"])
 
 
+@pytest.mark.usefixtures("known_worlds")
 @pytest.mark.parametrize(
     ("agent", "words"), [("dreaming_agent", "nan"), pytest.param("many_armed_agent", "17", marks=pytest.mark.deep)]
 )

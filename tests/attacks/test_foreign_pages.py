@@ -30,7 +30,7 @@ REBOUND = "rebound.example"
 
 PAGE = """<!doctype html><meta charset="utf-8"><iframe name="sink"></iframe><script>
 const MARK = new URLSearchParams(location.search).get("mark");
-const settled = (promise) => Promise.race([promise, new Promise((r) => setTimeout(() => r("time-out"), 8000))])
+const settled = (promise) => Promise.race([promise, new Promise((r) => setTimeout(() => r("time-out"), 60000))])
   .catch((error) => `error: ${error}`);
 const body = (name, value) => new Blob([JSON.stringify({...value, name: `${MARK}-${name}`})]);  // without a type
 const JSON_TYPE = {"Content-Type": "application/json"};

@@ -76,6 +76,7 @@ def test_what_only_the_run_knows_is_said_to_be_so(plan: Plan) -> None:
     assert told.why == "there is no robot application named 'no-such-robot'"
 
 
+@pytest.mark.usefixtures("known_worlds")
 def test_worlds_that_are_there_are_found(plan: Plan, generate: Callable[..., dict[str, Any]]) -> None:
     generate(floorplans=1)
     last = "${{ worlds.finishedWorldsSummary.succeededWorlds[1] }}"
