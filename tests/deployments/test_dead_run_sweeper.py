@@ -7,10 +7,14 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.deployments import dead_run_sweeper
 from prefect_robomaker.deployments.dead_run_sweeper import _close_until_end
 
 
-def test_a_defect_is_logged_once_and_the_thread_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_defect_is_logged_once_and_the_thread_goes_on(
+    caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dead_run_sweeper, "_RETRY_S", 0.01)
     calls: list[str] = []
 
     def connect() -> Any:
@@ -26,7 +30,7 @@ def test_a_defect_is_logged_once_and_the_thread_goes_on(caplog: pytest.LogCaptur
     with caplog.at_level(logging.WARNING):
         thread = threading.Thread(target=sweep_until_told_to_end)
         thread.start()
-        thread.join(30)
+        thread.join(60)
 
     assert len(calls) == 3
     assert caplog.messages == ["dead runs are not closed: ValueError: an answer that cannot be read"]

@@ -2,7 +2,6 @@
 
 import fcntl
 import sqlite3
-import time
 import uuid
 from collections.abc import Callable, Iterator
 from contextlib import closing
@@ -11,6 +10,7 @@ from typing import Any
 
 import pytest
 from helpers.prefect_server import server_settings
+from helpers.processes import wait_for
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.actions import LogCreate
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, LogFilter, LogFilterFlowRunId
@@ -103,10 +103,7 @@ def test_old_flow_runs_go_with_all_that_is_theirs(client: SyncPrefectClient, flo
 
     assert (told.count, told.problem) == (1, None)
     assert [exists(client, run.id) for run in (old, young, theirs)] == [False, True, True]
-    deadline = time.monotonic() + 60  # the server removes logs a little later
-    while left(client, old.id) != (0, 0, 0) and time.monotonic() < deadline:
-        time.sleep(0.2)
-    assert left(client, old.id) == (0, 0, 0)
+    wait_for(lambda: left(client, old.id) == (0, 0, 0), "the removal of its logs, a little later", 120)
     assert left(client, theirs.id) == (1, 1, 1)
 
 

@@ -25,7 +25,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def fill(path: Path, rows: int = ROWS) -> None:
-    with closing(sqlite3.connect(path, timeout=30)) as database, database:
+    with closing(sqlite3.connect(path, timeout=60)) as database, database:
         database.execute("PRAGMA journal_mode = WAL")
         database.execute("CREATE TABLE IF NOT EXISTS log (text)")
         database.executemany("INSERT INTO log VALUES (?)", [("x" * 4000,) for _ in range(rows)])
@@ -81,7 +81,7 @@ def test_a_server_that_reads_and_writes_goes_on(path: Path) -> None:
 
     def serve() -> None:
         try:
-            with closing(sqlite3.connect(path, timeout=5)) as database:
+            with closing(sqlite3.connect(path, timeout=60)) as database:
                 while not stop.is_set():
                     with database:
                         database.execute("INSERT INTO log VALUES ('served')")

@@ -121,7 +121,7 @@ def client_of(port: int) -> Iterator[tuple[httpx.Client, list[str]]]:
 
     def ask() -> Health:
         try:
-            httpx.get(f"http://localhost:{port}/api/health", timeout=1)
+            httpx.get(f"http://localhost:{port}/api/health", timeout=30)
         except httpx.TransportError:
             return Health.AWAY
         return Health.HEALTHY

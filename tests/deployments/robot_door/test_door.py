@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from helpers.examples import examples
+from helpers.processes import wait_for
 from helpers.robot_orders import TOKEN, robot_order
 from hypothesis import given
 from hypothesis import strategies as st
@@ -238,14 +239,23 @@ def test_many_robots_with_orders_poll_less_often(make_robots: Callable[..., Robo
         assert sleep_of(robots) == sleep
 
 
-def test_polls_are_reported_together(make_robots: Callable[..., Robots]) -> None:
+def test_polls_are_reported_together(make_robots: Callable[..., Robots], monkeypatch: pytest.MonkeyPatch) -> None:
     robots = make_robots(settings=DoorSettings(last_seen_s=2.0))
+    loop, now_s = robots.runner.get_loop(), [1000.0]
+    monkeypatch.setattr(loop, "time", lambda: now_s[0])
+
+    def heard() -> list[Any]:
+        for _ in range(5):
+            robots.runner.run(asyncio.sleep(0))
+        return robots.heard
 
     for polls in (1, 2):
         for _ in range(polls):
             robots.poll()
-        assert robots.heard == []
-        robots.runner.run(asyncio.sleep(2.5))
+        now_s[0] += 1.9
+        assert heard() == []
+        now_s[0] += 0.2
+        wait_for(heard, "the report")
         assert robots.heard == [RobotsSeen({"robot1": NOW})]
         robots.heard.clear()
 

@@ -2,9 +2,9 @@
 
 import io
 import threading
-import time
 
 import pytest
+from helpers.processes import wait_for
 
 from prefect_robomaker.deployments.cli.output.live_progress import LiveWatcher
 from prefect_robomaker.deployments.cli.output.progress import PlainWatcher, watcher
@@ -122,10 +122,7 @@ def test_silence_is_broken_by_a_heartbeat() -> None:
     stream = io.StringIO()
     with PlainWatcher(STEPS, stream, heartbeat_s=0.05) as listener:
         listener(StepStarted("drive", "StartSimulationJobBatch"))
-        deadline = time.monotonic() + 10
-        while "drive: running" not in stream.getvalue() and time.monotonic() < deadline:
-            time.sleep(0.01)
-    assert "drive: running" in stream.getvalue()
+        wait_for(lambda: "drive: running" in stream.getvalue(), "the heartbeat")
 
 
 def test_live_progress_shows_every_step_and_ends_as_it_was() -> None:
