@@ -56,7 +56,7 @@ def test_a_run_whose_process_is_killed_goes_on_where_it_was(
     def statuses() -> list[str]:
         return [job.status for job in reversed(service.catalog.list("simulation-job").resources)]
 
-    wait_for(lambda: statuses() == ["Completed", "Running"], "the second job", timeout_s=60)
+    wait_for(lambda: statuses() == ["Completed", "Running"], "the second job", timeout_s=120)
     process = process_of(runs)
     assert process is not None
     os.kill(process, signal.SIGKILL)
@@ -65,7 +65,7 @@ def test_a_run_whose_process_is_killed_goes_on_where_it_was(
 
     assert runs.take_up_all() == [RUN]
     folder = service.settings.home / "runs" / RUN
-    wait_for(lambda: (folder / "run.json").is_file() and not runs.is_going(RUN), "its end", timeout_s=120)
+    wait_for(lambda: (folder / "run.json").is_file() and not runs.is_going(RUN), "its end", timeout_s=240)
 
     record = RunRecord.model_validate_json((folder / "run.json").read_text())
     assert (record.state, [step.status for step in record.steps]) == ("succeeded", ["Completed"] * 2), record.steps

@@ -360,7 +360,7 @@ def test_nothing_is_left_of_a_worker_that_was_killed(
         await_status(arn, "Running")
         wait_for(lambda: log_says(service, "ready"), "the container")
         worker.kill()
-        wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end", 15)
+        wait_for(lambda: not engine.containers(f"robomaker-{name}"), "its end")
 
     call("CancelSimulationJob", {"job": arn}, service)
     perform_job(arn, service)
@@ -404,7 +404,7 @@ def test_a_job_that_is_cancelled_while_its_image_is_pulled_is_cancelled(
         Applications.of("Simulation", service).create("slow", environment={"uri": f"{registry.address}/slow:1"})
         config = {"simulationApplications": [{"application": "slow", "launchConfig": {}}]}
         with performing(service, order(config)) as arn:
-            assert registry.asked.wait(20)
+            assert registry.asked.wait(120)
             call("CancelSimulationJob", {"job": arn}, service)
 
     job = call("DescribeSimulationJob", {"job": arn}, service)

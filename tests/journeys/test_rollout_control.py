@@ -24,7 +24,7 @@ from prefect_robomaker.tasks.fleet.known_robots import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 MakeFleet = Callable[..., tuple[str, list[LivingRobot]]]
-PATIENCE_S = 90.0
+PATIENCE_S = 180.0
 
 
 @pytest.fixture

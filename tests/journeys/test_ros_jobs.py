@@ -161,7 +161,7 @@ def test_a_cancelled_launch_leaves_no_master(service: Service, launch_config: Ca
     arn = ordered(service, robot=launch_config("robot", AWAITS="nobody"))
     with ThreadPoolExecutor() as pool:
         performing = pool.submit(perform_job, arn, service)
-        wait_for(lambda: len(launched(arn)) == 3, "the master, rosout and the node", 30)
+        wait_for(lambda: len(launched(arn)) == 3, "the master, rosout and the node", 120)
         call("CancelSimulationJob", {"job": arn}, service)
         performing.result()
 
@@ -214,7 +214,7 @@ from std_msgs.msg import String
 rospy.init_node("caller")
 talk = rospy.Publisher("/spoken", String, queue_size=10, latch=True)
 def ask(name, kind, *members):
-    rospy.wait_for_service("/robomaker/job/" + name, 30)
+    rospy.wait_for_service("/robomaker/job/" + name, 120)
     return rospy.ServiceProxy("/robomaker/job/" + name, kind)(*members)
 print("ADDED", ask("add_tags", AddTags, [Tag("stage", "driving"), Tag("gone", "x")]).success)
 print("REFUSED", ask("add_tags", AddTags, [Tag("aws:no", "x")]).message.replace(chr(10), " "))

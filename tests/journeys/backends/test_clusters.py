@@ -4,7 +4,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,7 @@ def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
     cluster.await_job_on("second")
     call("CancelSimulationJobBatch", {"batch": batch.arn}, batch.service)
 
-    assert batch.ending.result(60)["status"] == "Canceled"
+    assert batch.ending.result(180)["status"] == "Canceled"
     assert set(batch.statuses()) == {"Canceled"}
     assert not of_home(cluster.home("first")) | of_home(cluster.home("second"))
     assert cluster.remains() == []
@@ -61,8 +60,7 @@ def test_machines_come_and_die_while_a_batch_runs(order: Order, cluster: Cluster
     assert batch.statuses() == ["Running", "Running"]
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster: Cluster, begin: Begin) -> None:
     """Its leases have to run out."""
     cluster.add("first")
@@ -72,28 +70,8 @@ def test_jobs_of_a_machine_whose_power_fails_run_elsewhere(order: Order, cluster
     cluster.kill_all_of("first")
     cluster.add("second")
 
-    assert batch.ending.result(120)["status"] == "Completed"
+    assert batch.ending.result(240)["status"] == "Completed"
     assert batch.machines() == ["second"]
-
-
-@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
-def test_a_limit_that_is_lowered_in_prefect_is_followed(order: Order, cluster: Cluster, begin: Begin) -> None:
-    from prefect.client.orchestration import get_client
-
-    cluster.add("first")
-    cluster.add("second")
-    batch = begin([order({"DURATION_S": "8"}) for _ in range(5)], maxConcurrency=2)
-    batch.await_running(2)
-    with get_client(sync_client=True) as client:
-        client.upsert_global_concurrency_limit_by_name(f"robomaker-{batch.arn.rpartition('/')[2]}", 1)
-
-    batch.await_running(1)
-    most = 0
-    while not batch.ending.done():
-        most = max(most, batch.statuses().count("Running"))
-        time.sleep(0.2)
-    assert most == 1
-    assert batch.ending.result()["status"] == "Completed"
 
 
 @pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
@@ -102,7 +80,7 @@ def test_a_machine_with_another_catalog_says_so_and_the_others_go_on(
 ) -> None:
     cluster.add("astray", ROBOMAKER_CATALOG_URL=f"sqlite:///{tmp_path}/other.db")
     batch = begin([order(LONG)], maxConcurrency=2)
-    ended = batch.ending.result(120)
+    ended = batch.ending.result(240)
     assert ended["status"] == "Failed"
     assert re.search(r"the catalog of this machine, sqlite:.*other\.db, does not have", ended["failureReason"])
     assert "set ROBOMAKER_CATALOG_URL" in ended["failureReason"]
@@ -165,13 +143,12 @@ def test_job_workers_end_with_the_process_that_runs_the_batch(
         cluster.await_job_on("first")
         coordinator.kill()
 
-    wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end", 30)
+    wait_for(lambda: not of_home(cluster.home("first")), "the job worker to end")
     wait_for(lambda: cluster.remains() == [], "the cluster to forget its task")
     assert call("DescribeSimulationJobBatch", {"batch": arn}, service)["status"] in ("InProgress", "Completing")
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_a_machine_without_the_package_says_so(cluster: Cluster) -> None:
     cluster.add("bare", **cluster.without_package())
     backend = open_backend(cluster.backend)

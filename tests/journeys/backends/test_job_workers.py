@@ -1,9 +1,11 @@
 """Batches whose jobs run in job workers with homes of their own; only catalog and object store are common."""
 
+import contextvars
 import re
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +17,7 @@ from helpers.processes import wait_for
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.inspection.reports import simulation_jobs
 from prefect_robomaker.tasks.jobs.awaited_jobs import WorkerWait
@@ -24,6 +27,15 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Progress, Service
 
 Order = Callable[..., dict[str, Any]]
+MEET = """
+import os, pathlib, time
+meeting = pathlib.Path({folder!r}, "meeting")
+meeting.mkdir(exist_ok=True)
+(meeting / os.environ["AWS_ROBOMAKER_SIMULATION_JOB_ID"]).touch()
+while len(list(meeting.iterdir())) < {count}:
+    time.sleep(0.1)
+"""
+"""Has jobs begin at the same time: each machine has room for one."""
 
 
 @pytest.fixture
@@ -76,18 +88,23 @@ def counts(homes: HomesBackend) -> list[int]:
 
 
 def test_jobs_of_a_batch_run_on_both_machines_and_nothing_of_it_here(
-    service: Service, order: Order, homes: HomesBackend, run_batch: Callable[..., dict[str, Any]]
+    order: Order,
+    homes: HomesBackend,
+    run_batch: Callable[..., dict[str, Any]],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setenv("ROBOMAKER_SANDBOX", "off")  # the jobs meet in a folder
     notes: list[str] = []
-    homes.patience_s = 30
+    homes.patience_s = 120
+    meet = {"DO": MEET.format(folder=str(tmp_path), count=2)}
 
-    batch = run_batch([order({"DURATION_S": "1"}) for _ in range(6)], notes, maxConcurrency=2)
+    batch = run_batch([order(meet, maxJobDurationInSeconds=300) for _ in range(2)], notes, maxConcurrency=2)
 
     assert batch["status"] == "Completed"
-    assert [job["status"] for job in batch["createdRequests"]] == ["Completed"] * 6
+    assert [job["status"] for job in batch["createdRequests"]] == ["Completed"] * 2
     assert [ended.exit_code for ended in homes.ended] == [0, 0], homes.ended
-    assert sum(counts(homes)) == 6
-    assert all(counts(homes))
+    assert counts(homes) == [1, 1]
     assert any("2 job workers on this machine" in note for note in notes)
 
 
@@ -118,7 +135,7 @@ class LateMachine:
         """Has none at first."""
 
         def come() -> None:
-            self.is_wanted.wait(60)
+            self.is_wanted.wait(120)
             with self._homes.job_workers(batch, wanted):
                 pass
 
@@ -132,11 +149,12 @@ class LateMachine:
         return "no machine yet"
 
 
+@pytest.mark.deep
 def test_who_watches_a_batch_is_told_that_its_jobs_wait_for_a_job_worker(
     service: Service, order: Order, prefect_server: str, homes: HomesBackend
 ) -> None:
     del homes.homes[1:]
-    homes.patience_s = 60
+    homes.patience_s = 120
     late, seen = LateMachine(homes), list[Progress]()
 
     def watch(progress: Progress) -> None:
@@ -164,6 +182,39 @@ def test_a_job_worker_is_waited_for_once_jobs_stand_and_less_run_than_may_for_a_
         assert wait.lasts(pending, running, 2, now_s) == expected
 
 
+@pytest.mark.deep
+def test_a_limit_that_is_lowered_in_prefect_is_followed(
+    service: Service, order: Order, homes: HomesBackend, prefect_server: str
+) -> None:
+    from prefect.client.orchestration import get_client
+
+    homes.patience_s = 120
+    requests = [order({"DURATION_S": "6"}) for _ in range(4)]
+    request = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": 2}}
+    batch = call("StartSimulationJobBatch", request, service)["arn"]
+    perform, there = registry()["StartSimulationJobBatch"].perform, replace(service, backend=homes)
+
+    def running() -> int:
+        return service.catalog.count_children(batch, "simulation-job").get("Running", 0)
+
+    with ThreadPoolExecutor(1) as pool:
+        ending = pool.submit(contextvars.copy_context().run, perform, batch, there)  # with Prefect's settings
+        wait_for(lambda: running() == 2, "two jobs to run", 120)
+        with get_client(sync_client=True) as client:
+            client.upsert_global_concurrency_limit_by_name(f"robomaker-{batch.rpartition('/')[2]}", 1)
+        allowed = lambda: SimulationJobBatchDocument.of(service.catalog.get(batch)).concurrency  # noqa: E731
+        wait_for(lambda: allowed() == 1 and running() == 1, "one job to run alone", 120)
+        most = 0
+        while not ending.done():
+            most = max(most, running())
+            time.sleep(0.2)
+
+    assert most == 1
+    assert ending.result()["status"] == "Completed"
+    assert service.catalog.count_children(batch, "simulation-job") == {"Completed": 4}
+
+
+@pytest.mark.deep
 def test_a_job_has_how_long_its_job_worker_waited_for_room(
     service: Service, order: Order, run_batch: Callable[..., dict[str, Any]], tmp_path: Path
 ) -> None:
@@ -179,14 +230,14 @@ def test_a_job_has_how_long_its_job_worker_waited_for_room(
         def has_waited() -> bool:
             return any(time.time() - each.since_s > 2.0 for machine in machines for each in jobs_that_wait(machine))
 
-        wait_for(has_waited, "a job worker to wait for room", 60.0)
+        wait_for(has_waited, "a job worker to wait for room", 120.0)
         for slots, slot in held:
             slots.give_back(slot)
 
     helper = threading.Thread(target=make_room, daemon=True)
     helper.start()
     batch = run_batch([order()], [], maxConcurrency=1)
-    helper.join(60.0)
+    helper.join(120.0)
 
     assert batch["status"] == "Completed"
     [job] = simulation_jobs("StartSimulationJobBatch", batch["arn"], service)

@@ -21,12 +21,12 @@ from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
-from .conftest import CLUSTERS, BatchOnCluster
+from .conftest import ONE_OF_THEM, BatchOnCluster
 
 Order = Callable[..., dict[str, Any]]
 pytestmark = [NEEDS_NAMESPACES, NEEDS_POSTGRESQL, pytest.mark.deep, pytest.mark.timeout(600)]
-JOBS = 8
-SHORT = {"DURATION_S": "3"}
+JOBS = 4
+SHORT = {"DURATION_S": "10"}
 
 
 @pytest.fixture
@@ -54,7 +54,7 @@ def machines(batch: str, service: Service, s3: Any) -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)
+@pytest.mark.parametrize("cluster", ONE_OF_THEM, indirect=True)
 def test_a_cluster_runs_a_batch_on_machines_that_are_apart(
     service: Service, order: Order, cluster: Cluster, begin: Callable[..., BatchOnCluster], s3_server: S3Server,
     tmp_path: Path,

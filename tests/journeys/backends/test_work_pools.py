@@ -75,7 +75,7 @@ def ran(runs: list[Any]) -> list[int]:
     return [int(re.match(r"ran (\d+) jobs?", run.state.message)[1]) for run in runs if run.state.is_completed()]  # type: ignore[index]
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 def test_jobs_of_a_batch_run_on_both_machines_and_nothing_stays_behind(
     service: Service, order: Order, pool: Pool
 ) -> None:
@@ -94,21 +94,21 @@ def test_jobs_of_a_batch_run_on_both_machines_and_nothing_stays_behind(
 @pytest.mark.deep
 def test_a_job_of_a_machine_that_loses_power_runs_elsewhere(service: Service, order: Order, pool: Pool) -> None:
     with pool.machine("first") as first, pool.machine("second"):
-        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(12)])
+        batch = Batch(service, pool, [order({"DURATION_S": "12"}) for _ in range(4)])
         pool.running(batch.arn, 2)
         wait_for(lambda: working_below(first.home), "a simulation on the first machine", 120)
         first.kill()
         answer = batch.result()
         runs = pool.ended(batch.arn)
 
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 12
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 4
     assert sorted(run.state.type.value for run in runs if not run.state.is_completed()) == ["CRASHED"]
 
 
 @pytest.mark.deep
 def test_a_machine_that_comes_later_takes_jobs(service: Service, order: Order, pool: Pool) -> None:
     with pool.machine("first"):
-        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(24)])
+        batch = Batch(service, pool, [order({"DURATION_S": "12"}) for _ in range(8)])
         pool.running(batch.arn, 1)
         with pool.machine("second"):
             pool.running(batch.arn, 2)
@@ -116,14 +116,14 @@ def test_a_machine_that_comes_later_takes_jobs(service: Service, order: Order, p
             runs = pool.ended(batch.arn)
 
     assert len(runs) == 2
-    assert sum(ran(runs)) == 24
+    assert sum(ran(runs)) == 8
     assert all(ran(runs))
 
 
 @pytest.mark.deep
 def test_a_job_worker_that_is_cancelled_in_prefect_hands_its_job_on(service: Service, order: Order, pool: Pool) -> None:
     with pool.machine("first") as first, pool.machine("second") as second:
-        batch = Batch(service, pool, [order({"DURATION_S": "5"}) for _ in range(8)])
+        batch = Batch(service, pool, [order({"DURATION_S": "12"}) for _ in range(4)])
         runs = pool.running(batch.arn, 2)
         wait_for(lambda: working_below(first.home) and working_below(second.home), "two simulations")
         processes = {machine.flow_process() for machine in (first, second)}
@@ -132,7 +132,7 @@ def test_a_job_worker_that_is_cancelled_in_prefect_hands_its_job_on(service: Ser
         answer = batch.result()
         ended = {run.id: run for run in pool.ended(batch.arn)}
 
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 8
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 4
     cancelled = ended[runs[0].id].state
     assert (cancelled.type.value, cancelled.name) == ("CANCELLED", "Cancelled")
     assert ended[runs[1].id].state.is_completed()
@@ -143,17 +143,17 @@ def test_a_prefect_worker_that_dies_alone_takes_its_job_worker_with_it(
     service: Service, order: Order, pool: Pool
 ) -> None:
     with pool.machine("first") as first, pool.machine("second"):
-        batch = Batch(service, pool, [order({"DURATION_S": "4"}) for _ in range(6)])
+        batch = Batch(service, pool, [order({"DURATION_S": "12"}) for _ in range(3)])
         pool.running(batch.arn, 2)
         wait_for(lambda: working_below(first.home), "a simulation on the first machine")
         orphan = first.flow_process()
         first.process.kill()
-        wait_for(lambda: not alive({orphan} if orphan else set()), "the end of the orphan", 30)
-        wait_for(lambda: not working_below(first.home), "the end of its simulation", 30)
+        wait_for(lambda: not alive({orphan} if orphan else set()), "the end of the orphan", 120)
+        wait_for(lambda: not working_below(first.home), "the end of its simulation", 120)
         answer = batch.result()
         runs = pool.ended(batch.arn)
 
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 6
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 3
     (crashed,) = [run.state for run in runs if run.state.is_crashed()]
     assert crashed.message.startswith("its Prefect worker has died")
 

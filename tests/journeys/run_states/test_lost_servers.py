@@ -41,11 +41,12 @@ def run_without(
     return RunRecord.model_validate_json(out), err, f"the Prefect server at {variables['PREFECT_API_URL']}"
 
 
+@pytest.mark.endurance
 def test_a_killed_server_is_waited_for_once_and_the_run_ends_with_its_report(
     service: Service, order: Order, spec: Callable[..., Path], own_server: Any
 ) -> None:
     # Before there was one place that waits, this took six minutes.
-    record, err, server = run_without(signal.SIGKILL, service, spec, order, own_server, limit_s=100)
+    record, err, server = run_without(signal.SIGKILL, service, spec, order, own_server, limit_s=200)
 
     assert record.state == "succeeded"
     assert [job.status for job in record.jobs] == ["Completed"] * 3
@@ -61,7 +62,7 @@ def test_a_silent_server_is_waited_for_once_and_the_run_ends_with_its_report(
     service: Service, order: Order, spec: Callable[..., Path], own_server: Any
 ) -> None:
     try:
-        record, err, server = run_without(signal.SIGSTOP, service, spec, order, own_server, limit_s=200)
+        record, err, server = run_without(signal.SIGSTOP, service, spec, order, own_server, limit_s=280)
     finally:
         os.killpg(own_server[1], signal.SIGCONT)
 

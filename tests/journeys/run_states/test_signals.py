@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from helpers.processes import started, wait_for, working_below
 
+from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
@@ -34,7 +35,15 @@ nightly(json.loads(sys.argv[1]))
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number",
+    [
+        pytest.param(signal.SIGINT, marks=pytest.mark.endurance),
+        signal.SIGTERM,
+        pytest.param(signal.SIGHUP, marks=pytest.mark.endurance),
+    ],
+    ids=lambda number: number.name,
+)
 def test_a_signal_ends_a_run_with_its_summary(
     number: signal.Signals, service: Service, order: Order, environ: Any, spec: Any, flow_run: Any, state_of: Any
 ) -> None:
@@ -42,7 +51,7 @@ def test_a_signal_ends_a_run_with_its_summary(
     with started([*ROBOMAKER, "run", str(path)], environ, **PIPES) as robomaker:
         wait_for(lambda: working_below(service.settings.home), "the simulation")
         robomaker.send_signal(number)
-        out, err = robomaker.communicate(timeout=90)
+        out, err = robomaker.communicate(timeout=200)
 
     assert robomaker.returncode == (130 if number == signal.SIGINT else -number), err
     assert "states: canceled" in out
@@ -53,13 +62,21 @@ def test_a_signal_ends_a_run_with_its_summary(
     assert "Traceback" not in err
     (job,) = service.catalog.list("simulation-job").resources
     assert job.status == "Canceled"
+    assert "outputs" in job.document
+    assert not working_below(service.settings.home)
+    record = RunRecord.model_validate_json((Path(report[1]).parent / "run.json").read_text())
+    assert record.state == "canceled"
     for name in (str(path), job.id):
         seen = state_of(flow_run(name).id)
         assert (seen.type.value, seen.name) == ("CANCELLED", "Cancelled"), name
         assert seen.message == f"interrupted by {number.name}; what it ran was cancelled"
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP], ids=lambda number: number.name)
+@pytest.mark.parametrize(
+    "number",
+    [pytest.param(signal.SIGTERM, marks=pytest.mark.endurance), signal.SIGHUP],
+    ids=lambda number: number.name,
+)
 def test_a_signal_ends_a_call_that_waits(
     number: signal.Signals, service: Service, order: Order, environ: Any, flow_run: Any, state_of: Any
 ) -> None:
@@ -67,7 +84,7 @@ def test_a_signal_ends_a_call_that_waits(
     with started(command, environ, **PIPES) as robomaker:
         wait_for(lambda: working_below(service.settings.home), "the simulation")
         robomaker.send_signal(number)
-        out, err = robomaker.communicate(timeout=90)
+        out, err = robomaker.communicate(timeout=200)
 
     assert robomaker.returncode == -number, err
     assert json.loads(out)["status"] == "Canceled"
@@ -82,7 +99,7 @@ def test_sigterm_in_a_flow_of_a_user(
     with started([sys.executable, str(script), json.dumps(order(LONG))], environ, **PIPES) as nightly:
         wait_for(lambda: working_below(service.settings.home), "the simulation")
         nightly.terminate()
-        out, err = nightly.communicate(timeout=90)
+        out, err = nightly.communicate(timeout=200)
 
     assert nightly.returncode == -signal.SIGTERM, err
     assert "PydanticSerializationError" not in out + err
