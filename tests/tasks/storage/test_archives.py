@@ -222,11 +222,12 @@ def test_a_bomb_below_all_limits_is_told_by_its_ratio(try_to_unpack):
 
 
 @pytest.mark.deep
-def test_a_million_entries_are_refused_after_the_first_hundred_thousand(try_to_unpack):
+def test_a_million_entries_are_refused_once_there_are_too_many(try_to_unpack):
+    assert ArchiveLimits().entries == 100_000, "which takes ten times as long"
     folder = make_tar({"folder/": b""})[:512]
     data = gzip.compress(folder * 10_000) * 100  # parts of a gzip file may simply be joined
-    with pytest.raises(BundleError, match="more than 100000 files and folders"):
-        try_to_unpack(data)
+    with pytest.raises(BundleError, match="more than 10000 files and folders"):
+        try_to_unpack(data, entries=10_000)
 
 
 def test_special_modes_and_owners_are_dropped(try_to_unpack, tmp_path: Path):

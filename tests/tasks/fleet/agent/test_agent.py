@@ -37,7 +37,9 @@ def steps(robot: Rover, action_id: int) -> list[str]:
     return list(dict.fromkeys(said))
 
 
-def test_a_version_is_installed_runs_and_is_taken_back_for_one_that_fails(driving: Rover) -> None:
+def test_a_version_is_installed_runs_and_is_taken_back_for_one_that_fails_that_is_old_or_not_attested(
+    driving: Rover,
+) -> None:
     robot = driving
     assert robot.running == "1"
     assert steps(robot, 1) == [*STEPS, "Finished"]
@@ -57,38 +59,23 @@ def test_a_version_is_installed_runs_and_is_taken_back_for_one_that_fails(drivin
     assert robot.running == "3"
     wait_for(lambda: len(list((robot.agent.home / "versions/courier").iterdir())) == 2, "2 to be removed")
 
-
-def test_an_old_deployment_is_not_carried_out_again(driving: Rover) -> None:
-    """Who can speak for the server orders what the repository still has, under a new number of an order."""
-    robot = driving
-    old = "applications/courier/deployments/job-1.json"
-    deploy(robot, 2)
-    assert robot.server.wait_for_end(2).feedback.finished == "success", robot.agent.log
-
-    robot.server.offer(3, old, Color="red")
-
-    code, reason = failure(robot, 3)
+    # Who can speak for the server orders what the repository still has, under a new number of an order.
+    robot.server.offer(4, "applications/courier/deployments/job-1.json", Color="red")
+    code, reason = failure(robot, 4)
     assert code == "RobotDeploymentAborted"
-    assert "job-1" in reason
-    assert "number 1" in reason
-    assert "number 2" in reason
-    assert robot.running == "2"
-    assert robot.agent.journal["good"]["version"] == "2"
+    assert all(word in reason for word in ("job-1", "number 1", "number 3"))
+    assert robot.agent.journal["good"]["version"] == "3"
 
-
-def test_what_was_not_attested_stops_nothing_that_runs(driving: Rover) -> None:
-    """Who has all keys of the repository but root keys, and not that of attestations."""
-    repository = driving.server.repository
+    # Who has all keys of the repository but root keys, and not that of attestations.
+    repository = robot.server.repository
     key = CryptoSigner.generate_ed25519().public_key
     repository.attested = {"keys": {key.keyid: key.to_dict()}, "applications": ["*"]}
     repository.new_root()
-
-    deploy(driving, 2)
-
-    code, reason = failure(driving, 2)
+    deploy(robot, 5)
+    code, reason = failure(robot, 5)
     assert (code, reason.partition(":")[0]) == ("RobotDeploymentAborted", "AttestationError")
-    assert driving.running == "1"
-    assert not list((driving.agent.home / "versions" / "courier").glob("2-*"))
+    assert robot.running == "3"
+    assert not list((robot.agent.home / "versions" / "courier").glob("5-*"))
 
 
 def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> None:
@@ -111,39 +98,37 @@ def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> No
     assert steps(robot, 1) == [*expected, "Launching", "ExecutingPostLaunch", "Finished"]
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize(
-    ("changes", "code", "reason"),
-    [
-        ({"condition": b"echo the battery is low; exit 1"}, "DownloadConditionFailed", "the battery is low"),
-        ({"packed": b"no archive"}, "ExtractingBundleFailure", "no .tar"),
-        ({"packed": bundle({"../drive": "x"})}, "ExtractingBundleFailure", "'../drive'"),
-        ({"launch": {"preLaunchFile": "gone"}}, "PreLaunchFileFailure", "no file gone"),
-        ({"launch": {"preLaunchFile": "bad"}, "files": {"bad": "exit 3"}}, "PreLaunchFileFailure", "exit code 3"),
-        ({"launch": {"postLaunchFile": "bad"}, "files": {"bad": "exit 4"}}, "PostLaunchFileFailure", "exit code 4"),
-        ({"launch": {"launchFile": "gone"}}, "EnvironmentSetupError", "courier/gone"),
-        ({"format": 2}, "RobotDeploymentAborted", "format: 2 is not right"),
-        ({"bundles": {"PDP11": "x"}}, "RobotDeploymentAborted", "bundles: ['PDP11'] is not right"),
-    ],
-    ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_why_an_order_fails(driving: Rover, changes: dict[str, Any], code: str, reason: str) -> None:
-    deploy(driving, 2, **changes)
-    found, said = failure(driving, 2)
-
-    assert (found, reason in said) == (code, True), said
-    wait_for(lambda: driving.running == "1", "version 1")
+FAILURES: list[tuple[dict[str, Any], str, str]] = [
+    ({"condition": b"echo the battery is low; exit 1"}, "DownloadConditionFailed", "the battery is low"),
+    ({"packed": b"no archive"}, "ExtractingBundleFailure", "no .tar"),
+    ({"packed": bundle({"../drive": "x"})}, "ExtractingBundleFailure", "'../drive'"),
+    ({"launch": {"preLaunchFile": "gone"}}, "PreLaunchFileFailure", "no file gone"),
+    ({"launch": {"preLaunchFile": "bad"}, "files": {"bad": "exit 3"}}, "PreLaunchFileFailure", "exit code 3"),
+    ({"launch": {"postLaunchFile": "bad"}, "files": {"bad": "exit 4"}}, "PostLaunchFileFailure", "exit code 4"),
+    ({"launch": {"launchFile": "gone"}}, "EnvironmentSetupError", "courier/gone"),
+    ({"format": 2}, "RobotDeploymentAborted", "format: 2 is not right"),
+    ({"bundles": {"PDP11": "x"}}, "RobotDeploymentAborted", "bundles: ['PDP11'] is not right"),
+]
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize(("status", "code"), [(403, "BadPermissionError"), (404, "ResourceNotFound")])
-def test_a_store_that_has_not_the_bundle(driving: Rover, status: int, code: str) -> None:
-    driving.server.statuses[".tar.gz"] = status
-    deploy(driving, 2)
+def test_why_an_order_fails(driving: Rover) -> None:
+    """One after the other, on a robot on which version 1 goes on."""
+    for number, (changes, code, reason) in enumerate(FAILURES, 2):
+        deploy(driving, number, **changes)
+        found, said = failure(driving, number)
 
-    assert failure(driving, 2)[0] == code
+        assert (found, reason in said) == (code, True), said
+        wait_for(lambda: driving.running == "1", "version 1")
+
+    for number, (status, code) in enumerate([(403, "BadPermissionError"), (404, "ResourceNotFound")], 100):
+        driving.server.statuses[".tar.gz"] = status  # a store that has not the bundle
+        deploy(driving, number)
+
+        assert failure(driving, number)[0] == code
 
 
+@pytest.mark.deep
 def test_a_download_goes_on_where_it_was_cut_also_after_a_restart(robot: Rover) -> None:
     content = random.Random(1).randbytes(2_000_000)
     robot.server.cut_after = 600_000
@@ -196,18 +181,31 @@ def test_an_order_is_given_up_while_it_downloads_and_not_while_it_is_tried(robot
     assert robot.server.wait_for_end(2).feedback.finished == "success"
 
 
-def test_what_ran_runs_again_after_a_restart_and_once(driving: Rover) -> None:
-    robot = driving
-    robot.agent.kill_alone()
-    left = working_below(robot.agent.home / "versions")
-    assert left, "the application has outlived its agent"
-    (robot.folder / "running").unlink()
-    robot.agent.start()
-    wait_for(lambda: robot.running == "1", "version 1")
+def test_status_says_what_runs_a_second_agent_does_not_and_after_a_restart_it_runs_again_and_once(
+    driving: Rover,
+) -> None:
+    wait_for(lambda: driving.agent.journal["end"]["is_delivered"], "the journal")
+    words = driving.agent.words("status", "--output", "json")
+    found = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
 
-    assert not left & working_below(robot.agent.home / "versions"), "what the first agent started was ended"
-    assert robot.agent.stop() == 0
-    assert not working_below(robot.agent.home / "versions")
+    assert (found["application"], found["version"], found["last_result"]) == ("courier", "1", "success")
+    assert (found["is_running"], found["is_reported"]) == (True, True)
+
+    second = subprocess.run(driving.agent.words("run"), capture_output=True, text=True, timeout=240)
+
+    assert second.returncode == 1
+    assert second.stderr == f"robomaker-agent: another agent runs with {driving.agent.home}\n"
+
+    driving.agent.kill_alone()
+    left = working_below(driving.agent.home / "versions")
+    assert left, "the application has outlived its agent"
+    (driving.folder / "running").unlink()
+    driving.agent.start()
+    wait_for(lambda: driving.running == "1", "version 1")
+
+    assert not left & working_below(driving.agent.home / "versions"), "what the first agent started was ended"
+    assert driving.agent.stop() == 0
+    assert not working_below(driving.agent.home / "versions")
 
 
 @pytest.mark.deep
@@ -308,17 +306,3 @@ def test_a_full_disk_fails_the_order_and_stops_nothing(tmp_path: Path) -> None:
         assert working_below(robot.agent.home / "versions")
         deploy(robot, 3)
         assert robot.server.wait_for_end(3).feedback.finished == "success", "there is space again"
-
-
-def test_status_says_what_runs_and_a_second_agent_does_not(driving: Rover) -> None:
-    wait_for(lambda: driving.agent.journal["end"]["is_delivered"], "the journal")
-    words = driving.agent.words("status", "--output", "json")
-    found = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
-
-    assert (found["application"], found["version"], found["last_result"]) == ("courier", "1", "success")
-    assert (found["is_running"], found["is_reported"]) == (True, True)
-
-    second = subprocess.run(driving.agent.words("run"), capture_output=True, text=True, timeout=60)
-
-    assert second.returncode == 1
-    assert second.stderr == f"robomaker-agent: another agent runs with {driving.agent.home}\n"

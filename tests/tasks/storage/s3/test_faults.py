@@ -18,10 +18,11 @@ from helpers.s3_server import MortalS3Server, S3Server
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageUnavailableError
 from prefect_robomaker.tasks.storage.s3 import S3Store
+from prefect_robomaker.tasks.storage.s3.parts import PART_BYTES
 
 pytestmark = pytest.mark.deep
 BUCKET, KEY = "s3-faults", "runs/large.mcap"
-SIZE = 5 * (16 << 20)
+SIZE = 5 * PART_BYTES
 """Five parts."""
 
 UPLOAD = f"""
@@ -91,11 +92,11 @@ def test_a_server_that_is_killed_in_the_middle_of_an_upload_gets_it_when_it_is_b
     mortal_s3.kill()
     assert not results, "the upload was over before the server died"
     mortal_s3.come_back()
-    upload.join(120)
+    upload.join(600)
     if results and isinstance(results[0], StorageUnavailableError):
         # It was away for longer than boto3's budget of retries lasts, as on a busy machine; jobs begin anew then.
         upload, results = uploading(store_at(proxy.endpoint, mortal_s3.server), large)
-        upload.join(120)
+        upload.join(600)
 
     assert [getattr(result, "size_bytes", result) for result in results] == [SIZE]
     assert_whole(mortal_s3.server, large, tmp_path)
@@ -109,7 +110,7 @@ def test_a_storm_of_503_in_the_middle_of_an_upload_costs_time(
     wait_for(lambda: proxy.refused >= 3, "some requests to be refused")
     assert_not_there(mortal_s3.server)
     proxy.pass_on()
-    upload.join(120)
+    upload.join(600)
 
     assert [getattr(result, "size_bytes", result) for result in results] == [SIZE]
     assert_whole(mortal_s3.server, large, tmp_path)
@@ -120,7 +121,7 @@ def test_an_upload_that_is_given_up_leaves_neither_an_object_nor_parts(
 ) -> None:
     proxy.answer(503, "SlowDown", after_puts=2)
     upload, results = uploading(store_at(proxy.endpoint, mortal_s3.server, attempts=2), large)
-    upload.join(120)
+    upload.join(600)
     assert [type(result).__name__ for result in results] == ["StorageUnavailableError"]
     proxy.pass_on()
 
@@ -139,7 +140,7 @@ def test_an_uploader_that_is_killed_leaves_parts_that_nobody_takes_for_an_object
     with subprocess.Popen(
         [sys.executable, "-c", UPLOAD, proxy.endpoint, str(large)], env={**os.environ, **server.environ()}
     ) as uploader:
-        wait_for(lambda: proxy.puts.total() >= 2, "two parts to be on their way", 60)
+        wait_for(lambda: proxy.puts.total() >= 2, "two parts to be on their way")
         uploader.send_signal(signal.SIGKILL)
     assert_not_there(server)
     store = store_at(server.endpoint, server)
@@ -158,7 +159,7 @@ def test_a_clock_that_is_wrong_is_said(
     server = mortal_s3.server
     environ = {**os.environ, **server.environ(), **clock_environ(tmp_path / "clock", hours * 3600)}
     command = [sys.executable, "-c", UPLOAD, proxy.endpoint, str(large)]
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=600)
 
     told = done.stderr.splitlines()[-1]
     assert "StorageUnavailableError" in told, "it is waited for, and no role is to blame"
