@@ -44,12 +44,12 @@ def test_hosts_that_no_web_site_can_have(host: str, client: Client) -> None:
         "a b",
     ],
 )
-@pytest.mark.parametrize(("method", "path"), TARGETS)
-def test_hosts_that_a_web_site_can_have(host: str, method: str, path: str, client: Client) -> None:
-    answer = client.send(method, path, b"", {"host": host})
+def test_hosts_that_a_web_site_can_have(host: str, client: Client) -> None:
+    for method, path in TARGETS:
+        answer = client.send(method, path, b"", {"host": host})
 
-    assert (answer.status, answer.error) == (403, "AccessDeniedException")
-    assert "access keys" in answer.json["message"]
+        assert (answer.status, answer.error) == (403, "AccessDeniedException"), path
+        assert "access keys" in answer.json["message"], path
 
 
 def test_one_host_is_needed(client: Client) -> None:
@@ -58,23 +58,22 @@ def test_one_host_is_needed(client: Client) -> None:
 
 
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", "http://localhost:8080", "\xe9"])
-@pytest.mark.parametrize(("method", "path"), TARGETS)
-def test_requests_of_web_pages(origin: str, method: str, path: str, client: Client) -> None:
-    answer = client.send(method, path, b"", {"origin": origin})
+def test_requests_of_web_pages(origin: str, client: Client) -> None:
+    for method, path in TARGETS:
+        answer = client.send(method, path, b"", {"origin": origin})
 
-    assert (answer.status, answer.error) == (403, "AccessDeniedException")
-    assert not any(name.startswith("access-control") for name in answer.headers)
+        assert (answer.status, answer.error) == (403, "AccessDeniedException"), path
+        assert not any(name.startswith("access-control") for name in answer.headers), path
 
 
 @pytest.mark.parametrize("site", ["cross-site", "same-site"])
 @pytest.mark.parametrize("dest", ["image", "iframe", "empty"])
-@pytest.mark.parametrize(("method", "path"), TARGETS)
-def test_what_pages_of_other_sites_embed(site: str, dest: str, method: str, path: str, client: Client) -> None:
-    answer = client.send(
-        method, path, b"", {"sec-fetch-site": site, "sec-fetch-mode": "no-cors", "sec-fetch-dest": dest}
-    )
+def test_what_pages_of_other_sites_embed(site: str, dest: str, client: Client) -> None:
+    headers = {"sec-fetch-site": site, "sec-fetch-mode": "no-cors", "sec-fetch-dest": dest}
+    for method, path in TARGETS:
+        answer = client.send(method, path, b"", headers)
 
-    assert (answer.status, answer.error) == (403, "AccessDeniedException")
+        assert (answer.status, answer.error) == (403, "AccessDeniedException"), path
 
 
 def test_a_link_of_another_site_leads_to_the_page(client: Client) -> None:
