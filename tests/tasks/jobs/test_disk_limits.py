@@ -14,7 +14,11 @@ from prefect_robomaker.tasks.simulations.planning import run_plans
 MB = 10**6
 
 
-@pytest.mark.parametrize("source", [{}, {"destination": "/home/robomaker/maps"}], ids=["data", "data elsewhere"])
+@pytest.mark.parametrize(
+    "source",
+    [pytest.param({}, marks=pytest.mark.deep), {"destination": "/home/robomaker/maps"}],
+    ids=["data", "data elsewhere"],
+)
 def test_data_may_be_larger_than_what_the_job_may_write(
     service: Service,
     order: Callable[..., dict[str, Any]],

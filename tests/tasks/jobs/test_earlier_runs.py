@@ -39,7 +39,7 @@ def killed(service: Service, perform_elsewhere: PerformElsewhere, await_status: 
             if restart:
                 call("RestartSimulationJob", {"job": job["arn"]}, service)
             worker.send_signal(signal.SIGKILL)
-            worker.wait(10)
+            worker.wait(60)
             wait_for(lambda: not working_below(service.settings.home), "the run to die with its job worker")
         return service.catalog.get(job["arn"]).document["runId"]
 
@@ -69,9 +69,8 @@ def cancel_once_running(service: Service, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(job_runs, "launcher", Brief)
 
 
-@pytest.mark.parametrize(
-    "restart", [True, pytest.param(False, marks=pytest.mark.deep)], ids=["about to be restarted", "in its midst"]
-)
+@pytest.mark.deep
+@pytest.mark.parametrize("restart", [True, False], ids=["about to be restarted", "in its midst"])
 def test_what_a_killed_worker_run_left_is_stored_without_a_manifest(
     service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch, restart: bool
 ) -> None:
@@ -104,12 +103,16 @@ def test_what_a_killed_worker_run_left_is_stored_without_a_manifest(
     assert not list((service.settings.home / "jobs").iterdir())
 
 
-def test_what_containers_of_a_dead_run_wrote_is_stored_too(service: Service, order: Callable[..., Any]) -> None:
+def test_what_a_dead_run_and_its_containers_wrote_is_stored_without_a_manifest(
+    service: Service, order: Callable[..., Any]
+) -> None:
     arn, run_id = call("CreateSimulationJob", order(), service)["arn"], "2026-01-02T03-04-05-000000Z"
     service.catalog.transition(arn, "prepare", document_changes={"runId": run_id})
     service.catalog.transition(arn, "start", document_changes={"lastStartedAt": "2026-01-02T03:04:05+00:00"})
     folder = service.settings.home / "jobs" / arn.rpartition("/")[2] / run_id
-    (folder / "output").mkdir(parents=True)
+    (folder / "output" / "logs").mkdir(parents=True)
+    (folder / "output" / "recording.mcap").write_bytes(b"cut off")
+    (folder / "output" / "logs" / "stderr.log").write_text("careful\n")
     written = container_sandbox(folder, "robot").place(OUTPUT)
     written.mkdir(parents=True)
     (written / "map.pgm").write_text("a map")
@@ -117,8 +120,24 @@ def test_what_containers_of_a_dead_run_wrote_is_stored_too(service: Service, ord
     job_runs.perform_job(arn, service)
 
     [earlier] = service.catalog.get(arn).document["earlierRuns"]
+    assert (earlier["runId"], earlier["status"], earlier["failureCode"], earlier["restarted"]) == (
+        run_id,
+        "Failed",
+        "InternalServiceError",
+        False,
+    )
+    assert DIED in earlier["failureReason"]
     place = earlier["outputs"]
+    assert place["prefix"].endswith(f"/{run_id}")
+    with pytest.raises(ObjectNotFoundError):
+        read_manifest(service.store, **place)
+    kept = {item.key.removeprefix(f"{place['prefix']}/") for item in service.store.list(**place)}
+    assert kept >= {"recording.mcap", "map.pgm", "logs/stderr.log"}
     assert service.store.get_bytes(place["bucket"], f"{place['prefix']}/map.pgm") == b"a map"
+    log = service.store.get_bytes(place["bucket"], f"{place['prefix']}/logs/stderr.log").decode()
+    assert log.startswith("careful\n")
+    assert DIED in log
+    assert not list((service.settings.home / "jobs").iterdir())
 
 
 @pytest.mark.deep

@@ -271,7 +271,9 @@ def test_a_cancelled_job_whose_outputs_are_lost_does_not_run_again(
     assert "earlierRuns" not in service.catalog.get(perform(service, died_publishing)["arn"]).document
 
 
-@pytest.mark.parametrize("event", ["prepare", "start", "finish", "complete"])
+@pytest.mark.parametrize(
+    "event", ["finish", *(pytest.param(event, marks=pytest.mark.deep) for event in ("prepare", "start", "complete"))]
+)
 @pytest.mark.parametrize("timing", [Timing(after_kill_s=0.01)], ids=["soon again"])
 def test_a_catalog_that_is_away_as_a_job_moves_on_fails_no_job(
     service: Service, order: Order, simulate: Simulate, monkeypatch: pytest.MonkeyPatch, event: str

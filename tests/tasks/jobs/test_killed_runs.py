@@ -60,7 +60,7 @@ def test_a_run_whose_process_is_killed_goes_on_from_its_checkpoint_and_ends_in_t
     wait_for(lambda: checkpoints_of(service, job), "a checkpoint")
     for pid in working_below(service.settings.home / "jobs"):
         os.kill(pid, signal.SIGKILL)
-    thread.join(60)
+    thread.join(120)
 
     assert described(service, job)["status"] == "Completed"
     assert service.catalog.get(job["arn"]).document["attempts"] == 2
@@ -79,7 +79,7 @@ def test_a_run_that_is_killed_with_the_warm_process_it_came_from_is_tried_again(
     os.killpg(server._process.pid, signal.SIGKILL)
     for pid in working_below(service.settings.home / "jobs"):
         os.kill(pid, signal.SIGKILL)
-    thread.join(60)
+    thread.join(120)
 
     assert described(service, job)["status"] == "Completed"
 
@@ -88,7 +88,7 @@ def test_a_run_that_is_killed_again_and_again_fails_in_the_end(
     service: Service, swing: Swing, performing: Callable[[str], threading.Thread]
 ) -> None:
     job = swing(perform=False, **{**SLOW, "KILL_AT": "3", "KILL_ALWAYS": "1"})
-    performing(job["arn"]).join(60)
+    performing(job["arn"]).join(120)
 
     ended = described(service, job)
     assert (ended["status"], ended["failureCode"]) == ("Failed", "SimulationApplicationCrash")
@@ -100,7 +100,7 @@ def test_a_run_that_crashes_by_itself_is_not_tried_again(
     service: Service, swing: Swing, performing: Callable[[str], threading.Thread]
 ) -> None:
     job = swing(perform=False, **{**SLOW, "FAIL_AT": "3"})
-    performing(job["arn"]).join(60)
+    performing(job["arn"]).join(120)
 
     ended = described(service, job)
     assert (ended["status"], ended["failureCode"]) == ("Failed", "SimulationApplicationCrash")

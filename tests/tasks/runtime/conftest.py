@@ -30,7 +30,7 @@ def make_plan(tmp_path: Path) -> Callable[..., RunPlan]:
         folder = tmp_path / members.get("run_id", "run-1")
         plan = {
             "job_id": "sim-7", "job_arn": "arn:aws:robomaker:eu-west-1:111122223333:simulation-job/sim-7",
-            "run_id": "run-1", "seed": 5, "max_duration_s": 30.0,
+            "run_id": "run-1", "seed": 5, "max_duration_s": 120.0,
             "work_dir": folder / "work", "output_dir": folder / "out",
             "simulation_application": ApplicationPlan(
                 role="simulation", name="arena", attribute=f"trouble.arena.{environment}", path=path,

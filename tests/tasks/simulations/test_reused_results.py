@@ -90,7 +90,11 @@ def test_other_inputs_are_run(swing: Simulate, reusing: Service, tmp_path: Path)
 
 @pytest.mark.parametrize(
     "variables",
-    [{"FAIL_AT": "3"}, {"KILL_AT": "3"}, {"duration_s": 1, "SLEEP_S": "0.2", "CLOSED": "1"}],
+    [
+        {"FAIL_AT": "3"},
+        pytest.param({"KILL_AT": "3"}, marks=pytest.mark.deep),
+        {"duration_s": 1, "SLEEP_S": "0.2", "CLOSED": "1"},
+    ],
     ids=["crash", "kill", "duration limit"],
 )
 def test_what_did_not_end_by_itself_is_run_again(swing: Simulate, reusing: Service, variables: dict[str, Any]) -> None:

@@ -15,6 +15,7 @@ import pytest
 import zstandard
 from dm_env import specs
 from helpers.examples import examples
+from helpers.paths import TESTS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -130,7 +131,7 @@ def test_the_form_is_the_one_that_is_documented(tmp_path: Path) -> None:
 
 KILLED = """
 import os, signal, sys
-sys.path.insert(0, os.environ["TESTS"])
+sys.path += os.environ["TESTS"].split(os.pathsep)
 from pathlib import Path
 from test_action_log import WHEELS, ActionLogWriter, some_actions
 writer = ActionLogWriter(Path(sys.argv[1]), WHEELS)
@@ -141,7 +142,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_a_process_that_is_killed_leaves_every_action(tmp_path: Path) -> None:
-    environment = {**os.environ, "TESTS": str(Path(__file__).parent)}
+    environment = {**os.environ, "TESTS": f"{Path(__file__).parent}{os.pathsep}{TESTS}"}
     path, count = tmp_path / "actions.bin", CHUNK_ACTIONS + 7
     ended = subprocess.run([sys.executable, "-c", KILLED, str(path), str(count)], env=environment)
     assert ended.returncode == -9
@@ -261,7 +262,7 @@ def test_a_log_that_cannot_be_written_fails_nothing(tmp_path: Path, capsys: pyte
 def test_of_a_log_that_does_not_fit_no_part_is_left(tmp_path: Path) -> None:
     code = """
 import resource, sys
-sys.path.insert(0, sys.argv[2])
+sys.path += sys.argv[2:]
 from pathlib import Path
 from test_action_log import WHEELS, ActionRecorder
 import signal
@@ -274,7 +275,7 @@ keeper.close()
 print(keeper.error)
 """
     path = tmp_path / "actions.bin"
-    command = [sys.executable, "-c", code, str(path), str(Path(__file__).parent)]
+    command = [sys.executable, "-c", code, str(path), str(Path(__file__).parent), str(TESTS)]
     ended = subprocess.run(command, capture_output=True, text=True, check=True)
     assert "File too large" in ended.stdout
     assert not path.exists()

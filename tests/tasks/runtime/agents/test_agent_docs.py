@@ -69,7 +69,7 @@ def test_the_conversation_is_the_one_shown(launcher: Launcher, make_plan: MakePl
                 assert kind == agent_client.HELLO
                 assert receive(connection, length).startswith(b'{"protocol":"robomaker-agent","version":1,')
         assert connection.recv(1000)[8:] == b'{"ended_by":"agent"}'
-    run.join(40)
+    run.join(120)
     assert outcomes[0].status == "Completed"
 
 
@@ -90,8 +90,8 @@ def conversation() -> list[tuple[str, bytes]]:
 
 def connected(plan: RunPlan) -> socket.socket:
     connection = socket.socket(socket.AF_UNIX)
-    connection.settimeout(30)
-    deadline = time.monotonic() + 30
+    connection.settimeout(120)
+    deadline = time.monotonic() + 120
     while True:
         try:
             connection.connect(str(agent_socket_path(plan)))

@@ -54,7 +54,7 @@ def plan_balancing(make_plan: MakePlan, unpacked: Path) -> MakePlan:
 @pytest.mark.parametrize(
     ("argv", "said"),
     [
-        (["python3", "robot.py"], "driving run run-1\n"),
+        pytest.param(["python3", "robot.py"], "driving run run-1\n", marks=pytest.mark.deep),
         (["./robot"], 'the run is over: {"ended_by":"environment"}\n'),
     ],
 )
@@ -76,7 +76,7 @@ def test_without_gain_it_falls(launcher: Launcher, plan_balancing: MakePlan) -> 
     assert (result.verdict, result.ended_by) == ("FAIL", "environment")
 
 
-@pytest.mark.parametrize("argv", [["python3", "robot.py"], ["./robot"]])
+@pytest.mark.parametrize("argv", [["python3", "robot.py"], pytest.param(["./robot"], marks=pytest.mark.deep)])
 def test_another_environment_is_no_riddle(
     launcher: Launcher, plan_balancing: MakePlan, argv: list[str], make_plan: MakePlan
 ) -> None:

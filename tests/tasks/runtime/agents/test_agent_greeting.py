@@ -38,7 +38,7 @@ def greeted(listening: AgentSocket, timeout_s: float) -> Iterator["Future[Any]"]
 @contextmanager
 def connected(listening: AgentSocket, says: bytes = b"") -> Iterator[socket.socket]:
     with socket.socket(socket.AF_UNIX) as connection:
-        connection.settimeout(20)
+        connection.settimeout(60)
         connection.connect(str(listening.path))
         connection.sendall(says)
         yield connection
@@ -48,7 +48,7 @@ def test_who_says_nothing_is_given_up_for_the_next(listening: AgentSocket) -> No
     with greeted(listening, 1000) as answer, connected(listening) as mute, connected(listening) as mute_too:
         time.sleep(0.1)
         with connected(listening, greeting(mode="free")):
-            link, hello = answer.result(20)
+            link, hello = answer.result(60)
         assert hello.mode == "free"
         link.close()
         for connection in (mute, mute_too):
@@ -60,5 +60,5 @@ def test_a_robot_that_is_alone_may_take_its_time(listening: AgentSocket) -> None
     with greeted(listening, 1000) as answer, connected(listening) as slow:
         time.sleep(0.4)
         slow.sendall(greeting(mode="lockstep"))
-        link, _ = answer.result(20)
+        link, _ = answer.result(60)
         link.close()

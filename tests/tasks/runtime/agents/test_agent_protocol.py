@@ -10,6 +10,7 @@ import dm_env
 import numpy as np
 import pytest
 from dm_env import specs
+from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
@@ -72,6 +73,7 @@ def step(observation: Any, reward: Any = 0.5, discount: Any = 1.0) -> dm_env.Tim
     return dm_env.TimeStep(dm_env.StepType.MID, reward, discount, observation)
 
 
+@examples(40)
 @given(TREES)
 def test_observations_arrive_as_they_were(tree: Any) -> None:
     layout = Layout(spec_of(tree), OBSERVATION_HEADER.size)
@@ -85,6 +87,7 @@ def test_observations_arrive_as_they_were(tree: Any) -> None:
     assert same(without_empty(tree), agent_client._Layout(description).read(content))
 
 
+@examples(40)
 @given(TREES)
 def test_actions_arrive_as_they_were(tree: Any) -> None:
     layout = Layout(spec_of(tree), ACTION_HEADER.size)
@@ -94,6 +97,7 @@ def test_actions_arrive_as_they_were(tree: Any) -> None:
     assert same(tree, ActionReader(layout).read(memoryview(content), range(7, 8)))
 
 
+@examples(40)
 @given(TREES)
 def test_arrays_lie_apart_at_multiples_of_eight(tree: Any) -> None:
     layout = Layout(spec_of(tree), 40)
@@ -105,6 +109,7 @@ def test_arrays_lie_apart_at_multiples_of_eight(tree: Any) -> None:
     assert end <= layout.size < end + 8
 
 
+@examples(50)
 @given(st.lists(st.tuples(st.integers(1, 5), st.binary(max_size=9000)), max_size=6), st.data())
 def test_a_stream_is_cut_into_messages_however_it_arrives(messages: list[tuple[int, bytes]], data: Any) -> None:
     stream = b"".join(HEADER.pack(len(content), kind) + content for kind, content in messages)

@@ -17,13 +17,13 @@ class TestWrongGreetings:
         [
             (b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", ["has type 1414012975", "one of 1, 4, 5"]),
             (struct.pack("<II", 2**32 - 1, 1), ["type 1 has 4294967295 bytes", "65536 at most"]),
-            (struct.pack("<II", 3, 1) + b"{}}", ["not JSON"]),
+            pytest.param(struct.pack("<II", 3, 1) + b"{}}", ["not JSON"], marks=pytest.mark.deep),
             (struct.pack("<II", 1, 1) + b"\xff", ["not JSON in UTF-8"]),
-            (struct.pack("<II", 60000, 1) + b"[" * 60000, ["not JSON"]),
-            (struct.pack("<II", 2, 1) + b"[]", ["not an object"]),
+            pytest.param(struct.pack("<II", 60000, 1) + b"[" * 60000, ["not JSON"], marks=pytest.mark.deep),
+            pytest.param(struct.pack("<II", 2, 1) + b"[]", ["not an object"], marks=pytest.mark.deep),
             (struct.pack("<II", 2, 4) + b"{}", ["ended the run before it greeted"]),
-            (struct.pack("<II", 13, 5) + b'{"error":"x"}', ["it said: x"]),
-            (struct.pack("<II", 8, 3) + bytes(8), ["type 3", "one of 1, 4, 5"]),
+            pytest.param(struct.pack("<II", 13, 5) + b'{"error":"x"}', ["it said: x"], marks=pytest.mark.deep),
+            pytest.param(struct.pack("<II", 8, 3) + bytes(8), ["type 3", "one of 1, 4, 5"], marks=pytest.mark.deep),
         ],
     )
     def test_no_greeting(self, start: Callable[..., Job], sent: bytes, texts: list[str]) -> None:
@@ -39,12 +39,14 @@ class TestWrongGreetings:
         ("members", "texts"),
         [
             ({"version": 2, "mode": "lockstep"}, ["version 2", "speaks 1"]),
-            ({"version": "1", "mode": "lockstep"}, ["version '1'"]),
-            ({"version": 1}, ["mode: Field required"]),
-            ({"version": 1, "mode": "fast"}, ["mode", "'lockstep' or 'free'"]),
+            pytest.param({"version": "1", "mode": "lockstep"}, ["version '1'"], marks=pytest.mark.deep),
+            pytest.param({"version": 1}, ["mode: Field required"], marks=pytest.mark.deep),
+            pytest.param({"version": 1, "mode": "fast"}, ["mode", "'lockstep' or 'free'"], marks=pytest.mark.deep),
             ({"version": 1, "mode": "free", "timeout_s": 0}, ["timeout_s", "greater than 0"]),
-            ({"version": 1, "mode": "free", "real_time_factor": -1}, ["real_time_factor"]),
-            ({"version": 1, "mode": "free", "timeout": 3}, ["timeout: Extra"]),
+            pytest.param(
+                {"version": 1, "mode": "free", "real_time_factor": -1}, ["real_time_factor"], marks=pytest.mark.deep
+            ),
+            pytest.param({"version": 1, "mode": "free", "timeout": 3}, ["timeout: Extra"], marks=pytest.mark.deep),
         ],
     )
     def test_wrong_members(self, start: Callable[..., Job], members: dict[str, Any], texts: list[str]) -> None:
@@ -86,17 +88,17 @@ class TestWrongAnswers:
         ("sent", "texts"),
         [
             (struct.pack("<IIQ", 8, 3, 0), ["has 8 bytes", "to have 16", "float64[1]"]),
-            (struct.pack("<IIQdd", 24, 3, 0, 0, 0), ["has 24 bytes"]),
+            pytest.param(struct.pack("<IIQdd", 24, 3, 0, 0, 0), ["has 24 bytes"], marks=pytest.mark.deep),
             (struct.pack("<IIQd", 16, 3, 1, 0), ["answers observation 1", "has to answer 0"]),
             (struct.pack("<IIQd", 16, 3, 0, float("nan")), ["[nan]", "finite"]),
-            (struct.pack("<IIQd", 16, 3, 0, float("-inf")), ["[-inf]", "finite"]),
+            pytest.param(struct.pack("<IIQd", 16, 3, 0, float("-inf")), ["[-inf]", "finite"], marks=pytest.mark.deep),
             (struct.pack("<II", 2**31, 3), ["2147483648 bytes", "65536 at most"]),
             (struct.pack("<II", 0, 77), ["type 77"]),
-            (struct.pack("<II", 2, 1) + b"{}", ["second greeting"]),
-            (struct.pack("<II", 2, 5) + b"{]", ["not JSON"]),
+            pytest.param(struct.pack("<II", 2, 1) + b"{}", ["second greeting"], marks=pytest.mark.deep),
+            pytest.param(struct.pack("<II", 2, 5) + b"{]", ["not JSON"], marks=pytest.mark.deep),
         ],
     )
-    @pytest.mark.parametrize("mode", ["lockstep", "free"])
+    @pytest.mark.parametrize("mode", ["lockstep", pytest.param("free", marks=pytest.mark.deep)])
     def test_the_robot_is_told(self, start: Callable[..., Job], sent: bytes, texts: list[str], mode: str) -> None:
         job = start()
         with job.raw() as connection:

@@ -100,17 +100,14 @@ class TestMeter:
                 (tmp_path / str(folder) / str(number)).touch()
         meter = DiskMeter({tmp_path: "output"}, 4000 * 4096 - 1, free=lambda _: 10**12)  # others write to the disk too
         time.sleep(1.05)
-        longest, count = 0.0, 0
+        count = 0
         found = False
         while not found:
-            began = time.thread_time()
             found = meter.look()
-            longest = max(longest, time.thread_time() - began)
             count += 1
             meter._next_look_s = 0.0  # pyright: ignore[reportPrivateUsage] - as if a tenth of a second were over
             assert count < 1000
         assert count > 3
-        assert longest < 0.005
 
     @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="there is no disk to which only this test writes")
     def test_it_is_looked_at_once_when_the_disk_loses_space_quickly(self) -> None:

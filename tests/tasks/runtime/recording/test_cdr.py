@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.second_decoder import assert_decodes_to
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
@@ -14,8 +15,7 @@ from prefect_robomaker.tasks.runtime.recording.cdr import definition, encode
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 
-unhurried = settings(deadline=None)
-"""The first example of a type takes long: its decoder is made."""
+some = examples(50)
 
 numbers = st.floats(allow_nan=False)
 small = st.floats(width=32, allow_nan=False)
@@ -55,14 +55,14 @@ def expected(kind: type[ros.Message], message: Any) -> bytes:
     return data
 
 
-@unhurried
+@some
 @given(headers)
 def test_clock(header: ros.Header) -> None:
     stamp = header_of(header).stamp
     assert encode(ros.Clock(header.stamp)) == expected(ros.Clock, theirs("rosgraph_msgs/msg/Clock", clock=stamp))
 
 
-@unhurried
+@some
 @given(
     st.lists(
         st.builds(ros.TransformStamped, headers, texts, st.builds(ros.Transform, vectors, quaternions)), max_size=4
@@ -88,7 +88,7 @@ def test_transforms(transforms: list[ros.TransformStamped]) -> None:
     assert encode(ros.TFMessage(transforms)) == expected(ros.TFMessage, message)
 
 
-@unhurried
+@some
 @given(headers, texts, poses, twists, covariances(36), covariances(36))
 def test_odometry(header, child, pose, twist, pose_covariance, twist_covariance) -> None:
     message = theirs(
@@ -114,7 +114,7 @@ def test_odometry(header, child, pose, twist, pose_covariance, twist_covariance)
     assert encode(ours) == expected(ros.Odometry, message)
 
 
-@unhurried
+@some
 @given(headers, st.lists(small, min_size=7, max_size=7), st.lists(small, max_size=9), st.lists(small, max_size=3))
 def test_laser_scan(header, values, ranges, intensities) -> None:
     arrays = np.array(ranges, dtype=np.float32), np.array(intensities, dtype=np.float32)
@@ -124,7 +124,7 @@ def test_laser_scan(header, values, ranges, intensities) -> None:
     assert encode(ours) == expected(ros.LaserScan, theirs("sensor_msgs/msg/LaserScan", **members))
 
 
-@unhurried
+@some
 @given(headers, st.lists(texts, max_size=4), *[st.lists(numbers, max_size=4)] * 3)
 def test_joint_state(header, names, position, velocity, effort) -> None:
     ours = ros.JointState(header, names, np.array(position), velocity, effort)
@@ -139,7 +139,7 @@ def test_joint_state(header, names, position, velocity, effort) -> None:
     assert encode(ours) == expected(ros.JointState, message)
 
 
-@unhurried
+@some
 @given(headers, quaternions, vectors, vectors, st.tuples(*[covariances(9)] * 3))
 def test_imu(header, orientation, rates, acceleration, three) -> None:
     names = [f"{name}_covariance" for name in ("orientation", "angular_velocity", "linear_acceleration")]

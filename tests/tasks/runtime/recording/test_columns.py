@@ -56,7 +56,7 @@ def message_by_message(time_s, parent, child, joints, pose, twist, *triple) -> l
     ]
 
 
-@examples(60)
+@examples(40)
 @given(states())
 def test_rows_are_the_messages_one_by_one(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state
@@ -74,6 +74,7 @@ def test_rows_are_the_messages_one_by_one(state) -> None:
     assert rows.records == expected
 
 
+@examples(40)
 @given(states(), names)
 def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, other: str) -> None:
     times_s, parent, child, _, pose, *_ = state
@@ -93,6 +94,7 @@ def test_several_transforms_in_a_message_have_their_stamps_and_numbers(state, ot
     assert rows.records == expected
 
 
+@examples(40)
 @given(states())
 def test_rosbags_reads_the_numbers_and_writes_the_same_bytes(state) -> None:
     times_s, parent, child, joints, pose, twist, *triple = state

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from helpers.examples import examples
 from helpers.second_decoder import assert_decodes_to
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
@@ -21,8 +22,7 @@ KINDS: list[type[Message]] = [
     display.MarkerArray,
 ]  # fmt: skip
 
-unhurried = settings(deadline=None)
-"""The first example of a type takes long: its decoder is made."""
+some = examples(50)
 
 numbers = st.floats(allow_nan=False)
 small = st.floats(width=32, allow_nan=False)
@@ -89,20 +89,20 @@ def check(ours: Any, message: Any) -> None:
     assert_decodes_to(data, kind, definition(kind), message)
 
 
-@unhurried
+@some
 @given(stamped)
 def test_pose(ours: display.PoseStamped) -> None:
     check(ours, stamped_of(ours))
 
 
-@unhurried
+@some
 @given(headers, st.lists(stamped, max_size=4))
 def test_path(header: ros.Header, way: list[display.PoseStamped]) -> None:
     message = theirs("nav_msgs/msg/Path", header=header_of(header), poses=[stamped_of(pose) for pose in way])
     check(display.Path(header, way), message)
 
 
-@unhurried
+@some
 @given(headers, texts, st.binary(max_size=40))
 def test_compressed_image(header: ros.Header, kind: str, data: bytes) -> None:
     check(display.CompressedImage(header, kind, data), image(header, kind, data))
@@ -111,7 +111,7 @@ def test_compressed_image(header: ros.Header, kind: str, data: bytes) -> None:
 sizes = st.integers(0, 2**32 - 1)
 
 
-@unhurried
+@some
 @given(st.builds(display.CameraInfo, headers, sizes, sizes, numbers, numbers, numbers, numbers))
 def test_camera_info(ours: display.CameraInfo) -> None:
     _, height, width, fx, fy, cx, cy = ours
@@ -125,7 +125,7 @@ def test_camera_info(ours: display.CameraInfo) -> None:
     check(ours, message)
 
 
-@unhurried
+@some
 @given(st.builds(display.OccupancyGrid, headers, small, sizes, sizes, poses, st.binary(max_size=40)))
 def test_occupancy_grid(ours: display.OccupancyGrid) -> None:
     header, resolution, width, height, origin, data = ours
@@ -137,7 +137,7 @@ def test_occupancy_grid(ours: display.OccupancyGrid) -> None:
     check(ours, theirs("nav_msgs/msg/OccupancyGrid", header=header_of(header), info=info, data=cells))
 
 
-@unhurried
+@some
 @given(st.lists(markers, max_size=3))
 def test_markers(ours: list[display.Marker]) -> None:
     message = theirs("visualization_msgs/msg/MarkerArray", markers=[marker_of(marker) for marker in ours])

@@ -112,6 +112,7 @@ def test_all_of_it_is_within_its_radius_while_it_walks(action: tuple[float, floa
     assert farthest < LIMITS.radius_m
 
 
+@pytest.mark.deep
 def test_visits_every_room_of_a_generated_flat(tmp_path: Path, make_context: Any) -> None:
     folder = tmp_path / "flat"
     write_bundle(generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(2, 0, 0)), folder)

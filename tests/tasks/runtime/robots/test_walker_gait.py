@@ -1,6 +1,7 @@
 import math
 
 import pytest
+from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -31,6 +32,7 @@ def test_feet_stand_below_the_legs_when_it_stands() -> None:
         assert (x, abs(y), z) == pytest.approx((hip_x, abs(hip_y) + LEGS.offset_m, -LEGS.stance_height_m))
 
 
+@examples(50)
 @given(linear=st.floats(-0.4, 0.4), angular=st.floats(-1.6, 1.6))
 def test_feet_on_the_floor_move_as_the_floor_does_and_diagonal_pairs_take_turns(linear: float, angular: float) -> None:
     gait = TrotGait(LEGS, SETTINGS)
@@ -49,6 +51,7 @@ def test_feet_on_the_floor_move_as_the_floor_does_and_diagonal_pairs_take_turns(
         before = after
 
 
+@examples(50)
 @given(
     linear=st.floats(-0.4, 0.4), angular=st.floats(-1.6, 1.6), speed=st.floats(-2, 2), side=st.floats(-2, 2),
     turning=st.floats(-9, 9), roll=st.floats(-1, 1), pitch=st.floats(-1, 1),

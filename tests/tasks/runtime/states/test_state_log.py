@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import zstandard
 from helpers.examples import examples
+from helpers.paths import TESTS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -93,21 +94,26 @@ def test_a_state_can_be_put_back(tmp_path: Path) -> None:
 
 KILLED = """
 import os, signal, sys
-sys.path.insert(0, os.environ["TESTS"])
+sys.path += os.environ["TESTS"].split(os.pathsep)
 from pathlib import Path
 from test_state_log import write
-write(Path(sys.argv[1]), int(sys.argv[2]), close=False)
-os.kill(os.getpid(), signal.SIGKILL)
+for frames in sys.argv[2:]:
+    if (pid := os.fork()) == 0:
+        write(Path(sys.argv[1], frames), int(frames), close=False)
+        os.kill(os.getpid(), signal.SIGKILL)
+    assert os.waitpid(pid, 0)[1] == signal.SIGKILL
 """
 
 
-@pytest.mark.parametrize("frames", [1, CHUNK_FRAMES, CHUNK_FRAMES + 7])
-def test_a_process_that_is_killed_leaves_every_state(tmp_path: Path, frames: int) -> None:
-    environment = {**os.environ, "TESTS": str(Path(__file__).parent)}
-    ended = subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), str(frames)], env=environment)
-    assert ended.returncode == -9
-    assert StateLog.open(tmp_path).frames == frames
-    assert np.array_equal(StateLog.read(tmp_path)[0], np.arange(frames) / 10)
+def test_a_process_that_is_killed_leaves_every_state(tmp_path: Path) -> None:
+    environment = {**os.environ, "TESTS": f"{Path(__file__).parent}{os.pathsep}{TESTS}"}
+    numbers = (1, CHUNK_FRAMES, CHUNK_FRAMES + 7)
+    for frames in numbers:
+        (tmp_path / str(frames)).mkdir()
+    subprocess.run([sys.executable, "-c", KILLED, str(tmp_path), *map(str, numbers)], env=environment, check=True)
+    for frames in numbers:
+        assert StateLog.open(tmp_path / str(frames)).frames == frames
+        assert np.array_equal(StateLog.read(tmp_path / str(frames))[0], np.arange(frames) / 10)
 
 
 @pytest.mark.parametrize("keep", [10, 30, 150, 700])

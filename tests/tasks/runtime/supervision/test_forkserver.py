@@ -26,7 +26,7 @@ def control(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     with ours, theirs:
         yield ours
         ours.shutdown(socket.SHUT_RDWR)
-        server.join(5)
+        server.join(60)
         assert not server.is_alive()
 
 
@@ -37,5 +37,5 @@ def test_a_run_that_cannot_be_forked_is_told_so_and_others_are_not_concerned(con
         with launcher:
             with channel:
                 socket.send_fds(control, [b"r"], [channel.fileno()])
-            launcher.settimeout(5)
+            launcher.settimeout(60)
             assert launcher.recv(1) == b""

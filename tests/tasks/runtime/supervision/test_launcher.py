@@ -14,7 +14,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.run_processes import children_of, is_running, never, processes_in, processes_with, wait_until
+from helpers.run_processes import (
+    children_of,
+    is_running,
+    limit_reached,
+    never,
+    processes_in,
+    processes_with,
+    wait_until,
+)
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
@@ -222,16 +230,16 @@ class TestStopping:
 
     @pytest.mark.parametrize("environment", ["make_environment", "hanging"])
     def test_the_duration_limit_is_a_normal_end(self, launcher: Launcher, make_plan: Plan, environment: str) -> None:
-        plan = make_plan(environment, max_duration_s=0.5, variables={"STEPS": "100000", "WAIT_S": "0.01"})
-        outcome = launcher.run(plan, never)
+        plan = make_plan(environment, variables={"STEPS": "100000", "WAIT_S": "0.01"})
+        outcome = launcher.run(plan, never, clock=limit_reached((plan.work_dir / "busy").exists))
         assert (outcome.status, outcome.timed_out, outcome.failure_code) == ("Completed", True, None)
         assert read_result(plan).ended_by == "duration limit"
         with (plan.output_dir / "recording.mcap").open("rb") as stream:
             assert make_reader(stream).get_summary() is not None
 
     def test_a_run_that_ignores_the_duration_limit_is_killed(self, launcher: Launcher, make_plan: Plan) -> None:
-        plan = make_plan("ignoring_sigterm", max_duration_s=0.5)
-        outcome = launcher.run(plan, never)
+        plan = make_plan("ignoring_sigterm")
+        outcome = launcher.run(plan, never, clock=limit_reached((plan.work_dir / "busy").exists))
         assert (outcome.status, outcome.timed_out) == ("Completed", True)
         assert not (plan.output_dir / "result.json").exists()
         assert not has_process(plan)

@@ -98,7 +98,7 @@ class TestRestartsAreTold:
 
     def test_beside_an_episode(self, launcher: Launcher, tool: MakeProgram, make_plan: Plan) -> None:
         view = tool(self.DYING, name="simulation-view", role="simulation", exit_behavior="RESTART")
-        plan = make_plan(programs=[view], variables={"STEPS": "30", "WAIT_S": "0.02"})
+        plan = make_plan(programs=[view], variables={"STEPS": "60", "WAIT_S": "0.05"})
         assert launcher.run(plan, never).status == "Completed"
         [told] = result_of(plan).tools
         assert (told.role, told.name, told.last_end) == ("simulation", "view", "exited with code 1")
@@ -110,7 +110,7 @@ class TestRestartsAreTold:
         result = RunResult(
             verdict="PASS", sim_time_s=1, wall_time_s=1, real_time_factor=1, ended_by="application", seed=1
         )
-        code = "import os, time; from pathlib import Path; time.sleep(.3)\n"
+        code = until_end(1)
         code += f"Path(os.environ['ROBOMAKER_OUTPUT_DIR'], 'result.json').write_text({result.model_dump_json()!r})"
         plan = plan_programs(program(code), tool(self.DYING, exit_behavior="RESTART"))
         assert launcher.run(plan, never).status == "Completed"
@@ -155,8 +155,9 @@ def test_killed_from_outside(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
     """Killing a tool that is started again does nothing to the job."""
-    pid = "import os, signal, time; time.sleep(.2); os.kill(int(open('pid').read()), signal.SIGKILL); time.sleep(.8)"
-    plan = plan_programs(program(pid), tool("echo $$ > pid; sleep 1000", exit_behavior="RESTART"))
+    code = "import os, signal, time\nwhile not os.path.exists('pid'): time.sleep(.02)\n"
+    code += f"os.kill(int(open('pid').read()), signal.SIGKILL)\n{until_end(1)}"
+    plan = plan_programs(program(code), tool("echo $$ > new; mv new pid; sleep 1000", exit_behavior="RESTART"))
     assert launcher.run(plan, never).status == "Completed"
     assert f"it was killed by {signal.SIGKILL.name}; " in log_of(plan, "robot-rviz.stderr.log")
 
@@ -165,7 +166,8 @@ def test_the_longest_name_a_tool_may_have(
     launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
 ) -> None:
     plan = plan_programs(
-        program("import time; time.sleep(.2)"), tool("echo hello; sleep 9", name="simulation-" + "x" * 255)
+        program("import os, time\nwhile not os.path.exists('said'): time.sleep(.02)"),
+        tool("echo hello; touch said; sleep 1000", name="simulation-" + "x" * 255),
     )
     assert launcher.run(plan, never).status == "Completed"
     assert [path.read_text() for path in plan.output_dir.glob("logs/simulation-xxx*.stdout.log")] == ["hello\n"]

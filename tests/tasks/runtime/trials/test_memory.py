@@ -26,7 +26,7 @@ def resident_mb(pid: int) -> float | None:
 
 
 @pytest.mark.deep
-def test_a_thousand_more_trials_take_no_more_memory(tmp_path: Path) -> None:
+def test_a_thousand_more_trials_take_no_more_memory(launcher: Launcher, tmp_path: Path) -> None:
     bundle = BUNDLES / "swinger"
     plan = RunPlan(
         job_id="sim-1", job_arn="arn", run_id="run-1", seed=1, max_duration_s=600.0, record=False,
@@ -46,8 +46,7 @@ def test_a_thousand_more_trials_take_no_more_memory(tmp_path: Path) -> None:
             if (resident := resident_mb(found.pop())) is not None:
                 seen.append((rows, resident))
 
-    with Launcher() as launcher:
-        assert launcher.run(plan, look).status == "Completed"
+    assert launcher.run(plan, look).status == "Completed"
 
     early = max(resident for rows, resident in seen if rows <= 500)
     late = max(resident for rows, resident in seen if 500 < rows < COUNT)

@@ -152,7 +152,7 @@ def test_a_picture_of_two_views_is_refused(make_plan: Callable[..., RunPlan]) ->
 
 
 def test_a_job_records_its_camera_when_asked_to(launcher: Launcher, make_plan: Callable[..., RunPlan]) -> None:
-    bundle = {"path": CARTPOLE, "environment_variables": {"ROBOMAKER_RECORD_CAMERA_HZ": "2"}}
+    bundle = {"path": CARTPOLE, "environment_variables": {"ROBOMAKER_RECORD_CAMERA_HZ": "4", "TIME_LIMIT_S": "1"}}
     plan = make_plan(
         simulation_application=ApplicationPlan(
             role="simulation", name="arena", attribute="my_cartpole.arena.make_environment", **bundle

@@ -66,14 +66,23 @@ def errors_of(plan: RunPlan) -> str:
 
 @pytest.mark.parametrize(
     ("end", "status", "code"),
-    [("fail", "Completed", None), ("raise", "Failed", "SimulationApplicationCrash"),
-     ("kill", "Failed", "SimulationApplicationCrash")],
-)  # fmt: skip
-def test_a_run_that_fails_is_filmed(launcher: Launcher, plan_of: PlanOf, end: str, status: str, code: str) -> None:
+    [
+        ("kill", "Failed", "SimulationApplicationCrash"),
+        pytest.param("fail", "Completed", None, marks=pytest.mark.deep),
+        pytest.param("raise", "Failed", "SimulationApplicationCrash", marks=pytest.mark.deep),
+    ],
+)
+def test_a_run_that_fails_is_filmed(
+    launcher: Launcher, plan_of: PlanOf, tmp_path: Path, end: str, status: str, code: str
+) -> None:
     plan = plan_of(END=end)
+    plan.output_dir.mkdir(parents=True)
+    for name in FILMS:  # links that programs have left are not followed
+        (plan.output_dir / name).symlink_to(tmp_path / f"mine-{name}")
     outcome = launcher.run(plan, lambda: None)
     assert (outcome.status, outcome.failure_code) == (status, code)
     assert films_in(plan) == FILMS
+    assert list(tmp_path.glob("mine-*")) == []
     film = frames(plan.output_dir / "video.mp4")
     assert len(film) in (10, 11)  # the step in which it crashes is not seen any more
     assert film[0].shape == (120, 160, 3)
@@ -105,6 +114,7 @@ def test_the_clip_has_the_last_ten_seconds(launcher: Launcher, plan_of: PlanOf) 
     assert ball_row(film[0]) < ball_row(clip[0]) - 20
 
 
+@pytest.mark.deep
 def test_a_run_that_runs_out_of_time_is_filmed(launcher: Launcher, plan_of: PlanOf) -> None:
     plan = plan_of(END="hang", max_duration_s=1.5)
     outcome = launcher.run(plan, lambda: None)
@@ -121,7 +131,7 @@ def test_a_canceled_run_is_not_filmed(launcher: Launcher, plan_of: PlanOf) -> No
     assert films_in(plan) == set()
 
 
-@pytest.mark.parametrize("end", ["fail", "kill"])
+@pytest.mark.parametrize("end", ["fail", pytest.param("kill", marks=pytest.mark.deep)])
 def test_with_always_a_failed_run_has_all_films_too(launcher: Launcher, plan_of: PlanOf, end: str) -> None:
     plan = plan_of(video="always", END=end)
     launcher.run(plan, lambda: None)
@@ -158,16 +168,6 @@ def test_what_stands_where_films_are_made_costs_the_film_only(launcher: Launcher
     plan = plan_of()
     (plan.output_dir / ".video.mp4.unfinished").mkdir(parents=True)
     assert launcher.run(plan, lambda: None).status == "Completed"
-
-
-def test_links_that_programs_have_left_are_not_followed(launcher: Launcher, plan_of: PlanOf, tmp_path: Path) -> None:
-    plan = plan_of(END="fail")
-    plan.output_dir.mkdir(parents=True)
-    for name in FILMS:
-        (plan.output_dir / name).symlink_to(tmp_path / f"mine-{name}")
-    launcher.run(plan, lambda: None)
-    assert films_in(plan) == FILMS
-    assert list(tmp_path.glob("mine-*")) == []
 
 
 @pytest.mark.parametrize("kind", ["fifo", "link to zeros", "nested without end"])

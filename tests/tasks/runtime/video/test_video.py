@@ -120,7 +120,7 @@ assert model.vis.quality.offsamples == before
 """
 
 
-@pytest.mark.parametrize("name", ["egl", "osmesa"])
+@pytest.mark.parametrize("name", ["egl", pytest.param("osmesa", marks=pytest.mark.deep)])
 def test_opengl_and_rays_agree(name: str, tmp_path: Path) -> None:
     """In a process of its own, which may choose its OpenGL."""
     [backend] = [item for item in available_video_backends() if item.name == name]
@@ -175,7 +175,14 @@ for size in ((320, 240), (640, 480)):
 
 
 @pytest.mark.usefixtures("egl")
-@pytest.mark.parametrize(("light", "specular"), [("directional", 0.0), ("directional", 0.5), ("spot", 0.0)])
+@pytest.mark.parametrize(
+    ("light", "specular"),
+    [
+        ("spot", 0.0),
+        pytest.param("directional", 0.0, marks=pytest.mark.deep),
+        pytest.param("directional", 0.5, marks=pytest.mark.deep),
+    ],
+)
 def test_fast_settings_are_not_seen(light: str, specular: float, tmp_path: Path) -> None:
     (tmp_path / "draw.py").write_text(DRAW_TWICE)
     arguments = [
@@ -200,7 +207,7 @@ class TestVideoWatcher:
                 watcher.watch(environment, i * step_s)
         return watcher.close("environment").extra
 
-    @pytest.mark.parametrize("step_s", [0.02, 0.5])
+    @pytest.mark.parametrize("step_s", [pytest.param(0.02, marks=pytest.mark.deep), 0.5])
     def test_length_and_content(self, physics: Any, tmp_path: Path, step_s: float) -> None:
         assert self.film(physics, tmp_path, 2.0, step_s) == {"video_backend": "rays"}
         with av.open(str(tmp_path / "video.mp4")) as container:
@@ -295,6 +302,7 @@ def test_a_run_without_physics_says_why_there_is_no_video(launcher: Launcher, ma
     assert "No video" in (plan.output_dir / "logs/stderr.log").read_text()
 
 
+@pytest.mark.deep
 def test_applications_may_render_themselves(launcher: Launcher, make_plan: Any) -> None:
     if best_video_backend() == "rays":
         pytest.skip("no OpenGL on this machine")

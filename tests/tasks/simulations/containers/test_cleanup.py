@@ -68,11 +68,11 @@ def test_who_runs_a_run_again_leaves_the_container_of_the_first_alone(
         assert running.poll() is None
     finally:
         remove_containers(tmp_path / "first", environ)
-        running.wait(10)
+        running.wait(60)
     assert fake.containers() == []
 
 
-@pytest.mark.parametrize("kind", ["", "-image"])
+@pytest.mark.parametrize("kind", ["", pytest.param("-image", marks=pytest.mark.deep)])
 def test_a_container_that_was_there_before_is_not_the_run_s_to_remove(
     fake: FakeEngine, plan_in: PlanIn, environ: dict[str, str], tmp_path: Path, kind: str
 ) -> None:

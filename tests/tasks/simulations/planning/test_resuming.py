@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -15,6 +14,7 @@ from typing import Any
 
 import pytest
 from helpers.ports import free_port
+from helpers.processes import wait_for
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
@@ -64,24 +64,16 @@ def later(service: Service) -> Service:
     return replace(service, catalog=catalog)
 
 
-def wait_for(what: Callable[[], Any]) -> Any:
-    deadline = time.monotonic() + 60
-    while not (found := what()):
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
-    return found
-
-
 def killed(service: Service, job: dict[str, Any], worker: Callable[..., "subprocess.Popen[bytes]"]) -> Path:
     """Has a job performed and kills the job worker in the middle; returns the folder of the run that died with it."""
     process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
-    [checkpoint, *_] = wait_for(lambda: list(folder.glob("*/checkpoints/checkpoint-*.bin")))
+    [checkpoint, *_] = wait_for(lambda: list(folder.glob("*/checkpoints/checkpoint-*.bin")), "a checkpoint")
     process.send_signal(signal.SIGKILL)
     process.wait()
     run = checkpoint.parent.parent
     # The run dies with its job worker; its lock says that it has.
-    wait_for(lambda: not _is_locked(run / "checkpoints" / "lock"))
+    wait_for(lambda: not _is_locked(run / "checkpoints" / "lock"), "the run to die")
     return run
 
 
@@ -154,7 +146,7 @@ def test_a_robot_that_is_a_program_begins_anew_with_its_run(
     job = swing(perform=False, robot=push, **(SLOW | {"TIME_LIMIT_S": "2"}))
     process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
-    wait_for(lambda: any(path.stat().st_size > 2000 for path in folder.glob("*/output/actions.bin")))
+    wait_for(lambda: any(path.stat().st_size > 2000 for path in folder.glob("*/output/actions.bin")), "actions")
     [left] = folder.iterdir()
     process.kill()
     process.wait()
@@ -182,7 +174,7 @@ def test_one_that_has_not_opted_in_begins_anew_and_the_reason_is_logged(
     job = swing(perform=False, CLOSED="1", SLEEP_S="0.01")
     process = worker(job["arn"])
     folder = service.settings.home / "jobs" / job["name"]
-    wait_for(lambda: list(folder.glob("*/checkpoints/not-resumable.txt")))
+    wait_for(lambda: list(folder.glob("*/checkpoints/not-resumable.txt")), "the reason")
     process.kill()
     process.wait()
 

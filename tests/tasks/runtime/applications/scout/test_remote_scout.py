@@ -53,6 +53,7 @@ def recorded(plan: RunPlan) -> list[tuple[str, int, bytes]]:
         ]
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 def test_the_same_seed_gives_the_same_run_in_one_process_and_in_two(
     launcher: Launcher, make_context, tmp_path: Path
@@ -89,6 +90,7 @@ def test_the_same_seed_gives_the_same_run_in_one_process_and_in_two(
     assert sorted(message for message in first if message[0] in topics) == sorted(second)
 
 
+@pytest.mark.deep
 def test_what_a_robot_did_by_chance_and_in_its_own_time_is_repeated_to_the_bit(
     launcher: Launcher, make_context, tmp_path: Path
 ) -> None:

@@ -48,7 +48,7 @@ def test_what_cannot_be_touched_does_not_count() -> None:
     assert solid_reach_m(*stand(ghost)) == 0.0
 
 
-@examples(60)
+@examples(40)
 @given(
     kind=st.sampled_from(("sphere", "capsule", "cylinder", "ellipsoid", "box")),
     size=st.tuples(*[st.floats(0.02, 0.4)] * 3),
