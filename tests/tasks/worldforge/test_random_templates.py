@@ -77,21 +77,23 @@ AROUND = [
 ]
 
 
-def test_a_long_hallway_with_four_doors_fails_in_no_world() -> None:
+@pytest.mark.parametrize("worlds", [6, pytest.param(30, marks=pytest.mark.deep)])
+def test_a_long_hallway_with_four_doors_fails_in_no_world(worlds: int) -> None:
     body = house(AROUND, [("Hall", name) for name, *_ in AROUND[1:5]], "2")
-    for index in range(30):
+    for index in range(worlds):
         world = generate_world(body, *seeds_for(5, index, 0), settle=False)
         assert world.interior_attempt == 0
         assert all(wish.outcome == "satisfied" for wish in world.floorplan.wishes if "Doorway" in wish.wish)
 
 
-def test_small_kitchens_have_ovens_and_small_living_rooms_seats() -> None:
+@pytest.mark.parametrize("worlds", [8, pytest.param(40, marks=pytest.mark.deep)])
+def test_small_kitchens_have_ovens_and_small_living_rooms_seats(worlds: int) -> None:
     body = house(
         [("Kitchen", "Kitchen", 10.0, 2.5), ("Living", "Living", 10.0, 2.2), ("Hall", "Hallway", 10.0, 3.0)],
         [("Hall", "Kitchen"), ("Hall", "Kitchen"), ("Hall", "Living"), ("Kitchen", "Living")],
         "2",
     )
-    for index in range(40):
+    for index in range(worlds):
         world = generate_world(body, *seeds_for(3, index, 0), settle=False)
         assert any(item.model_type == "Ovens" and item.room == "Kitchen" for item in world.furniture), index
         assert any(item.model_type in SEATS and item.room == "Living" for item in world.furniture), index

@@ -21,26 +21,23 @@ def pixels(world: World) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(render_preview(world)))).astype(float)
 
 
-def test_the_same_world_gives_the_same_bytes(flat: World) -> None:
-    picture = render_preview(flat)
-    assert picture == render_preview(World.model_validate_json(flat.model_dump_json()))
-    assert Image.open(io.BytesIO(picture)).size == (WIDTH, HEIGHT)
+def test_a_preview_shows_the_whole_building_and_its_furniture_and_is_the_same_every_time(flat: World) -> None:
+    content = render_preview(flat)
+    assert content == render_preview(World.model_validate_json(flat.model_dump_json()))
+    picture = Image.open(io.BytesIO(content))
+    assert picture.size == (WIDTH, HEIGHT)
+    full = np.asarray(picture).astype(float)
+    fills_the_picture_and_is_not_cut_off(full)
 
-
-def test_furniture_shows(flat: World) -> None:
-    full, empty = pixels(flat), pixels(flat.model_copy(update={"furniture": []}))
-    changed = np.abs(full - empty).max(axis=2) > 20
+    changed = np.abs(full - pixels(flat.model_copy(update={"furniture": []}))).max(axis=2) > 20
     assert 0.05 < changed.mean() < 0.5
-    for item in flat.furniture:
-        without = [other for other in flat.furniture if other.id != item.id]
-        if item.height_m > 0.3 and not item.movable:
-            lone = pixels(flat.model_copy(update={"furniture": without}))
-            assert (np.abs(full - lone).max(axis=2) > 20).sum() > 60, item.id
-            break
+    item = next(item for item in flat.furniture if item.height_m > 0.3 and not item.movable)
+    without = [other for other in flat.furniture if other.id != item.id]
+    lone = pixels(flat.model_copy(update={"furniture": without}))
+    assert (np.abs(full - lone).max(axis=2) > 20).sum() > 60, item.id
 
 
-def test_the_building_fills_the_picture_and_is_not_cut_off(flat: World) -> None:
-    picture = pixels(flat)
+def fills_the_picture_and_is_not_cut_off(picture: np.ndarray) -> None:
     background = picture[2, 2]
     seen = np.abs(picture - background).max(axis=2) > 30
     rows, columns = np.nonzero(seen)
