@@ -22,7 +22,8 @@ CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
 )
 NEEDS_BROWSER = needs("chromium", CHROMIUM, "no Chromium on this machine: chromium, google-chrome not in PATH")
-_PATIENCE_S = 90.0
+_PATIENCE_S = 240.0
+"""Jobs that pages show run beside other tests, on machines that are busy."""
 
 
 class Page:
@@ -59,7 +60,7 @@ class Page:
 
     def load(self, url: str, width: int, height: int = 1000) -> None:
         """Loads a page of a size in CSS pixels; windows themselves have a least width."""
-        self._resize(width, height)
+        self.resize(width, height)
         self.go(url)
         self.wait(
             lambda page: (
@@ -104,7 +105,7 @@ class Page:
     def picture(self, path: Path, width: int | None = None, height: int = 1000) -> Path:
         """Takes a picture of the page in a window of a size; without a size of all of it, as it is."""
         if width is not None:
-            self._resize(width, height)
+            self.resize(width, height)
             time.sleep(1.0)  # pages lay themselves out anew
         shot = self.send("Page.captureScreenshot", captureBeyondViewport=width is None)
         path.write_bytes(base64.b64decode(shot["data"]))
@@ -112,7 +113,8 @@ class Page:
             self.send("Emulation.clearDeviceMetricsOverride")
         return path
 
-    def _resize(self, width: int, height: int) -> None:
+    def resize(self, width: int, height: int = 1000) -> None:
+        """Gives the page a size in CSS pixels."""
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
 
     def _note(self, event: dict[str, Any]) -> None:

@@ -7,12 +7,13 @@ from typing import Any
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
 from helpers.console_pages import check_rules
-from helpers.endpoint_process import Serve
+from helpers.endpoint_here import ServeHere
 
 from prefect_robomaker.deployments.console.reading.drives import drive_in
 from prefect_robomaker.tasks.runtime.episode.driven_path import PATH_FILE
 from prefect_robomaker.tasks.service.service import Service
 
+pytestmark = pytest.mark.usefixtures("known_worlds")
 RUNNING = {"run_id": "run-1"}
 
 
@@ -109,12 +110,12 @@ def test_a_job_in_no_world_that_is_there_has_no_plan(browser: Any, store_job: An
 @pytest.mark.deep
 @NEEDS_BROWSER
 def test_the_path_is_seen_in_chromium(
-    serve: Serve, store_job: Any, generate: Any, service: Service, tmp_path: Path, axe: str
+    serve_here: ServeHere, store_job: Any, generate: Any, service: Service, tmp_path: Path, axe: str
 ) -> None:
     world = generate()["finishedWorldsSummary"]["succeededWorlds"][0]
     job = store_job("Running", request=request_in(world), **RUNNING)
     note = work_of(job, service) / PATH_FILE
-    with serve("--execute", "none") as served, browsing(tmp_path / "profile") as browser, browser.page() as page:
+    with serve_here() as served, browsing(tmp_path / "profile") as browser, browser.page() as page:
         for width in (400, 1280):
             page.load(f"{served.url}/console/jobs/{job}", width)
             assert page.evaluate("document.documentElement.scrollWidth") <= width

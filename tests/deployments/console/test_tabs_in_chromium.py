@@ -5,13 +5,14 @@ from pathlib import Path
 
 import pytest
 from helpers.browser import NEEDS_BROWSER, browsing
+from helpers.endpoint_here import ServeHere
 from helpers.endpoint_process import Serve
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.tasks.service.service import Service
 
-pytestmark = [pytest.mark.deep, NEEDS_BROWSER]
-TABS = 9
+pytestmark = [pytest.mark.deep, NEEDS_BROWSER, pytest.mark.timeout(1200)]
+TABS = 7
 
 
 def test_pages_that_are_not_looked_at_keep_no_connection(serve: Serve, tmp_path: Path) -> None:
@@ -28,9 +29,9 @@ def test_pages_that_are_not_looked_at_keep_no_connection(serve: Serve, tmp_path:
         tabs[0].wait_for_text("The server does not answer")
 
 
-def test_more_windows_than_connections_all_follow(serve: Serve, tmp_path: Path, service: Service) -> None:
-    """Of nine windows that are looked at, each shows what begins; and there is a connection left for a page."""
-    with serve("--execute", "none") as served, browsing(tmp_path / "profile") as browser, ExitStack() as stack:
+def test_more_windows_than_connections_all_follow(serve_here: ServeHere, tmp_path: Path, service: Service) -> None:
+    """Of windows that are looked at, each shows what begins; and there is a connection left for a page."""
+    with serve_here() as served, browsing(tmp_path / "profile") as browser, ExitStack() as stack:
         first = stack.enter_context(browser.page())
         windows = [first, *(stack.enter_context(browser.page(beside=first)) for _ in range(TABS - 1))]
         for window in windows:
