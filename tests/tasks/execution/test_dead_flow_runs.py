@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 from typing import Any
 from unittest.mock import Mock
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import pytest
 from helpers.processes import wait_for
@@ -22,8 +22,11 @@ from prefect_robomaker.tasks.execution.dead_flow_runs import (
     take_back,
 )
 
-OURS = "of-this-test"
-"""No flow that other tests run on the same server meanwhile."""
+
+@pytest.fixture
+def ours() -> str:
+    """Name of a flow that no other test runs on the same server meanwhile."""
+    return f"of-this-test-{uuid4().hex[:8]}"
 
 
 @task(name="open")
@@ -70,10 +73,11 @@ def running_run(client: SyncPrefectClient, name: str) -> UUID:
     return client.create_flow_run(begun, state=Running()).id
 
 
-def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server: str) -> None:
-    later = datetime.now(UTC) + timedelta(seconds=100)
+def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server: str, ours: str) -> None:
+    began = datetime.now(UTC)
     with get_client(sync_client=True) as client:
-        died, heard, of_others = (running_run(client, name) for name in (OURS, OURS, "of-others"))
+        died, heard, of_others = (running_run(client, name) for name in (ours, ours, "of-others"))
+        later = datetime.now(UTC) + timedelta(seconds=100)
         resource = {"prefect.resource.id": f"prefect.flow-run.{heard}"}
         for ago_s in (20, 30):
             emit_event(HEARTBEAT, resource=resource, occurred=later - timedelta(seconds=ago_s))
@@ -85,11 +89,11 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
             return len(client.read_events(asked, limit=50).events)
 
         wait_for(lambda: heartbeats() == 2, "the signs of life")
-        assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=20)) == []
+        assert close_unheard(client, {ours}, began + timedelta(seconds=20)) == []
         closed: list[UUID] = []
 
         def is_closed() -> bool:
-            closed.extend(close_unheard(client, {OURS}, later))
+            closed.extend(close_unheard(client, {ours}, later))
             return died in closed
 
         wait_for(is_closed, "the end of the run that died")
@@ -101,20 +105,20 @@ def test_a_run_that_died_before_its_first_sign_of_life_is_closed(prefect_server:
         again = client.read_flow_run(died).state
         assert again is not None
         soon = again.timestamp + timedelta(seconds=UNHEARD_S - 0.001)
-        assert died not in close_unheard(client, {OURS}, soon), "its signs of life are on their way"
-        assert died in close_unheard(client, {OURS}, soon + timedelta(seconds=1))
+        assert died not in close_unheard(client, {ours}, soon), "its signs of life are on their way"
+        assert died in close_unheard(client, {ours}, soon + timedelta(seconds=1))
         for run in (died, heard, of_others):
             client.set_flow_run_state(run, Crashed(), force=True)
 
 
 def test_silence_says_nothing_where_a_server_keeps_no_events(
-    prefect_server: str, monkeypatch: pytest.MonkeyPatch
+    prefect_server: str, ours: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with get_client(sync_client=True) as client:
-        run = running_run(client, OURS)
+        run = running_run(client, ours)
         with monkeypatch.context() as patch:
             patch.setattr(client, "read_events", lambda *args, **kwargs: Mock(events=[]))
-            assert close_unheard(client, {OURS}, datetime.now(UTC) + timedelta(seconds=100)) == []
+            assert close_unheard(client, {ours}, datetime.now(UTC) + timedelta(seconds=100)) == []
         state = client.read_flow_run(run).state
         assert state is not None
         assert state.type.value == "RUNNING"

@@ -413,14 +413,14 @@ def test_two_at_once_are_refused(service: Service, monkeypatch: pytest.MonkeyPat
 
     def slow(service: Service) -> Any:
         inside.set()
-        assert go_on.wait(30)
+        assert go_on.wait(120)
         return find_runs(service)
 
     monkeypatch.setattr(collection, "find_runs", slow)
     first = threading.Thread(target=collect, args=(MONTH, service))
     first.start()
     try:
-        assert inside.wait(30)
+        assert inside.wait(120)
         with pytest.raises(ConfigurationError, match="another `robomaker gc` is going on"):
             collect(MONTH, service)
     finally:

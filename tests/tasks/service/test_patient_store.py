@@ -137,14 +137,14 @@ def test_those_who_wait_for_a_bundle_do_not_keep_others_from_it(service: Service
 
     threads = [threading.Thread(target=fetch, args=(each,), daemon=True) for each in (first, second)]
     threads[0].start()
-    assert waits.wait(10.0)
+    assert waits.wait(60.0)
     threads[1].start()
-    assert waits_too.wait(10.0)
+    assert waits_too.wait(60.0)
     stopped.set()
-    threads[1].join(10.0)
+    threads[1].join(60.0)
     assert len(errors) == 1
     away.set()
-    threads[0].join(10.0)
+    threads[0].join(60.0)
     assert len(errors) == 2
 
 
@@ -175,14 +175,14 @@ def test_a_job_that_waits_until_another_has_fetched_a_bundle_hears_that_it_is_st
 
     holder = threading.Thread(target=fetch, args=(first,), daemon=True)
     holder.start()
-    assert fetches.wait(10.0)
+    assert fetches.wait(60.0)
     waiting = threading.Thread(target=fetch, args=(second,), daemon=True)
     waiting.start()
     stopped.set()
-    waiting.join(10.0)
+    waiting.join(60.0)
     assert [type(error) for error in errors] == [StorageUnavailableError]
     hangs.set()
-    holder.join(10.0)
+    holder.join(60.0)
 
 
 def test_find_same_of_what_is_not_there(directory: DirectoryStore, folder: Path) -> None:

@@ -209,7 +209,7 @@ def test_a_killed_writer_leaves_only_whole_objects(tmp_path: Path):
         "[store.put_bytes('bucket', f'{n % 3}/object', bytes([n % 256]) * 2_000_000) for n in itertools.count()]"
     )
     process = subprocess.Popen([sys.executable, "-c", writer, str(tmp_path)])
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while not (tmp_path / BUCKET / "2" / "object").exists() and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGKILL)

@@ -53,7 +53,7 @@ def rows(flow_run_id: uuid.UUID, most: int) -> list[TaskRun]:
         known = read()
         return len(known) >= most and all(each.state and not each.state.is_running() for each in known)
 
-    wait_for(ended, "the server to know of the task runs", 60)
+    wait_for(ended, "the server to know of the task runs")
     return sorted(read(), key=lambda run: str(run.start_time))
 
 
@@ -199,18 +199,18 @@ def test_an_item_is_retried_as_its_task_says() -> None:
 
 
 def test_states_timeouts_and_coroutines_are_what_they_are_with_a_task_run_each() -> None:
-    @task(timeout_seconds=0.1)
+    @task(timeout_seconds=2)
     async def waiting(duration_s: float) -> float:
         """Waits."""
         await asyncio.sleep(duration_s)
         return duration_s
 
-    @task(timeout_seconds=0.1)
+    @task(timeout_seconds=2)
     def busy(duration_s: float) -> None:
         """Waits, as code of Python that can be interrupted."""
         until = time.monotonic() + duration_s
         while time.monotonic() < until:
-            pass
+            time.sleep(0.01)
 
     @task
     def judged(number: int) -> Any:
@@ -218,7 +218,7 @@ def test_states_timeouts_and_coroutines_are_what_they_are_with_a_task_run_each()
         return Completed(message="fine") if number else Failed(message="bad")
 
     def body() -> None:
-        for futures in (waiting.map([0.0, 5.0]), busy.map([0.0, 5.0])):
+        for futures in (waiting.map([0.0, 60.0]), busy.map([0.0, 60.0])):
             futures.wait()
             assert [future.state.name for future in futures] == ["Completed", "TimedOut"]
         states = judged.map([1, 0], return_state=True)
@@ -228,7 +228,7 @@ def test_states_timeouts_and_coroutines_are_what_they_are_with_a_task_run_each()
 
 
 def test_no_more_items_run_at_once_than_there_are_workers() -> None:
-    running, most, lock = 0, 0, threading.Lock()
+    running, most, lock, all_are_there = 0, 0, threading.Lock(), threading.Event()
 
     @task
     def counted(_: int) -> None:
@@ -237,7 +237,10 @@ def test_no_more_items_run_at_once_than_there_are_workers() -> None:
         with lock:
             running += 1
             most = max(most, running)
-        time.sleep(0.02)
+            if most == 3:
+                all_are_there.set()
+        assert all_are_there.wait(60)
+        time.sleep(0.02)  # one too many has the time to come
         with lock:
             running -= 1
 
@@ -257,12 +260,12 @@ def test_futures_can_be_waited_for_as_they_complete_and_items_that_have_not_begu
     @task
     def held(number: int) -> int:
         """Waits for the test."""
-        free.wait(30)
+        free.wait(120)
         return number
 
     def body() -> None:
         futures: Any = held.map(range(3))
-        wait_for(lambda: futures[0].state.is_running(), "the first item", 30)
+        wait_for(lambda: futures[0].state.is_running(), "the first item")
         assert (wait(futures, timeout=0.1).done, futures[2].state.name) == (set(), "Pending")
         with pytest.raises(TimeoutError):
             futures[0].result(timeout=0.1)
@@ -286,13 +289,13 @@ def test_items_that_no_flow_waits_for_are_cancelled_at_its_end_unless_they_have_
     def slow(number: int) -> None:
         """Takes a while."""
         begun.append(number)
-        time.sleep(0.3)
+        time.sleep(1)
 
     futures: list[Any] = []
 
     def body() -> None:
         futures.extend(slow.map(range(50)))
-        wait_for(lambda: bool(begun), "an item", 30)
+        wait_for(lambda: bool(begun), "an item")
 
     in_flow(body, 2)
 

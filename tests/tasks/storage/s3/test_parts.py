@@ -103,7 +103,7 @@ def test_parts_that_are_not_answered_well_are_left_to_the_client(s3_server: S3Se
         thread.start()
         wait_for(lambda: proxy.refused >= 2, "two refusals")
         proxy.pass_on()
-        thread.join(60)
+        thread.join(240)
     assert stored == [s3.head(BUCKET, "shaky")]
     assert s3.get_bytes(BUCKET, "shaky") == LARGE
 

@@ -106,7 +106,7 @@ def test_what_the_server_does_not_answer_well_is_tried_again(s3_server: S3Server
         thread.start()
         wait_for(lambda: proxy.refused >= 2, "two refusals")
         proxy.pass_on()
-        thread.join(60)
+        thread.join(240)
     assert results == [store.head(BUCKET, "shaky")]
 
 
@@ -169,7 +169,7 @@ def test_files_that_fill_memory_go_a_few_at_a_time(
             seen.append(now[0])
         if now[0] == most:
             threading.Timer(0.2, all_are_there.set).start()  # one too many has the time to come
-        assert all_are_there.wait(60)
+        assert all_are_there.wait(120)
         with lock:
             now[0] -= 1
         return ObjectInfo(bucket=bucket, key=key, size_bytes=size, etag="etag")

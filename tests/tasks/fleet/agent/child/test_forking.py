@@ -17,7 +17,7 @@ from prefect_robomaker.tasks.fleet.agent.child.forking import Child
 
 def answers(child):
     said = b""
-    while chunk := (select.select([child.pipe], [], [], 30) and child.read()):
+    while chunk := (select.select([child.pipe], [], [], 120) and child.read()):
         said += chunk
     return said.decode()
 """
@@ -26,7 +26,7 @@ def answers(child):
 def ran(program: str, *words: str) -> "subprocess.CompletedProcess[str]":
     """A process with one thread, as the agent is, that forks."""
     return subprocess.run(
-        [sys.executable, "-c", PRELUDE + program, *words], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", PRELUDE + program, *words], capture_output=True, text=True, timeout=240, check=False
     )
 
 
@@ -86,7 +86,7 @@ print(answers(Child(look)))
 def test_a_child_ends_when_it_is_killed() -> None:
     program = """
 child = Child(lambda say: (say(progress=0), time.sleep(60)))
-select.select([child.pipe], [], [], 30)
+select.select([child.pipe], [], [], 120)
 child.kill()
 print(child.end())
 """
@@ -101,7 +101,7 @@ def busy(say):
     while True:
         pass
 child = Child(busy)
-select.select([child.pipe], [], [], 30)
+select.select([child.pipe], [], [], 120)
 print(child.read().decode(), flush=True)
 time.sleep(60)
 """
@@ -112,7 +112,7 @@ time.sleep(60)
         agent.kill()
 
     try:
-        wait_for(lambda: not alive({child}), "the child's end", timeout_s=20)
+        wait_for(lambda: not alive({child}), "the child's end")
     finally:
         if alive({child}):
             os.kill(child, signal.SIGKILL)

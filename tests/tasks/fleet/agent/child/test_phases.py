@@ -23,7 +23,7 @@ NEEDS_MORE = "phases.SimpleNamespace = lambda **_: SimpleNamespace()"
 )
 def test_what_tuf_fetches_by_is_left_out_where_it_can_be(change: str, is_imported: bool) -> None:
     program = PROGRAM.format(change=change)
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=240, check=False)
 
     assert done.stdout.split() == ["Repository", str(is_imported)], done.stderr
 
