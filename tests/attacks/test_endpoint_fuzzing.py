@@ -161,22 +161,9 @@ def check(answer: Answer, target: Target, errors: set[str], before: list[str]) -
     assert target.dump() == before
 
 
-@examples(200, suppress_health_check=tuple(HEALTH_CHECKS))
+@examples(500, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(name=st.sampled_from(sorted(registry())), data=st.data())
 def test_requests_of_any_operation(name: str, target: Target, data: st.DataObject) -> None:
-    check_request_of(name, target, data)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("name", sorted(registry()))
-@examples(10, suppress_health_check=tuple(HEALTH_CHECKS))
-@given(data=st.data())
-def test_requests_of_every_operation(name: str, target: Target, data: st.DataObject) -> None:
-    check_request_of(name, target, data)
-
-
-def check_request_of(name: str, target: Target, data: st.DataObject) -> None:
-    """Sends a request that is mostly what an operation's model allows."""
     shape = registry()[name].shape
     right = data.draw(target.requests_of(name), "request")
     path, body = data.draw(messages(shape, data.draw(broken(right), "broken")), "message")

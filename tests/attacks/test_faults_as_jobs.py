@@ -63,10 +63,15 @@ BOMB = "import os, time\nfor _ in range(11): os.fork()\ntime.sleep(100)"
 @pytest.mark.parametrize(
     ("fault", "members", "words"),
     [
-        ("import os; os._exit(0)", {}, "ended itself with exit code 0 before the run was over"),
+        pytest.param(
+            "import os; os._exit(0)",
+            {},
+            "ended itself with exit code 0 before the run was over",
+            marks=pytest.mark.deep,
+        ),
         ("import os; os.kill(os.getpid(), 11)", {}, "killed by SIGSEGV"),
         pytest.param(
-            HOG, {"compute": {"simulationUnitLimit": 1}}, "2048 MiB of memory are allowed", marks=pytest.mark.deep
+            HOG, {"compute": {"simulationUnitLimit": 1}}, "2048 MiB of memory are allowed", marks=pytest.mark.endurance
         ),
         # Processes, or their memory, which cannot be measured exactly while they fork: the first one found.
         pytest.param(BOMB, {}, "used too much", marks=pytest.mark.endurance),
@@ -90,6 +95,7 @@ def test_an_endless_loop_ends_at_the_duration_limit(order: Order, perform: Calla
     assert "failureCode" not in job
 
 
+@pytest.mark.deep
 def test_closed_streams_do_no_harm(service: Service, order: Order, perform: Callable[..., dict[str, Any]]) -> None:
     job = perform(order({"DO": CLOSE}))
 
@@ -108,6 +114,7 @@ def test_a_killed_tool_that_may_not_end_fails_its_job(order: Order, perform: Cal
     assert job["failureReason"].startswith("Tool watch of robot application watcher was killed by SIGKILL")
 
 
+@pytest.mark.deep
 def test_a_killed_tool_that_is_started_again_is_told(
     service: Service, order: Order, perform: Callable[..., dict[str, Any]]
 ) -> None:

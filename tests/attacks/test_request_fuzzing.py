@@ -240,28 +240,11 @@ def test_every_operation_is_fuzzed() -> None:
     assert REQUESTS.keys() == registry().keys()
 
 
-@examples(300, suppress_health_check=(HealthCheck.function_scoped_fixture,))
+@examples(500, suppress_health_check=(HealthCheck.function_scoped_fixture,))
 @given(operation=st.sampled_from(sorted(REQUESTS)), data=st.data())
 def test_broken_requests_are_refused_with_the_services_errors_and_change_nothing(
     operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
 ) -> None:
-    check_broken_request(operation, empty_service, count_rows, data)
-
-
-@pytest.mark.deep
-@pytest.mark.parametrize("operation", sorted(REQUESTS))
-@examples(10, suppress_health_check=(HealthCheck.function_scoped_fixture,))
-@given(data=st.data())
-def test_broken_requests_of_every_operation(
-    operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
-) -> None:
-    check_broken_request(operation, empty_service, count_rows, data)
-
-
-def check_broken_request(
-    operation: str, empty_service: Service, count_rows: Callable[[], dict[str, int]], data: st.DataObject
-) -> None:
-    """Breaks an operation's request; what refuses it changes nothing."""
     request = mutate(REQUESTS[operation], data)
     before = count_rows()
     objects = sorted(empty_service.settings.home.rglob("*"))

@@ -106,7 +106,7 @@ def test_a_robot_that_is_away_times_out_and_returns_later(yard: Yard) -> None:
     yard.robot("r0", good)
     away = yard.robot("r1", silent)
 
-    job = yard.run(deployed(yard, SHORT))
+    job = yard.run(deployed(yard, SHORT), yard.stride)
 
     assert job["status"] == "Succeeded"
     assert summary(job)["r1"] == ("NoResponse", "RobotDeploymentNoResponse")
@@ -124,7 +124,7 @@ def test_a_robot_that_is_away_times_out_and_returns_later(yard: Yard) -> None:
 def test_a_robot_that_falls_silent_fails(yard: Yard) -> None:
     yard.robot("r0", slow)
 
-    job = yard.run(deployed(yard, SHORT))
+    job = yard.run(deployed(yard, SHORT), yard.stride)
 
     assert (job["status"], job["failureCode"]) == ("Failed", "FailureThresholdBreached")
     assert summary(job) == {"r0": ("Failed", "RobotAgentConnectionTimeout")}

@@ -65,6 +65,7 @@ class TestMemory:
         reason = reason_of(launcher.run(plan, never), "SimulationApplicationCrash")
         assert reason.startswith("Simulation application arena used too much: 400 MiB of memory are allowed")
 
+    @pytest.mark.deep
     def test_continuing_does_not_help(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:
@@ -72,6 +73,7 @@ class TestMemory:
         plan = plan_programs(program(HOG.format(40, 1000)), compute=limits, failure_behavior="Continue")
         assert "150 MiB" in reason_of(launcher.run(plan, never), "RobotApplicationCrash")
 
+    @pytest.mark.deep
     def test_a_tool(self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan) -> None:
         tool = program(HOG.format(40, 1000), name="simulation-view", kind="tool", role="simulation")
         plan = plan_programs(

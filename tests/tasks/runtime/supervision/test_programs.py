@@ -97,8 +97,12 @@ class TestEnds:
         ("code", "texts"),
         [
             ("import sys; print('lost the map', file=sys.stderr); sys.exit(3)", ["exited with code 3", "lost the map"]),
-            ("import os; os.kill(os.getpid(), 11)", ["was killed by SIGSEGV"]),
-            ("print('only on stdout'); raise SystemExit(1)", ["robot.stdout.log:\nonly on stdout"]),
+            pytest.param("import os; os.kill(os.getpid(), 11)", ["was killed by SIGSEGV"], marks=pytest.mark.deep),
+            pytest.param(
+                "print('only on stdout'); raise SystemExit(1)",
+                ["robot.stdout.log:\nonly on stdout"],
+                marks=pytest.mark.deep,
+            ),
             ("1 / 0", ["exited with code 1", "robot.stderr.log", "ZeroDivisionError: division by zero"]),
         ],
     )
@@ -116,7 +120,10 @@ class TestEnds:
         assert (result.verdict, result.ended_by) == ("ERROR", "application")
         assert result.summary == reason.splitlines()[0]
 
-    @pytest.mark.parametrize(("verdict", "after"), [("PASS", "ERROR"), ("NONE", "ERROR"), ("FAIL", "FAIL")])
+    @pytest.mark.parametrize(
+        ("verdict", "after"),
+        [("PASS", "ERROR"), pytest.param("NONE", "ERROR", marks=pytest.mark.deep), ("FAIL", "FAIL")],
+    )
     def test_a_crash_lets_no_result_pass(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, verdict: Any, after: str
     ) -> None:
@@ -143,8 +150,10 @@ class TestEnds:
         ("argv", "text"),
         [
             (["no-such-program"], "program not found: no-such-program"),
-            (["./plain.txt"], "./plain.txt is not executable"),
-            (["./binary"], "./binary cannot be executed: [Errno 8] Exec format error"),
+            pytest.param(["./plain.txt"], "./plain.txt is not executable", marks=pytest.mark.deep),
+            pytest.param(
+                ["./binary"], "./binary cannot be executed: [Errno 8] Exec format error", marks=pytest.mark.deep
+            ),
             (["./script"], "./script is there, but not the interpreter"),
         ],
     )
@@ -359,7 +368,16 @@ class TestEpisodesWithPrograms:
         "    simulation.act([0.0])\n"
     )
 
-    @pytest.mark.parametrize("end", ["break", "simulation.end(); break", "import os; os._exit(0)"])
+    @pytest.mark.parametrize(
+        "end",
+        [
+            "break",
+            *(
+                pytest.param(end, marks=pytest.mark.deep)
+                for end in ("simulation.end(); break", "import os; os._exit(0)")
+            ),
+        ],
+    )
     def test_the_robot_ends_it(self, launcher: Launcher, plan_drive: Callable[..., RunPlan], end: str) -> None:
         plan = plan_drive(self.DRIVE.format(end=end))
         outcome = launcher.run(plan, never)

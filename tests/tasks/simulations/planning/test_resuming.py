@@ -2,6 +2,7 @@
 
 import logging
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -22,6 +23,7 @@ from prefect_robomaker.schemas.runs.provenance import Provenance
 from prefect_robomaker.schemas.wire.errors import LaunchError, ObjectNotFoundError
 from prefect_robomaker.tasks.catalog import Catalog, Resource
 from prefect_robomaker.tasks.inspection.replays import verify_run
+from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointHeader, checkpoint_file
@@ -35,6 +37,7 @@ SLOW = {"SLEEP_S": "0.01", "TIME_LIMIT_S": "6", "ROBOMAKER_CHECKPOINT_EVERY_S": 
 PERFORM = """
 import os, sys
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.service.service import Service
 perform_job(sys.argv[1], Service.open(Settings.from_environment(os.environ)))
@@ -85,11 +88,41 @@ def result_of(service: Service, job: dict[str, Any]) -> RunResult:
     return RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes())
 
 
+def died_here(service: Service, job: dict[str, Any], aside: Path) -> Path:
+    """Has a job performed whose run is killed, and its job worker with it; returns the folder of the run.
+
+    A job worker that is killed cleans nothing up, unlike one that an exception ends.
+    """
+    real = job_runs.launcher()
+    folders: list[Path] = []
+
+    class Mortal:
+        def run(self, plan: RunPlan, *arguments: Any, **options: Any) -> None:
+            real.run(plan, *arguments, **{**options, "try_again": lambda: True})
+            folders.append(plan.work_dir.parent)
+            shutil.copytree(folders[0], aside, symlinks=True)
+            raise SystemExit("the job worker is killed")
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(job_runs, "launcher", Mortal)
+        with pytest.raises(SystemExit):
+            perform_job(job["arn"], service)
+    shutil.rmtree(folders[0], ignore_errors=True)
+    shutil.copytree(aside, folders[0], symlinks=True)
+    return folders[0]
+
+
+@pytest.mark.parametrize("where", ["in this process", pytest.param("in its own", marks=pytest.mark.deep)])
 def test_the_next_worker_goes_on_and_ends_in_the_same_state(
-    service: Service, swing: Swing, worker: Callable[..., Any]
+    service: Service, swing: Swing, worker: Callable[..., Any], where: str, tmp_path: Path
 ) -> None:
-    whole, job = swing(**SLOW), swing(perform=False, **SLOW)
-    run = killed(service, job, worker)
+    if where == "in this process":
+        briefly = {"TIME_LIMIT_S": "3", "ROBOMAKER_CHECKPOINT_EVERY_S": "1"}
+        whole, job = swing(**briefly), swing(perform=False, **briefly, KILL_AT="80")
+        run = died_here(service, job, tmp_path / "aside")
+    else:
+        whole, job = swing(**SLOW), swing(perform=False, **SLOW)
+        run = killed(service, job, worker)
     assert call("DescribeSimulationJob", {"job": job["arn"]}, service)["status"] == "Running"
 
     with own_domain(job["arn"]) as domain_before:  # another job has it by now
