@@ -87,16 +87,20 @@ class Page:
         return self.evaluate("location.href")
 
     def wait(self, probe: Callable[["Page"], Any], what: str) -> Any:
-        """Asks until the answer is true, and returns it; pages in between count as no answer."""
-        deadline = time.monotonic() + _PATIENCE_S
+        """Asks until the answer is true, and returns it; pages in between count as no answer.
+
+        The longer that takes, the more seldom: each question has the page laid out.
+        """
+        began = time.monotonic()
         while True:
             try:
                 if answer := probe(self):
                     return answer
             except AssertionError:
                 answer = None  # the page is being replaced by another
-            assert time.monotonic() < deadline, f"waited for {what} at {self.address}:\n{self.text}"
-            time.sleep(0.2)
+            waited_s = time.monotonic() - began
+            assert waited_s < _PATIENCE_S, f"waited for {what} at {self.address}:\n{self.text}"
+            time.sleep(min(0.2 + waited_s / 20, 1.0))
 
     def wait_for_text(self, *words: str) -> str:
         """Waits until the page shows all words, and returns what it shows."""

@@ -3,7 +3,6 @@
 Signals, job workers, and what a process leaves behind are seen with `helpers.endpoint_process`.
 """
 
-import contextlib
 import io
 import json
 import logging
@@ -101,7 +100,7 @@ def _in_a_thread(serve: Callable[[], object], is_ready: Callable[[], object]) ->
     assert not thread.is_alive(), "the endpoint did not stop"
 
 
-@contextlib.contextmanager
+@contextmanager
 def _loggers_put_back() -> Iterator[None]:
     """Has loggers afterwards as they were before, for tests that read logs."""
     loggers = [logging.getLogger(name) for name in _LOGGERS]

@@ -1,11 +1,11 @@
-"""Real agents at a real `robomaker serve`: of an application that needs an attestation, only what was attested runs."""
+"""Real agents at `robomaker serve`: of an application that needs an attestation, only what was attested runs."""
 
 import secrets
 from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.endpoint_process import Serve
+from helpers.endpoint_here import ServeHere
 from helpers.fleet_calls import Fleets
 from helpers.local_agents import local_agents
 from helpers.polling_robot import carried_out
@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-pytestmark = pytest.mark.deep
+pytestmark = [pytest.mark.deep, pytest.mark.timeout(1200)]
 
 DRIVES = "#!/bin/sh\nexec sleep 1000\n"
 
@@ -44,7 +44,7 @@ class Site:
         order = self.fleets.order(self.fleet, self.application, name, config=launch, **members)
         job = call("CreateDeploymentJob", order, self.service)["arn"]
         with carried_out(job, self.service):
-            wait_for(lambda: self._is_over(job), f"the end of {job}", 100)
+            wait_for(lambda: self._is_over(job), f"the end of {job}", 240)
         return self.fleets.described(job)
 
     def _is_over(self, job: str) -> bool:
@@ -52,11 +52,11 @@ class Site:
 
 
 def test_an_agent_runs_only_what_was_attested(
-    serve: Serve, service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    serve_here: ServeHere, service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     site = Site(service)
     renew_root(publisher_of(service), [], [], None, AttestedChange(add=("courier",)))
-    with serve("--execute", "none", ROBOMAKER_ROBOT_POLL_S="1") as served, local_agents(tmp_path / "robots") as agents:
+    with serve_here(ROBOMAKER_ROBOT_POLL_S="1") as served, local_agents(tmp_path / "robots") as agents:
         agent = agents.start("rover", site.token, served.url)
 
         refused = site.ended("without")

@@ -1,10 +1,8 @@
 """Specifications that pages of the documentation show, run as readers would."""
 
 import json
-import os
 import re
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +10,31 @@ import pyarrow.parquet as pq
 import pytest
 from helpers.paths import REPOSITORY
 
+pytestmark = pytest.mark.deep
 DOCS = REPOSITORY / "docs"
+RunExample = Callable[[str], tuple[dict[str, Any], list[dict[str, Any]]]]
 
 
-def run_example(page: str, folder: Path, home: Path, server: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+@pytest.fixture
+def run_example(
+    robomaker_at_server: Callable[..., Any], home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> RunExample:
     """Runs a page's specification; returns the run's record and the jobs' results."""
-    text = (DOCS / f"{page}.md").read_text()
-    [spec] = [block for block in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL) if "\nsteps:" in block]
-    (folder / "spec.yaml").write_text(spec)
-    environ = {**os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": server, "CI": "true"}
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", "spec.yaml", "-o", "json"]
-    ended = subprocess.run(command, cwd=folder, env=environ, capture_output=True, text=True, check=False, timeout=120)
-    assert ended.returncode == 0, ended.stderr
-    return json.loads(ended.stdout), [json.loads(each.read_text()) for each in sorted(home.rglob("result.json"))]
+
+    def run(page: str) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+        text = (DOCS / f"{page}.md").read_text()
+        [spec] = [block for block in re.findall(r"```yaml\n(.*?)```", text, re.DOTALL) if "\nsteps:" in block]
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / "spec.yaml").write_text(spec)
+        ended = robomaker_at_server("run", "spec.yaml", "-o", "json")
+        assert ended.code == 0, ended.err
+        return json.loads(ended.out), [json.loads(each.read_text()) for each in sorted(home.rglob("result.json"))]
+
+    return run
 
 
-@pytest.mark.deep
-def test_the_example_of_requirements_meets_all_of_them(home: Path, prefect_server: str, tmp_path: Path) -> None:
-    record, results = run_example("verdicts", tmp_path, home, prefect_server)
+def test_the_example_of_requirements_meets_all_of_them(run_example: RunExample) -> None:
+    record, results = run_example("verdicts")
     assert [job["verdict"] for job in record["jobs"]] == ["PASS"] * 4
     for result in results:
         judged = {each["name"]: each["satisfied"] for each in result["requirements"] if each["counts"]}
@@ -38,9 +43,10 @@ def test_the_example_of_requirements_meets_all_of_them(home: Path, prefect_serve
         assert result["sim_time_s"] > 2, "the bedroom is a way off"
 
 
-@pytest.mark.deep
-def test_the_example_of_trials_has_a_row_for_each(home: Path, prefect_server: str, tmp_path: Path) -> None:
-    record, results = run_example("trials", tmp_path, home, prefect_server)
+def test_the_example_of_trials_has_a_row_for_each(
+    run_example: RunExample, robomaker_at_server: Callable[..., Any], home: Path
+) -> None:
+    record, results = run_example("trials")
     assert [job["verdict"] for job in record["jobs"]] == ["PASS"]
     [table] = home.rglob("trials.parquet")
     rows = pq.read_table(table).to_pylist()
@@ -52,18 +58,13 @@ def test_the_example_of_trials_has_a_row_for_each(home: Path, prefect_server: st
     digests = [row["state_digest"] for row in rows]
     assert digests[:10] == digests[10:]
     assert len(set(digests)) == 10
-    verified = subprocess.run(
-        [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "verify", record["jobs"][0]["arn"],
-         "--trial", "5"],
-        env={**os.environ, "ROBOMAKER_HOME": str(home)}, capture_output=True, text=True, check=False, timeout=120,
-    )  # fmt: skip
-    assert verified.stdout.startswith("bit-identical: "), verified
+    verified = robomaker_at_server("verify", record["jobs"][0]["arn"], "--trial", "5")
+    assert verified.out.startswith("bit-identical: "), verified
     assert len(results) == 2, "the job's, and that of the trial that was recorded"
 
 
-@pytest.mark.deep
-def test_the_example_of_videos_is_filmed(home: Path, prefect_server: str, tmp_path: Path) -> None:
-    record, _ = run_example("videos", tmp_path, home, prefect_server)
+def test_the_example_of_videos_is_filmed(run_example: RunExample, home: Path) -> None:
+    record, _ = run_example("videos")
     assert record["jobs"][0]["remarks"] == []
     [film] = home.rglob("video.mp4")
     assert film.stat().st_size > 10_000

@@ -9,6 +9,7 @@ import pytest
 from helpers.night_records import make_night
 from helpers.small_flat import BODY, ROLE
 
+from prefect_robomaker.deployments.cli.probing import forecasts
 from prefect_robomaker.deployments.cli.probing.forecasts import probe, trials_within
 from prefect_robomaker.deployments.cli.probing.machines import Machines
 from prefect_robomaker.deployments.cli.probing.passes import ProbeFailedError
@@ -46,12 +47,13 @@ def run(spec: CheckedSpec, settings: Settings, **options: Any) -> RunRecord:
 
 
 def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
-    settings: Settings, service: Service, order: Order, prefect_server: str
+    settings: Settings, service: Service, order: Order, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run finds its names and its token free."""
+    monkeypatch.setattr(forecasts, "_ROUNDS", 1)  # more of them take longer, and show nothing else
     source = [{"s3Bucket": "applications", "s3Key": "sleeper.tar.gz"}]
     robot = {"name": "fresh", "sources": source, "robotSoftwareSuite": SUITE}
-    waiting = [order({"DURATION_S": "0.01"}, trials={"seeds": 60}) if i == 0 else order() for i in range(6)]
+    waiting = [order({"DURATION_S": "0.01"}, trials={"seeds": 12}) if i == 0 else order() for i in range(4)]
     spec = specification(
         {
             "robot": {"operation": "CreateRobotApplication", "input": robot},
@@ -64,7 +66,7 @@ def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
     made = service.catalog.find("robot-application", "fresh")
     assert made is None
     robot_step, wait = forecast.steps
-    assert (robot_step.parts, wait.parts, wait.concurrency) == (0, 6, 2)
+    assert (robot_step.parts, wait.parts, wait.concurrency) == (0, 4, 2)
     assert forecast.wall_time_s == pytest.approx(robot_step.wall_time_s + wait.wall_time_s)
     assert forecast.cost == pytest.approx(forecast.wall_time_s)
     assert forecast.cpu_time_s is not None
@@ -85,8 +87,11 @@ def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
 
 @pytest.mark.deep
 def test_worlds_and_the_jobs_in_them_are_counted_as_the_whole_run_makes_them(
-    settings: Settings, service: Service, prefect_server: str
+    settings: Settings, service: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    # Fewer worlds and one pass: what is counted is the whole run's, whatever the probe made.
+    monkeypatch.setattr(forecasts, "AGAIN_BELOW_S", 0.0)
+    monkeypatch.setattr(forecasts, "_WORLDS_PER_CPU", 1)
     count = {"floorplanCount": 20, "interiorCountPerFloorplan": 2}
     drive = {
         "maxJobDurationInSeconds": 60,

@@ -90,7 +90,7 @@ def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -
 
 
 @pytest.mark.deep
-def test_a_batch_of_a_pass_a_fail_and_an_error(home: Path, prefect_server: str, tmp_path: Path) -> None:
+def test_a_batch_of_a_pass_a_fail_and_an_error(robomaker: Any, home: Path, prefect_server: str, tmp_path: Path) -> None:
     spec, junit = tmp_path / "poles.yaml", tmp_path / "junit.xml"
     spec.write_text(BATCH + "".join(JOB.replace("REQUIREMENT", each) for each in REQUIREMENTS))
     environ = {
@@ -98,15 +98,12 @@ def test_a_batch_of_a_pass_a_fail_and_an_error(home: Path, prefect_server: str, 
         "PYTHONPATH": str(BUNDLE),
     }  # fmt: skip
 
-    def robomaker(*words: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *map(str, words)]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=120)
-
-    ended = robomaker("run", spec)
+    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
+    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=290)
     assert ended.returncode == 3, ended.stderr
     assert "poles: broken, 1 of 2 verdicts pass, 1 broke," in ended.stdout
     told = robomaker("report", "--junit", junit, "-o", "json")
-    summary = json.loads(told.stdout)
+    summary = json.loads(told.out)
     assert summary["counts"] == {"broken": 1, "failed": 1, "passed": 1}
     (rule,) = (share for share in summary["requirements"] if share["name"] == "rule")
     assert (rule["passed"], rule["failed"], rule["errors"], rule["rate"]) == (1, 1, 1, 0.5)

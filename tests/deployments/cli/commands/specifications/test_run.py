@@ -36,7 +36,7 @@ def run(home: Path, prefect_server: str):
 
     def start(*words: object) -> subprocess.CompletedProcess[str]:
         command = [*MAIN, *map(str, words)]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=300)
+        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=290)
 
     return start
 
