@@ -61,6 +61,8 @@ def place(tmp_path_factory: pytest.TempPathFactory, prefect_server: str) -> Iter
                 _end(int((folder / "pid").read_text()))
                 said = log.read_text()
                 shutil.rmtree(folder)
+            for process in _started:
+                process.returncode = process.returncode or 0  # whoever leaves last ends it; it is no child to wait for
     assert "Traceback" not in said
 
 
@@ -82,9 +84,15 @@ def _start(folder: Path, told: Path, log: Path, prefect_server: str) -> None:
         )
     _started.append(process)
     (folder / "pid").write_text(str(process.pid))
-    wait_for(lambda: told.read_text().endswith("\n") or process.poll() is not None, "the endpoint", 120)
-    assert process.poll() is None, log.read_text()
-    Served(json.loads(told.read_text()), log, process).wait_until_ready()
+    try:
+        wait_for(lambda: told.read_text().endswith("\n") or process.poll() is not None, "the endpoint", 240)
+        assert process.poll() is None, log.read_text()
+        served = Served(json.loads(told.read_text()), log, process)
+        wait_for(lambda: served.worker()["state"] == "ready", f"a ready job worker; {log}", 240)
+    except BaseException:
+        os.killpg(process.pid, signal.SIGKILL)
+        shutil.rmtree(folder, ignore_errors=True)  # another worker tries it again
+        raise
 
 
 def _is_last(users: IO[str]) -> bool:

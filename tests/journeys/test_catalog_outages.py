@@ -80,7 +80,8 @@ def test_a_batch_goes_on_when_its_catalog_is_back(
     assert catalog.count_children(batch, KIND) == {"Completed": 3}
 
 
-@pytest.mark.parametrize("step", [pytest.param("first", marks=pytest.mark.deep), "second"])
+@pytest.mark.deep
+@pytest.mark.parametrize("step", ["first", "second"])
 def test_a_run_goes_on_when_its_catalog_was_away_after_a_step(
     service: Service, order: Order, postgres_server: PostgresServer, prefect_server: str, step: str
 ) -> None:

@@ -104,6 +104,7 @@ def test_a_message_that_does_not_arrive_changes_no_run(run: Run, webhook: Webhoo
     assert note.startswith("not notified: channel 1 of ROBOMAKER_NOTIFY, json://127.0.0.1")
 
 
+@pytest.mark.deep
 def test_nobody_is_told_unless_asked_and_apprise_is_not_loaded(run: Run, webhook: Webhook) -> None:
     run({**QUICK, "list": MISSING}, notify=())
 
@@ -113,6 +114,7 @@ def test_nobody_is_told_unless_asked_and_apprise_is_not_loaded(run: Run, webhook
     assert told.stdout.strip() == "False"
 
 
+@pytest.mark.deep
 def test_a_night_that_waits_for_disk_is_told_of_while_it_waits(
     run: Run, settings: Settings, webhook: Webhook, events: list[ProgressEvent], monkeypatch: pytest.MonkeyPatch
 ) -> None:

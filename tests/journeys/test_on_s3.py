@@ -162,10 +162,10 @@ def test_keys_that_may_not_write_end_jobs_with_the_code_for_that(
 @pytest.mark.parametrize(
     ("part", "code"),
     [
-        ("data", "BadPermissionsS3Object"),
+        pytest.param("data", "BadPermissionsS3Object", marks=pytest.mark.deep),
         ("robot", "BadPermissionsRobotApplication"),
-        ("simulation", "BadPermissionsSimulationApplication"),
-        ("output", "BadPermissionsS3Output"),
+        pytest.param("simulation", "BadPermissionsSimulationApplication", marks=pytest.mark.deep),
+        pytest.param("output", "BadPermissionsS3Output", marks=pytest.mark.deep),
     ],
 )
 def test_a_job_of_somebody_who_may_not_reach_a_part_of_it_says_which(

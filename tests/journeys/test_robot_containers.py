@@ -76,7 +76,7 @@ def test_a_setting_that_is_none_is_refused_in_a_container_as_elsewhere(run: Run)
     assert "ROBOMAKER_RECORD_CAMERA_HZ" in job["failureReason"]
 
 
-@pytest.mark.parametrize("alone", [True, False])
+@pytest.mark.parametrize("alone", [pytest.param(True, marks=pytest.mark.deep), False])
 def test_only_a_container_that_drives_a_simulation_is_given_a_socket(service: Service, run: Run, alone: bool) -> None:
     job = run("env; exit 3", alone=alone)
 

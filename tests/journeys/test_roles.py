@@ -121,7 +121,7 @@ def bucket(s3_server: S3Server) -> str:
     return name
 
 
-@pytest.mark.parametrize("network", ["full", "local"])
+@pytest.mark.parametrize("network", ["full", pytest.param("local", marks=pytest.mark.deep)])
 def test_unchanged_s3_code_in_a_job_acts_as_its_role(
     tmp_path: Path,
     s3_server: S3Server,
@@ -148,6 +148,7 @@ def test_unchanged_s3_code_in_a_job_acts_as_its_role(
         assert keys[1].encode() not in content, f"{name} has the role's key"
 
 
+@pytest.mark.deep
 def test_unchanged_s3_code_in_a_factory_acts_as_its_role(
     tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str
 ) -> None:

@@ -145,6 +145,7 @@ def test_a_server_that_dies_while_a_job_runs_gets_its_outputs_when_it_is_back(
     assert not list((service.settings.home / "jobs").iterdir())
 
 
+@pytest.mark.deep
 def test_what_was_uploaded_before_the_store_went_away_is_not_uploaded_again(
     service: Service, order: Order, proxy: FaultProxy, notes: list[str]
 ) -> None:
@@ -177,6 +178,7 @@ def test_a_cancel_ends_the_wait_for_a_server_that_hangs(
     worker.join(120.0)
 
 
+@pytest.mark.deep
 def test_a_server_that_hangs_for_a_while_costs_a_job_nothing(
     service: Service, order: Order, mortal_s3: MortalS3Server, notes: list[str]
 ) -> None:
@@ -251,6 +253,7 @@ def test_what_was_cancelled_while_the_store_is_away_has_a_short_grace_and_is_kep
     assert service.catalog.get(arn).document["outputs"]
 
 
+@pytest.mark.deep
 def test_a_job_that_is_cancelled_while_its_outputs_wait_for_the_store_is_canceled(
     service: Service, order: Order, proxy: FaultProxy, notes: list[str]
 ) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from helpers.job_worker_process import AwaitStatus, PerformElsewhere
+from helpers.job_worker_process import AwaitStatus
 from helpers.processes import wait_for, working_below
 from helpers.small_flat import ROLE
 
@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Res
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
@@ -139,17 +140,19 @@ def test_a_batch_that_is_performed_cancels_its_jobs_and_requests(
 
 
 def test_a_job_that_somebody_else_performs_is_cancelled_with_its_batch(
-    service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
+    service: Service, order: Order, await_status: AwaitStatus
 ) -> None:
-    arn = start(service, order(LONG), order())
+    arn = start(service, order(LONG, maxJobDurationInSeconds=600), order())
     make_job(service, arn, 0)
     [created] = describe(service, arn)["createdRequests"]
-    with perform_elsewhere(created["arn"]) as worker:
-        await_status(created["arn"], "Running")
-        call("CancelSimulationJobBatch", {"batch": arn}, service)
-        assert describe(service, arn)["status"] == "Canceling"
-        await_status(created["arn"], "Canceled")
-        worker.wait(60)
+    worker = threading.Thread(target=perform_job, args=(created["arn"], service), daemon=True)
+    worker.start()
+    await_status(created["arn"], "Running")
+    call("CancelSimulationJobBatch", {"batch": arn}, service)
+    assert describe(service, arn)["status"] == "Canceling"
+    await_status(created["arn"], "Canceled")
+    worker.join(60)
+    assert not worker.is_alive()
 
     call("CancelSimulationJobBatch", {"batch": arn}, service)  # no job worker holds the batch: this call ends it
 

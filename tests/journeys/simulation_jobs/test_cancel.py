@@ -84,10 +84,10 @@ def test_a_cancel_that_was_answered_in_the_moment_of_the_end_counts(
 @pytest.mark.parametrize(
     ("method", "when", "verdict", "says"),
     [
-        ("put_files", "before", "NONE", "Canceled"),
+        pytest.param("put_files", "before", "NONE", "Canceled", marks=pytest.mark.deep),
         ("put_files", "after", "NONE", "Canceled"),
         ("put_bytes", "before", "PASS", "Completed"),  # the manifest is on its way
-        ("put_bytes", "after", "PASS", "Completed"),
+        pytest.param("put_bytes", "after", "PASS", "Completed", marks=pytest.mark.deep),
     ],
 )
 def test_a_cancel_that_was_answered_while_outputs_are_stored_counts(

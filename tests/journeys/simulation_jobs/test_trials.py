@@ -153,7 +153,7 @@ def test_what_is_no_trial_is_said(service: Service, swing: Simulate) -> None:
     ("variable", "said"),
     [
         ("FAIL_AT", "the rope broke, in step 30, at 0.580 s simulated, in trial 3 (seed 3, FAIL_AT=30)"),
-        ("ABORT_AT", "killed by SIGABRT in trial 3"),
+        pytest.param("ABORT_AT", "killed by SIGABRT in trial 3", marks=pytest.mark.deep),
     ],
 )
 def test_a_crash_leaves_the_rows_before_it_and_says_where_it_was(
@@ -255,6 +255,7 @@ def test_progress_counts_trials(service: Service, swing: Simulate) -> None:
     assert service.catalog.get(job["arn"]).document["trialsFinished"] == counts[-2][0]
 
 
+@pytest.mark.deep
 def test_progress_of_a_batch_counts_the_trials_of_its_jobs(
     service: Service, swing: Simulate, prefect_server: str
 ) -> None:
