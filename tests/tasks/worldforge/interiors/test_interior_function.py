@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.worldforge.interiors.interior import furnish
 from ..conftest import MakeBody
 from .test_interior import arrangement, extent, front, interior, of_kind, shared_m
 
-SEEDS = range(6)
+SEEDS = [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.deep) for seed in (3, 4, 5))]
 SIX = (
     ("Lounge", "Living", 26.0),
     ("Kitchen", "Kitchen", 14.0),

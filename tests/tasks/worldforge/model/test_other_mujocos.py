@@ -56,8 +56,13 @@ def test_it_has_no_word_that_only_newer_mujocos_know(bundles: dict[str, Path], f
         assert not re.search(r"<mesh[^>]* (inertia|texcoord)=", text)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("version", ["3.0.0", "3.1.0", "3.1.6", "3.2.7", "4.0.0"])
+@pytest.mark.parametrize(
+    "version",
+    [
+        *(pytest.param(each, marks=pytest.mark.deep) for each in ("3.0.0", "4.0.0")),
+        *(pytest.param(each, marks=pytest.mark.endurance) for each in ("3.1.0", "3.1.6", "3.2.7")),
+    ],
+)
 def test_other_mujocos_read_a_world_and_run_it(
     version: str, make_body: MakeBody, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
@@ -77,7 +82,7 @@ def test_other_mujocos_read_a_world_and_run_it(
     assert said["moved"] == {} or version < "3.1"
 
 
-@pytest.mark.deep
+@pytest.mark.endurance
 @pytest.mark.timeout(1800)
 def test_mujoco_warp_steps_a_world_as_mujoco_does(
     make_body: MakeBody, tmp_path: Path, request: pytest.FixtureRequest
