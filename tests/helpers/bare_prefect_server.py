@@ -24,6 +24,9 @@ def bare_prefect_server(folder: Path) -> Iterator[tuple[str, str]]:
     Yields:
         The addresses of the bare one and of the guarded one.
     """
+    from helpers.prefect_server import provide_tables  # which the program below does not need
+
+    provide_tables(folder)
     environ = {"PREFECT_HOME": str(folder), "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
     inherited = ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING")
     command = ["env", *(word for name in inherited for word in ("-u", name)), sys.executable, "-m", __name__]

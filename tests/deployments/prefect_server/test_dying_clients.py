@@ -15,10 +15,11 @@ from random import Random
 
 import httpx
 import pytest
+from helpers.prefect_server import provide_tables
 from helpers.server_log import tracebacks, where_it_was_stuck
 
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
-from prefect_robomaker.deployments.prefect_server.secret import auth_string
+from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
 from prefect_robomaker.schemas.settings import Settings
 
 NOTHING = {"PREFECT_PROFILES_PATH": "/nowhere"}
@@ -37,6 +38,7 @@ RESET = b"\1\0\0\0\0\0\0\0"
 @pytest.fixture
 def own_server(tmp_path: Path) -> Iterator[Settings]:
     settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "home")})
+    provide_tables(server_folder(settings))
     ensure_server(settings, NOTHING)
     yield settings
     stop_server(settings)

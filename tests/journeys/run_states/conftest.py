@@ -7,10 +7,11 @@ from typing import Any
 from uuid import UUID
 
 import pytest
+from helpers.prefect_server import provide_tables
 from helpers.processes import wait_for
 
 from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
-from prefect_robomaker.deployments.prefect_server.secret import auth_string
+from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
 from prefect_robomaker.schemas.settings import Settings
 
 
@@ -75,6 +76,7 @@ def state_of(prefect_server: str) -> Callable[..., Any]:
 def own_server(tmp_path: Path) -> Any:
     """Environment variables of a Prefect server that a test may kill, and its process."""
     settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "server")})
+    provide_tables(server_folder(settings))
     url = ensure_server(settings, {})
     pid = server_status(settings, {}).pid
     try:
