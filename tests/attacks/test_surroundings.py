@@ -89,7 +89,7 @@ def test_a_home_without_the_right_to_write(tmp_path: Path) -> None:
     assert "cannot be written to" in ended.stderr
 
 
-@pytest.mark.parametrize("name", ["with space", "größe", "what?", "-dash"])
+@pytest.mark.parametrize("name", ["with space", "größe", "a#b%20c", "what?", "-dash"])
 def test_a_home_may_have_an_odd_name_and_be_relative(
     tmp_path: Path, robomaker: Robomaker, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -102,6 +102,7 @@ def test_a_home_may_have_an_odd_name_and_be_relative(
     assert (tmp_path / name / "catalog.db").exists()
 
 
+@pytest.mark.deep
 def test_a_command_of_its_own_may_have_an_odd_home(tmp_path: Path) -> None:
     made = command(
         "call", "CreateRobotApplication", "--input", json.dumps(APPLICATION), cwd=tmp_path, ROBOMAKER_HOME="a#b%20c"

@@ -4,6 +4,7 @@ import math
 from datetime import UTC, datetime
 
 import pytest
+from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -51,6 +52,7 @@ def took(step: StepForecast) -> float:
     return step.wall_time_s
 
 
+@examples(50)
 @given(PROBES, AMOUNTS, st.integers(1, 64), PLACES)
 def test_no_more_time_with_more_machines_and_no_less_with_more_jobs(
     probe: StepProbe, amounts: list[JobAmount], at_once: int, places: Places
@@ -63,6 +65,7 @@ def test_no_more_time_with_more_machines_and_no_less_with_more_jobs(
     assert took(forecast_step(probe, more_jobs, places)) >= seconds * (1 - 1e-9)
 
 
+@examples(50)
 @given(st.lists(DURATIONS, max_size=60), st.integers(1, 20))
 def test_jobs_are_never_done_before_work_and_longest_job_allow(durations_s: list[float], places: int) -> None:
     span_s = makespan_s(durations_s, places)
@@ -70,6 +73,7 @@ def test_jobs_are_never_done_before_work_and_longest_job_allow(durations_s: list
     assert least_s * (1 - 1e-9) <= span_s <= sum(durations_s) / places + max(durations_s, default=0.0) + 1e-6
 
 
+@examples(50)
 @given(st.lists(st.tuples(PROBES, st.builds(WholeStep, AMOUNTS)), max_size=3), PLACES, st.floats(0, 1000))
 def test_cost_is_machine_hours_times_price(
     steps: list[tuple[StepProbe, WholeStep]], places: Places, price: float

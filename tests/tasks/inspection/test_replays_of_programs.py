@@ -50,7 +50,7 @@ def provenance_of(service: Service, job: dict[str, Any]) -> Provenance:
     return Provenance.model_validate_json((outputs_of(service, job) / "provenance.json").read_bytes())
 
 
-@pytest.mark.parametrize("robot", [{}, {"MODE": "free", "FACTOR": "8"}])
+@pytest.mark.parametrize("robot", [{}, pytest.param({"MODE": "free", "FACTOR": "8"}, marks=pytest.mark.deep)])
 def test_what_a_program_did_by_chance_is_repeated_to_the_bit_without_it(
     service: Service, push: Simulate, robot: dict[str, str]
 ) -> None:

@@ -11,7 +11,7 @@ Order = Callable[..., dict[str, Any]]
 Simulate = Callable[[dict[str, Any]], dict[str, Any]]
 
 
-@pytest.mark.parametrize("wanted", [True, False])
+@pytest.mark.parametrize("wanted", [True, pytest.param(False, marks=pytest.mark.deep)])
 def test_a_page_is_served_for_who_asks_for_it(service: Service, order: Order, simulate: Simulate, wanted: bool) -> None:
     request = order()
     request["simulationApplications"][0]["launchConfig"]["streamUI"] = wanted

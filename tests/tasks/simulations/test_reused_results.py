@@ -93,7 +93,7 @@ def test_other_inputs_are_run(swing: Simulate, reusing: Service, tmp_path: Path)
     [
         {"FAIL_AT": "3"},
         pytest.param({"KILL_AT": "3"}, marks=pytest.mark.deep),
-        {"duration_s": 1, "SLEEP_S": "0.2", "CLOSED": "1"},
+        pytest.param({"duration_s": 1, "SLEEP_S": "0.2", "CLOSED": "1"}, marks=pytest.mark.deep),
     ],
     ids=["crash", "kill", "duration limit"],
 )

@@ -68,6 +68,7 @@ def test_the_pole_stays_up(launcher: Launcher, plan_balancing: MakePlan, argv: l
     assert (plan.output_dir / "logs" / "robot.stdout.log").read_text() == said
 
 
+@pytest.mark.deep
 def test_without_gain_it_falls(launcher: Launcher, plan_balancing: MakePlan) -> None:
     plan = plan_balancing(["python3", "robot.py"], GAIN="0")
     outcome = launcher.run(plan, lambda: None)

@@ -120,6 +120,7 @@ class TestFreeRunning:
         assert agent["observations_dropped"] > 0
         assert agent["observations"] == 30
 
+    @pytest.mark.deep
     def test_a_flood_of_actions_does_not_stop_time(self, start: Callable[..., Job]) -> None:
         job = start(ARENA.format("make_timed"))
         with suppress(SimulationError), job.connect(mode="free") as simulation:

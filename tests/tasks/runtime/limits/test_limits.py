@@ -42,6 +42,7 @@ class TestMemory:
         )
         assert processes_with(str(tmp_path)) == []
 
+    @pytest.mark.deep
     def test_the_tree_counts_as_a_whole(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:

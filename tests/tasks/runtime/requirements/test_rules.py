@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -25,6 +26,7 @@ def rule_of(kind: str, **members: Any) -> Any:
     return make_rules(parse_requirements([{"kind": kind, "name": "it", **members}], "requirements"))[0]
 
 
+@examples(50)
 @given(st.data(), times, st.floats(0, 1e3))
 def test_a_collision_is_a_force_above_the_limit(data: st.DataObject, at: list[float], limit: float) -> None:
     rule: CollisionRule = rule_of("no_collision", max_force_N=limit)
@@ -41,6 +43,7 @@ def test_a_collision_is_a_force_above_the_limit(data: st.DataObject, at: list[fl
     assert (judged.limit, judged.unit) == (limit, "N")
 
 
+@examples(50)
 @given(st.lists(st.booleans(), min_size=1, max_size=60), st.integers(0, 5))
 def test_touches_are_counted_from_contact_to_separation(touching: list[bool], allowed: int) -> None:
     """Each run of contacts is one touch when what separates runs is longer than bouncing."""
@@ -68,6 +71,7 @@ def test_only_what_is_meant_counts_as_a_collision() -> None:
     assert judged.first_violation_s == 1.5
 
 
+@examples(50)
 @given(st.data(), times, st.floats(0.01, 5))
 def test_the_smallest_distance_decides(data: st.DataObject, at: list[float], limit: float) -> None:
     rule: ClearanceRule = rule_of("clearance", min_m=limit)
@@ -85,6 +89,7 @@ def test_a_clearance_of_nothing_is_kept() -> None:
     assert (judged.satisfied, judged.value, judged.margin) == (True, None, None)
 
 
+@examples(50)
 @given(times, st.floats(1, 50), st.floats(0, 100))
 def test_a_run_is_over_in_time_if_it_ends_in_time(at: list[float], limit: float, more: float) -> None:
     rule: TimeLimitRule = rule_of("time_limit", limit_s=limit)
@@ -96,6 +101,7 @@ def test_a_run_is_over_in_time_if_it_ends_in_time(at: list[float], limit: float,
     assert judged.margin == pytest.approx(limit - end_s, abs=1e-5)
 
 
+@examples(50)
 @given(st.data(), times, st.one_of(st.none(), st.floats(1, 100)))
 def test_a_goal_counts_from_its_first_visit(data: st.DataObject, at: list[float], by_s: float | None) -> None:
     rule: GoalRule = rule_of("goal", x=0, y=0, within_m=1, by_s=by_s)
@@ -165,6 +171,7 @@ def test_only_what_was_near_in_its_turn_counts_for_a_goal_after_another() -> Non
     assert judged.detail.startswith("(0, 0) not reached in 5.00 s, nearest after cook 1.50 m, 0.5 m asked for;")
 
 
+@examples(50)
 @given(st.lists(st.booleans(), min_size=1, max_size=20))
 def test_a_predicate_holds_always_or_not(answers: list[bool]) -> None:
     rule: PredicateRule = rule_of("predicate", attribute="a.b")

@@ -92,6 +92,7 @@ def test_the_urdf_robot_of_a_bundle_visits_every_room(
     assert min(min(scan.ranges) for scan in recorded["/scan"]) > 0.15
 
 
+@pytest.mark.deep
 def test_the_walker_visits_every_room(launcher: Launcher, make_plan: MakePlan, world: Path) -> None:
     application = robot(f"{APPLICATIONS}.walker.make_agent")
     plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)

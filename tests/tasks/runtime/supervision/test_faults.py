@@ -75,7 +75,7 @@ PROGRAM_FAULTS = {
     ),
     "killed": ("import os; os.kill(os.getpid(), 9)", "was killed by SIGKILL"),
 }
-BOMBS = {"memory hog", "fork bomb of sessions"}
+BOMBS = {"fork bomb of sessions"}
 """What the suite sees beside another run; ends of programs are in `test_programs`."""
 
 

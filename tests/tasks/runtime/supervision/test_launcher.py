@@ -154,17 +154,31 @@ class TestFailures:
                     "in step 10 (arena.py, line",
                 ],
             ),
-            ("UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"]),
+            pytest.param(
+                "UnableToReset", OK, SIMULATION, ["environment.reset()", "cannot reset"], marks=pytest.mark.deep
+            ),
             pytest.param(
                 "unable", OK, SIMULATION, ["making the environment", "KeyError: 'no such map'"], marks=pytest.mark.deep
             ),
             ("diverging", OK, SIMULATION, ["PhysicsError", "mjWARN_BADQPOS"]),
-            ("Loose", OK, SIMULATION, ["PhysicsError", "bad numbers at joint 'wrist_hinge' of body 'wrist'"]),
+            pytest.param(
+                "Loose",
+                OK,
+                SIMULATION,
+                ["PhysicsError", "bad numbers at joint 'wrist_hinge' of body 'wrist'"],
+                marks=pytest.mark.deep,
+            ),
             ("NoMessage", OK, SIMULATION, ["run_result()", "verdict", "'PASS', 'FAIL'"]),
             pytest.param("exiting_3", OK, SIMULATION, ["exit code 3", "environment.step()"], marks=pytest.mark.deep),
             ("segfaulting", OK, SIMULATION, ["killed by SIGSEGV", "environment.step()"]),
-            ("filling", OK, SIMULATION, ["File too large"]),
-            ("mking_environment", OK, SIMULATION, ["has no mking_environment", "did you mean make_environment"]),
+            pytest.param("filling", OK, SIMULATION, ["File too large"], marks=pytest.mark.deep),
+            pytest.param(
+                "mking_environment",
+                OK,
+                SIMULATION,
+                ["has no mking_environment", "did you mean make_environment"],
+                marks=pytest.mark.deep,
+            ),
             pytest.param(
                 "not_callable",
                 OK,

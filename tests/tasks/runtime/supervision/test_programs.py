@@ -232,7 +232,14 @@ class TestStopping:
         "print('ready', flush=True); time.sleep(1000)"
     )
 
-    @pytest.mark.parametrize("code", [f"print('ready', flush=True); {WAITING}", IGNORING, DAEMON])
+    @pytest.mark.parametrize(
+        "code",
+        [
+            pytest.param(f"print('ready', flush=True); {WAITING}", marks=pytest.mark.deep),
+            pytest.param(IGNORING, marks=pytest.mark.deep),
+            DAEMON,
+        ],
+    )
     def test_cancel(
         self, launcher: Launcher, program: MakeProgram, plan_programs: ProgramsPlan, tmp_path: Path, code: str
     ) -> None:

@@ -116,6 +116,7 @@ class TestRestartsAreTold:
         assert launcher.run(plan, never).status == "Completed"
         assert (result_of(plan).verdict, result_of(plan).tools[0].name) == ("PASS", "rviz")
 
+    @pytest.mark.deep
     def test_in_the_reason_of_a_failure(
         self, launcher: Launcher, program: MakeProgram, tool: MakeProgram, plan_programs: ProgramsPlan
     ) -> None:

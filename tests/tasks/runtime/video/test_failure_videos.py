@@ -131,7 +131,8 @@ def test_a_canceled_run_is_not_filmed(launcher: Launcher, plan_of: PlanOf) -> No
     assert films_in(plan) == set()
 
 
-@pytest.mark.parametrize("end", ["fail", pytest.param("kill", marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("end", ["fail", "kill"])
 def test_with_always_a_failed_run_has_all_films_too(launcher: Launcher, plan_of: PlanOf, end: str) -> None:
     plan = plan_of(video="always", END=end)
     launcher.run(plan, lambda: None)

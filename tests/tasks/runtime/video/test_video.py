@@ -174,6 +174,7 @@ for size in ((320, 240), (640, 480)):
 """
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("egl")
 @pytest.mark.parametrize(
     ("light", "specular"),
