@@ -66,7 +66,7 @@ def _add_pip(folder: Path) -> None:
         "--dest",
         folder / "wheels",
     ]
-    done = subprocess.run([*command, "tuf>=6,<8", "setuptools>=77"], capture_output=True, text=True, timeout=240)
+    done = subprocess.run([*command, "tuf>=6,<8", "setuptools>=77"], capture_output=True, text=True, timeout=600)
     if done.returncode != 0:
         pytest.skip(f"what the agent needs cannot be had here: {done.stderr[-300:]}")
 
@@ -74,7 +74,7 @@ def _add_pip(folder: Path) -> None:
 def _build(engine: RealEngine, name: str, lines: str, context: Path) -> None:
     command = [engine.program, "build", "--network", "host", "--tag", name, "--file", "-", str(context)]
     done = subprocess.run(
-        command, env={**os.environ, **engine.environ}, input=lines, capture_output=True, text=True, timeout=400
+        command, env={**os.environ, **engine.environ}, input=lines, capture_output=True, text=True, timeout=600
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
 
@@ -91,7 +91,7 @@ def test_the_image_has_the_agent_and_a_user_and_no_source(real_engine: RealEngin
         env={**os.environ, **real_engine.environ},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
     )
     assert "enroll this robot first" in started.stderr, started
 

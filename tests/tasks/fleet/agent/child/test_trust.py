@@ -197,7 +197,7 @@ def signed_by_others(robot: Robot, chance: random.Random, before: Path, target: 
     return target
 
 
-SAMPLE = 120
+SAMPLE = 60
 """Repositories of the test that each run of CI makes."""
 
 ATTACKS = (tampered, mixed, rolled_back, frozen, expired, signed_by_others)
