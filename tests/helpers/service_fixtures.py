@@ -30,10 +30,13 @@ def timing() -> Timing:
 def launcher() -> Iterator[Launcher]:
     """One warm process for all runs of a test process: it takes longer to start than most runs.
 
-    It is started before a test can change the environment: how runs are confined is found out then.
+    It is started before a test can change the environment: how runs are confined is found out then. Nothing can be
+    rehearsed in its folder for temporary files, which would be a third of the work of a short run.
     """
     with Launcher() as launcher:
-        launcher.start()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setenv("TMPDIR", "/proc")
+            launcher.start()
         yield launcher
 
 
