@@ -22,7 +22,7 @@ pytestmark = [
     NEEDS_POSTGRESQL,
     needs("ssh", SSH, "an SSH server and client are not installed (Debian's dropbear-bin and openssh-client)"),
     pytest.mark.deep,
-    pytest.mark.timeout(900),
+    pytest.mark.timeout(2400),
 ]
 PAGE = REPOSITORY / "docs" / "machines.md"
 UP = "docker compose -f deployments/compose.yaml up --detach --build"
@@ -102,7 +102,7 @@ def test_five_commands_make_a_laptop_two(laptop: Machine, second: Machine, servi
     def shell(*lines: str) -> str:
         environ = {"PATH": f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"}
         text = "\n".join(lines)
-        done = laptop.run(["bash", "-euo", "pipefail", "-c", text], environ, cwd=REPOSITORY, timeout=300)
+        done = laptop.run(["bash", "-euo", "pipefail", "-c", text], environ, cwd=REPOSITORY, timeout=900)
         assert done.returncode == 0, done.stdout
         return done.stdout
 

@@ -26,7 +26,7 @@ from .conftest import ONE_OF_THEM, BatchOnCluster
 Order = Callable[..., dict[str, Any]]
 pytestmark = [NEEDS_NAMESPACES, NEEDS_POSTGRESQL, pytest.mark.deep, pytest.mark.timeout(600)]
 JOBS = 4
-SHORT = {"DURATION_S": "10"}
+SHORT = {"DURATION_S": "20"}
 
 
 @pytest.fixture
