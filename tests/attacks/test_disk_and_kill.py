@@ -153,8 +153,13 @@ def spec(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("environment", "status"), [("endless", "Running"), ("filling", "Terminating")])
-@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("environment", "status"),
+    [
+        pytest.param("endless", "Running", marks=pytest.mark.endurance),
+        pytest.param("filling", "Terminating", marks=pytest.mark.deep),
+    ],
+)
 def test_a_killed_run_leaves_no_manifest_and_no_process_and_the_next_run_works(
     service: Service,
     hostile: Order,

@@ -24,7 +24,7 @@ from helpers.processes import wait_for
 
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 
-pytestmark = [pytest.mark.deep, NEEDS_BROWSER]
+pytestmark = NEEDS_BROWSER
 
 REBOUND = "rebound.example"
 
@@ -205,7 +205,14 @@ def attack(browser: Browser, attacker: int) -> Callable[[str, str, dict[str, str
     return attack
 
 
-SITES = pytest.mark.parametrize("site", ["127.0.0.1", "localhost"], ids=["same-site", "cross-site"])
+SITES = pytest.mark.parametrize(
+    "site",
+    [
+        pytest.param("127.0.0.1", id="same-site", marks=pytest.mark.endurance),
+        pytest.param("localhost", id="cross-site", marks=pytest.mark.deep),
+    ],
+)
+"""What guards tell of a page's site is tried of each of them without a browser."""
 ALL = {"blob", "beacon", "json", "deployment", "event", "paused"}
 
 
@@ -240,6 +247,7 @@ def test_the_attacks_fail(attack: Any, bare: tuple[str, str], prefect_server: st
     assert (seen["in"], seen["out"]) == ("closed", "closed")
 
 
+@pytest.mark.deep
 @pytest.mark.parametrize("guarded", [False, True])
 def test_a_name_that_is_pointed_here_later(browser: Browser, bare: tuple[str, str], guarded: bool) -> None:
     """The page's own origin is the server then ("DNS rebinding"): the browser lets it do anything."""

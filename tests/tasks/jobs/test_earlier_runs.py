@@ -69,8 +69,11 @@ def cancel_once_running(service: Service, monkeypatch: pytest.MonkeyPatch) -> No
     monkeypatch.setattr(job_runs, "launcher", Brief)
 
 
-@pytest.mark.deep
-@pytest.mark.parametrize("restart", [True, False], ids=["about to be restarted", "in its midst"])
+@pytest.mark.parametrize(
+    "restart",
+    [pytest.param(True, marks=pytest.mark.deep), pytest.param(False, marks=pytest.mark.endurance)],
+    ids=["about to be restarted", "in its midst"],
+)
 def test_what_a_killed_worker_run_left_is_stored_without_a_manifest(
     service: Service, swing: Swing, killed: Killed, monkeypatch: pytest.MonkeyPatch, restart: bool
 ) -> None:

@@ -30,7 +30,9 @@ def messages(path: Path) -> Iterator[tuple[str, int, bytes]]:
             yield channel.topic, message.log_time, message.data
 
 
-@pytest.mark.parametrize(("robot", "every_s"), [("scout", 0.3), pytest.param("walker", 2.0, marks=pytest.mark.deep)])
+@pytest.mark.parametrize(
+    ("robot", "every_s"), [("scout", 0.3), pytest.param("walker", 2.0, marks=pytest.mark.endurance)]
+)
 def test_navigation_continues_to_the_bit(
     launcher: Launcher, world: Path, tmp_path: Path, robot: str, every_s: float
 ) -> None:
