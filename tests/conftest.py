@@ -4,6 +4,8 @@ import gc
 import os
 import signal
 import sys
+import threading
+from collections.abc import Generator
 from pathlib import Path
 
 import hypothesis
@@ -61,6 +63,19 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_finish() -> None:
     """Keeps the collector from walking over the collected tests, 500 MB, again and again."""
     gc.freeze()
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call() -> Generator[None, object, object]:
+    """Waits for threads that watched flow runs of the test: they read the environment, which is put back after it."""
+    try:
+        return (yield)
+    finally:
+        watch = sys.modules.get("prefect_robomaker.tasks.execution.run_watch")
+        if watch is not None and not watch.WATCH._runs:
+            for thread in threading.enumerate():
+                if thread.name in ("runs", "dead runs") and not thread.daemon:
+                    thread.join(60)
 
 
 @pytest.fixture

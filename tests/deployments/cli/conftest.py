@@ -2,7 +2,6 @@
 
 import logging
 import os
-import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -75,9 +74,6 @@ def robomaker_at_server(robomaker: Command, prefect_server: str, monkeypatch: py
     monkeypatch.setattr(cli_prefect_server, "_FOR_EVER", patiences)
     level = logger.level
     yield robomaker
-    for thread in threading.enumerate():
-        if thread.name == "dead runs" and not thread.daemon:
-            thread.join(60)
     for patience in reversed(patiences):
         patience.__exit__(None, None, None)
     logger.setLevel(level)
