@@ -62,6 +62,7 @@ def test_jobs_and_batches_are_cancelled(client: Client) -> None:
     check_cancels(client("cancels"))
 
 
+@pytest.mark.deep
 def test_errors_have_the_classes_that_programs_catch(client: Client) -> None:
     told = client("errors")
 

@@ -176,6 +176,13 @@ class FakeEngine:
         """Names of all containers, whether they run or not."""
         return sorted(path.name for path in (self.folder / "containers").iterdir())
 
+    def runs(self, name: str) -> bool:
+        """Whether a container's program has been started, and noted by the engine."""
+        try:
+            return json.loads((self.folder / "containers" / name).read_text())["pid"] is not None
+        except (FileNotFoundError, ValueError):  # it is written at this moment
+            return False
+
     def lose_daemon(self) -> None:
         """Leaves the client without anybody to talk to."""
         (self.folder / "no-daemon").touch()

@@ -39,6 +39,7 @@ def running(service: Service, order: Callable[..., dict[str, Any]]) -> str:
     return arn
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 @pytest.mark.usefixtures("known_worlds")
 def test_what_was_copied_is_whole_in_another_home(

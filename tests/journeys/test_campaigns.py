@@ -27,6 +27,7 @@ def run(requests: list[dict[str, Any]], settings: Settings) -> RunRecord:
     return run_spec(checked, settings, lambda _: None, spec_path="many.yaml")
 
 
+@pytest.mark.deep
 def test_a_batch_of_a_campaign_has_one_task_run_for_those_that_ran_and_says_how_all_went(
     settings: Settings,
     service: Service,

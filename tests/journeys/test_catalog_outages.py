@@ -108,6 +108,7 @@ def test_a_run_goes_on_when_its_catalog_was_away_after_a_step(
     assert len(service.catalog.list(KIND).resources) == 2
 
 
+@pytest.mark.deep
 def test_a_step_that_is_repeated_after_an_outage_is_done_once(
     service: Service, order: Order, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

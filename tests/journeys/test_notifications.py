@@ -68,6 +68,7 @@ def run(settings: Settings, webhook: Webhook, prefect_server: str, events: list[
     return start
 
 
+@pytest.mark.deep
 def test_a_verdict_that_fails_is_told_with_its_picture(run: Run, webhook: Webhook, service: Service) -> None:
     record = run(drive(limit_s=0.5))
 

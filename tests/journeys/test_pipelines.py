@@ -161,6 +161,7 @@ def test_a_specification_runs_to_its_report_and_runs_again(
     assert (first.run_dir / "report.html").read_text() == written
 
 
+@pytest.mark.deep
 def test_a_step_updates_an_application_of_its_name(run: Run, service: Service) -> None:
     def step(module: str) -> dict[str, Any]:
         request = {"name": "mine", "environment": {"uri": f"python://{module}"}, "robotSoftwareSuite": SUITE}
@@ -205,6 +206,7 @@ def test_a_defect_in_a_step_is_a_failed_step(
     assert "in stumble" in caplog.text
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("known_worlds")
 def test_worlds_that_failed_break_the_run_but_the_others_are_used(
     run: Run, service: Service, archive: None, monkeypatch: pytest.MonkeyPatch

@@ -98,6 +98,7 @@ def test_programs_of_a_job_share_a_domain_and_two_jobs_do_not(service: Service, 
     assert own["robot"].endswith(" in 5")
 
 
+@pytest.mark.deep
 def test_containers_have_the_domain_of_their_job(
     service: Service, launch: Config, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -102,6 +102,7 @@ def stored_whole(service: Service, arn: str) -> Manifest:
     return manifest
 
 
+@pytest.mark.deep
 def test_inputs_that_cannot_be_fetched_are_waited_for_and_nothing_is_started(
     service: Service, order: Order, proxy: FaultProxy, notes: list[str]
 ) -> None:
@@ -236,6 +237,7 @@ def half_is_stored_and_does_not_look_whole(service: Service) -> None:
         read_manifest(service.store, "robomaker", f"nightly/{run.parent.name}/{run.name}")
 
 
+@pytest.mark.deep
 def test_what_was_cancelled_while_the_store_is_away_has_a_short_grace_and_is_kept(
     service: Service, order: Order, proxy: FaultProxy, notes: list[str]
 ) -> None:
@@ -359,6 +361,7 @@ def test_a_batch_goes_through_an_outage_and_everything_is_stored_once(
     assert not list((service.settings.home / "jobs").iterdir())
 
 
+@pytest.mark.deep
 def test_requests_whose_data_cannot_be_looked_up_wait_to_become_jobs(
     service: Service, order: Order, proxy: FaultProxy, prefect_server: str, notes: list[str]
 ) -> None:
@@ -375,6 +378,7 @@ def test_requests_whose_data_cannot_be_looked_up_wait_to_become_jobs(
     assert notes[0].startswith(f"{batch['arn'].rpartition('/')[2]}: waits for the object store")
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("known_worlds")
 def test_worlds_are_generated_and_exported_through_outages(
     service: Service, template: str, proxy: FaultProxy, prefect_server: str, notes: list[str]

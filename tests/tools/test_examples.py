@@ -61,6 +61,7 @@ def walk(service: Service, tmp_path: Path) -> Walk:
     return Walk(service)
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 def test_every_example_works(
     walk: Walk, service: Service, prefect_server: str, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus

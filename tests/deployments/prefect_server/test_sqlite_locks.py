@@ -136,5 +136,6 @@ def test_one_that_waited_too_long_is_refused_and_may_be_tried_again(results: dic
     assert results["impatient"] == ["SQLITE_BUSY", "one", "three"]
 
 
+@pytest.mark.deep
 def test_transactions_that_read_before_they_write_are_not_refused(results: dict[str, object]) -> None:
     assert results["both_read"] == ["one", "one after 1", "one after 2"]

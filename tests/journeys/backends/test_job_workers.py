@@ -87,6 +87,7 @@ def counts(homes: HomesBackend) -> list[int]:
     return [int(re.search(r"ran (\d+) jobs?", ended.last_words)[1]) for ended in homes.ended]  # type: ignore[index]
 
 
+@pytest.mark.deep
 def test_jobs_of_a_batch_run_on_both_machines_and_nothing_of_it_here(
     order: Order,
     homes: HomesBackend,

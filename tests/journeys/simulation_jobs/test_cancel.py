@@ -24,6 +24,7 @@ def place_of(service: Service, arn: str) -> dict[str, str]:
     return service.catalog.get(arn).document["outputs"]
 
 
+@pytest.mark.deep
 def test_a_job_that_another_process_performs_ends_and_keeps_its_outputs(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:
@@ -132,6 +133,7 @@ def test_cancelling_a_job_that_has_ended_changes_nothing(service: Service, order
     assert call("DescribeSimulationJob", {"job": arn}, service) == ended
 
 
+@pytest.mark.deep
 def test_what_a_dead_worker_run_left_is_stored_without_a_manifest(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus
 ) -> None:

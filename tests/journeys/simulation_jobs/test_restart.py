@@ -47,6 +47,7 @@ def change_applications(service: Service, folder: Path, was: str, becomes: str) 
     call("UpdateSimulationApplication", {"application": "sleeper", **content}, service)
 
 
+@pytest.mark.deep
 def test_a_restarted_job_runs_again_from_the_start_with_what_its_applications_are_by_then(
     service: Service, order: Order, perform_elsewhere: PerformElsewhere, await_status: AwaitStatus, tmp_path: Path
 ) -> None:

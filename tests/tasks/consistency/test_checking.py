@@ -76,6 +76,7 @@ def found(report: ConsistencyReport) -> list[tuple[Problem, str]]:
     return [(each.problem, each.where.rsplit("/", 1)[1]) for each in report.findings]
 
 
+@pytest.mark.deep
 def test_a_world_an_export_and_a_job_that_really_ran_are_whole_and_losses_are_told(
     service: Service,
     generate: Callable[..., dict[str, Any]],

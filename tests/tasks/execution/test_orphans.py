@@ -6,6 +6,8 @@ import subprocess
 import sys
 from contextlib import suppress
 
+import pytest
+
 PROGRAM = """
 import os, sys, threading, time, uuid
 from prefect_robomaker.tasks.execution import orphans
@@ -55,6 +57,7 @@ os._exit(0)
 """Starts processes that write to files of their own, and dies when its standard input is closed."""
 
 
+@pytest.mark.deep
 def test_the_death_of_the_parent_counts_until_the_run_ends_and_ends_the_process_whatever() -> None:
     """The last one's leases cannot be given back."""
     environ = {**os.environ, "PREFECT_API_URL": "http://127.0.0.1:1/api"}

@@ -168,6 +168,7 @@ with RunWatch().watching(uuid.uuid4(), "ends", lambda: None):
 """
 
 
+@pytest.mark.deep
 def test_a_process_that_ends_while_it_looks_at_its_runs_ends_well() -> None:
     """A daemon thread in pydantic's Rust code aborts Python's end: `FATAL: exception not rethrown`."""
     environ = {**os.environ, "PREFECT_API_URL": "http://127.0.0.1:9/api"}  # else a server is started

@@ -158,6 +158,7 @@ def test_a_run_that_its_duration_limit_ended_is_repeated_up_to_there(service: Se
     assert 0 < (answer.until_s or 0) < 20
 
 
+@pytest.mark.deep
 def test_a_program_that_decides_the_same_can_be_run_again(service: Service, push: Simulate) -> None:
     same, other = push({"PUSH": "0.3"}), push()
 
@@ -235,6 +236,7 @@ def test_an_image_of_the_same_name_is_told_apart(
     assert verify_run(job["arn"], service).answer == "bit-identical", "which needs no image"
 
 
+@pytest.mark.deep
 def test_a_program_that_cannot_be_run_again_to_the_bit_is_named(service: Service, push: Simulate) -> None:
     free, tool = push({"MODE": "free", "FACTOR": "20"}), push(of_robot={"tools": [WATCH]})
     about = "robot application chance is a program of its own, and"

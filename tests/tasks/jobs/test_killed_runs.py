@@ -68,6 +68,7 @@ def test_a_run_whose_process_is_killed_goes_on_from_its_checkpoint_and_ends_in_t
     assert not list((service.settings.home / "jobs").glob(f"{job['name']}/*"))
 
 
+@pytest.mark.deep
 def test_a_run_that_is_killed_with_the_warm_process_it_came_from_is_tried_again(
     service: Service, swing: Swing, performing: Callable[[str], threading.Thread]
 ) -> None:

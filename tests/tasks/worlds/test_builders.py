@@ -21,6 +21,7 @@ def hurt(builders: WorldBuilders, number: int) -> None:
     os.kill(builders._all[-1].pid, number)
 
 
+@pytest.mark.deep
 def test_builders_that_die_or_hang_are_replaced_and_a_folder_that_cannot_be_written_fails_its_world_only(
     tmp_path: Path,
 ) -> None:

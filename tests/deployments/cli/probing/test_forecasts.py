@@ -46,6 +46,7 @@ def run(spec: CheckedSpec, settings: Settings, **options: Any) -> RunRecord:
     return run_spec(spec, settings, lambda event: None, spec_path="night.yaml", **options)
 
 
+@pytest.mark.deep
 def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
     settings: Settings, service: Service, order: Order, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -27,6 +27,7 @@ def rollouts() -> dict[str, Rollout]:
     }
 
 
+@pytest.mark.deep
 def test_nothing_sticks_out_and_bars_are_where_they_belong(tmp_path: Path) -> None:
     with browsing(tmp_path / "profile") as browser, browser.page() as tab:
         for name, rollout in rollouts().items():

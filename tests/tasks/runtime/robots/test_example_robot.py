@@ -119,6 +119,7 @@ def test_a_robot_that_cannot_be_made_fails_the_job_with_its_file_line_and_member
     assert "robot.yaml:17:3" in outcome.failure_reason
 
 
+@pytest.mark.deep
 def test_menagerie_is_where_the_workers_environment_says(
     launcher: Launcher, make_plan: MakePlan, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from helpers.application_calls import Applications
 from helpers.fake_engine import FakeEngine
+from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
@@ -59,6 +60,7 @@ def test_who_runs_a_run_again_leaves_the_container_of_the_first_alone(
     [first] = fake.containers()
     running = subprocess.Popen(program.argv, env=environ)
     try:
+        wait_for(lambda: fake.runs(first), "the first container to run")
         plan_in(tmp_path / "again")
         assert len(fake.containers()) == 2
 

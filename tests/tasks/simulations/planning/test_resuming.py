@@ -117,7 +117,7 @@ def test_the_next_worker_goes_on_and_ends_in_the_same_state(
     service: Service, swing: Swing, worker: Callable[..., Any], where: str, tmp_path: Path
 ) -> None:
     if where == "in this process":
-        briefly = {"TIME_LIMIT_S": "3", "ROBOMAKER_CHECKPOINT_EVERY_S": "1"}
+        briefly = {"TIME_LIMIT_S": "3", "ROBOMAKER_CHECKPOINT_EVERY_S": "1", "SLEEP_S": "0.01"}
         whole, job = swing(**briefly), swing(perform=False, **briefly, KILL_AT="80")
         run = died_here(service, job, tmp_path / "aside")
     else:

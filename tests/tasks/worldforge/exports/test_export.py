@@ -124,6 +124,7 @@ def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, P
         assert missing == []
 
 
+@pytest.mark.deep
 def test_equal_worlds_make_equal_bytes(bundles: dict[str, Path], export_zip: Path, tmp_path: Path) -> None:
     copies = {name: tmp_path / f"copy{number}" for number, name in enumerate(bundles)}
     for name, copy in copies.items():

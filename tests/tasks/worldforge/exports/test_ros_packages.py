@@ -128,6 +128,7 @@ def test_ament_installs_a_package_and_its_environment(workspace: Path, package: 
     assert package == SHARED or (share / "launch" / "launch_world.py").is_file()
 
 
+@pytest.mark.deep
 @needs(
     "ros",
     shutil.which("roslaunch") and shutil.which("rospack"),

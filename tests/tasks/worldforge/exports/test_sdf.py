@@ -41,6 +41,7 @@ def worlds_of(exported: Path) -> list[str]:
     return sorted(path.name for path in (exported / WORLDS).iterdir())
 
 
+@pytest.mark.deep
 @needs("ros", shutil.which("ign"), "ign is not installed (Debian's ignition-tools)")
 def test_ign_accepts_a_world(exported: Path) -> None:
     name = worlds_of(exported)[0]

@@ -101,6 +101,7 @@ def test_compatible_wishes_are_mostly_granted(plans: list[Floorplan]) -> None:
     assert np.mean([wish.outcome == "satisfied" for wish in footprints]) > 0.95
 
 
+@pytest.mark.deep
 def test_bedrooms_and_baths_are_reached_from_the_hallway_or_the_living_room(plans: list[Floorplan]) -> None:
     types = {(number, room.name): room.type for number, plan in enumerate(plans) for room in plan.rooms}
     reached: list[bool] = []

@@ -64,6 +64,7 @@ def test_a_library_that_is_packed_otherwise_is_named(monkeypatch: pytest.MonkeyP
         page_module.three_js()
 
 
+@pytest.mark.deep
 @NEEDS_BROWSER
 def test_a_browser_draws_the_world_turns_it_and_says_when_it_cannot(html: str, tmp_path: Path) -> None:
     file = tmp_path / "page.html"

@@ -147,6 +147,7 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
     assert "ROS launch files by ros2" in some.found
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 @pytest.mark.usefixtures("without_programs")
 def test_a_backend_is_tried_with_one_job(robomaker: Any, prefect_server: str, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -28,6 +28,7 @@ def test_what_is_whole_is_said_in_two_lines(robomaker: Any, job: str) -> None:
     assert agree == "Catalog and object store agree."
 
 
+@pytest.mark.deep
 def test_a_lost_file_is_told_with_what_brings_it_back(robomaker: Any, job: str, service: Service) -> None:
     place = service.catalog.get(job).document["outputs"]
     service.store.delete(place["bucket"], f"{place['prefix']}/result.json")

@@ -145,6 +145,7 @@ def test_a_job_that_is_held_is_left_alone(robomaker: Any, keep: Callable[[], str
     assert "No outputs are kept" in robomaker("upload", "--kept").out
 
 
+@pytest.mark.deep
 def test_doctor_and_gc_point_to_it(robomaker: Any, keep: Callable[[], str], service: Service, home: Path) -> None:
     arn = keep()
 

@@ -196,6 +196,7 @@ steps:
     )
 
 
+@pytest.mark.deep
 def test_all_operations_are_deployed_one_by_one(robomaker: Robomaker, client: Any, pool: str) -> None:
     ended = robomaker("deploy", "--operations", "--pool", pool)
 
