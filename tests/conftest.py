@@ -47,7 +47,11 @@ hypothesis.settings.load_profile("robomaker")
 
 
 def pytest_configure() -> None:
-    """Hears the signals that tests send, also below `nohup` and in the background of a script, which ignore them."""
+    """Hears the signals that tests send, also below `nohup` and in the background of a script, which ignore them.
+
+    The collector pauses until all tests are collected: it would walk over 500 MB that stay.
+    """
+    gc.disable()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
     if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
@@ -61,8 +65,9 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_finish() -> None:
-    """Keeps the collector from walking over the collected tests, 500 MB, again and again."""
+    """Keeps the collector from walking over the collected tests again and again."""
     gc.freeze()
+    gc.enable()
     gc.set_threshold(50_000, 20, 50)  # the collector took 31 of 464 CPU seconds of the workers
 
 
