@@ -1,14 +1,16 @@
 """Checksums: CRC32 as S3 writes it, of what is sent and of what has arrived; ETags of files: their MD5, as S3 has it.
 
 The MD5 is kept with the file, so that large files are read only once: in an extended attribute, together with the size,
-modification time and inode it belongs to. Where any of them has changed, or where the file system keeps no such
-attributes, it is computed again (and remembered in this process). Descriptors are what is asked: the answer belongs to
-the very file that was opened, also when another one takes its name.
+modification time, inode and change time it belongs to. Where any of them has changed, or where the file system keeps no
+such attributes, it is computed again (and remembered in this process). The modification time alone is not enough: who
+writes into a file may set it back (`cp -p`, `rsync --times`, builds with a fixed date); the change time cannot be set.
+Descriptors are what is asked: the answer belongs to the file that was opened, also when another one takes its name.
 """
 
 import base64
 import hashlib
 import os
+import time
 import zlib
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -21,11 +23,16 @@ from ...schemas.wire.errors import ChecksumMismatchError
 _CHUNK_BYTES = 1 << 20
 _ATTRIBUTE = "user.robomaker.etag"
 _REMEMBERED = 16_384
+_STORING_NS = 20_000_000
+"""Longest time from reading the clock to the change that keeps an ETag. File systems stamp changes by a clock that
+ticks every 1 to 10 ms."""
+_TRIES = 5
+"""On a busy machine storing may take longer than that; then it is tried again."""
 _CRC32_POLYNOMIAL = 0xEDB88320  # of zlib, PNG and S3; the highest power is the lowest bit
 _ONE = 1 << 31
 _X_TO_THE_8 = 1 << 23
 
-_computed: dict[tuple[int, str], str] = {}
+_computed: dict[tuple[int, str, int], str] = {}
 
 
 def crc32_of(data: bytes) -> str:
@@ -125,12 +132,17 @@ def store_etag(descriptor: int, etag: str) -> None:
     """Keeps a file's ETag with the file, where the file system can.
 
     Args:
-        descriptor: the file, open, after its last write.
+        descriptor: the file, open, after its last write, and after it got its name, which changes the change time.
         etag: hexadecimal MD5 of its content.
     """
     # Not every file system and platform has user attributes; then it is computed when asked for.
     with suppress(OSError, AttributeError):
-        os.setxattr(descriptor, _ATTRIBUTE, f"{_version(descriptor)} {etag}".encode())
+        # Setting an attribute is itself a change, so that the change time cannot be written into it; the time now can.
+        for _ in range(_TRIES):
+            now_ns = time.time_ns()
+            os.setxattr(descriptor, _ATTRIBUTE, f"{_version(descriptor)} {now_ns} {etag}".encode())
+            if abs(os.fstat(descriptor).st_ctime_ns - now_ns) <= _STORING_NS:
+                return
 
 
 def etag_of(descriptor: int) -> str:
@@ -139,18 +151,28 @@ def etag_of(descriptor: int) -> str:
     Raises:
         OSError: it cannot be read.
     """
-    version = _version(descriptor)
-    with suppress(OSError, AttributeError):
-        kept_version, _, etag = os.getxattr(descriptor, _ATTRIBUTE).decode(errors="replace").rpartition(" ")
-        if kept_version == version:
-            return etag
-    key = (os.fstat(descriptor).st_dev, version)
-    if key not in _computed:
+    if (etag := _kept_etag(descriptor)) is not None:
+        return etag
+    key = _change(descriptor)
+    if key in _computed:
+        return _computed[key]
+    etag = _md5(descriptor)
+    if _change(descriptor) == key:  # it was not written to meanwhile
+        store_etag(descriptor, etag)
         if len(_computed) >= _REMEMBERED:
             _computed.clear()
-        _computed[key] = _md5(descriptor)
-        store_etag(descriptor, _computed[key])
-    return _computed[key]
+        _computed[_change(descriptor)] = etag
+    return etag
+
+
+def _kept_etag(descriptor: int) -> str | None:
+    """The ETag that lies with a file, if the file has not changed since."""
+    with suppress(OSError, AttributeError, ValueError):
+        version, stored_ns, etag = os.getxattr(descriptor, _ATTRIBUTE).decode().rsplit(" ", 2)
+        is_last_change = abs(os.fstat(descriptor).st_ctime_ns - int(stored_ns)) <= _STORING_NS
+        if version == _version(descriptor) and is_last_change:
+            return etag
+    return None
 
 
 def _md5(descriptor: int) -> str:
@@ -165,3 +187,9 @@ def _md5(descriptor: int) -> str:
 def _version(descriptor: int) -> str:
     found = os.fstat(descriptor)
     return f"{found.st_size} {found.st_mtime_ns} {found.st_ino}"
+
+
+def _change(descriptor: int) -> tuple[int, str, int]:
+    """What differs after any change of a file: device, version, change time."""
+    found = os.fstat(descriptor)
+    return found.st_dev, _version(descriptor), found.st_ctime_ns

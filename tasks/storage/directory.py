@@ -86,7 +86,7 @@ class DirectoryStore:
                 after = os.fstat(source.fileno())
                 if (info.size_bytes, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
                     raise StorageError(f"cannot store {path} as {bucket}/{key}: it was written to meanwhile")
-                self._name(temporary, bucket, key, create_only=False)
+                self._name(temporary, info, create_only=False)
             return info
 
     def probe(self, bucket: str) -> None:
@@ -119,7 +119,7 @@ class DirectoryStore:
             os_failures(f"store {bucket}/{key}"),
             self._written(bucket, key, BytesIO(data)) as (temporary, info),
         ):
-            self._name(temporary, bucket, key, create_only=create_only)
+            self._name(temporary, info, create_only=create_only)
             return info
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
@@ -235,14 +235,14 @@ class DirectoryStore:
                     digest.update(chunk)
                     size += len(chunk)
                 target.flush()
-                store_etag(target.fileno(), digest.hexdigest())
                 os.fsync(target.fileno())
             yield temporary, ObjectInfo(bucket, key, size, digest.hexdigest())
         finally:
             temporary.unlink(missing_ok=True)
 
-    def _name(self, temporary: Path, bucket: str, key: str, *, create_only: bool) -> None:
+    def _name(self, temporary: Path, info: ObjectInfo, *, create_only: bool) -> None:
         """Gives a written file its name in one step."""
+        bucket, key = info.bucket, info.key
         path = self._root / bucket / key
         for _ in range(_RACES):
             try:
@@ -251,7 +251,9 @@ class DirectoryStore:
                 if create_only:
                     path.hardlink_to(temporary)  # unlike renaming, fails where something is
                 else:
-                    temporary.replace(path)
+                    with temporary.open("rb") as written:
+                        temporary.replace(path)
+                        store_etag(written.fileno(), info.etag)
             except FileNotFoundError:
                 continue  # a delete has just removed a folder that had become empty
             except (FileExistsError, IsADirectoryError, NotADirectoryError) as error:
