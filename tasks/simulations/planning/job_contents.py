@@ -4,9 +4,11 @@ Of a run that is planned it is what the run has; of a request it is what a run w
 """
 
 import hashlib
+import json
 import os
 import platform
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from functools import cache
 from importlib import metadata
 from importlib.util import find_spec
@@ -17,7 +19,9 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
+from ....schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
+from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
 from ...runtime.states.folder_digests import digest_of_folder
 from ...service.builtin_applications import BUILTINS, PACKAGE
@@ -89,7 +93,7 @@ def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping
         world=plan.world_dir.name if plan.world_dir else None,
         robot=robot,
         simulation=simulation,
-        versions=dict(software_versions()),
+        versions={**software_versions(), **_judging_packages(item.to_wire() for item in plan.requirements)},
         once_only=_programs_of(plan) or _unknown(robot, simulation) or _foreign_files(request, robot, variables),
     )
 
@@ -122,7 +126,7 @@ def contents_of_request(
         world=_world(request, service),
         robot=robot,
         simulation=simulation,
-        versions=dict(software_versions()),
+        versions={**software_versions(), **_judging_packages(_requirements_in(request))},
         once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot, os.environ),
     )
 
@@ -150,6 +154,26 @@ def software_versions() -> Mapping[str, str]:
         **{name: metadata.version(name) for name in _DISTRIBUTIONS},
         _OWN: f"{metadata.version(_OWN)} ({''.join(each[:_SHOWN] for each in code)})",
     }
+
+
+def _judging_packages(requirements: Iterable[Any]) -> dict[str, str]:
+    """The installed packages that functions of requirements come from, by name, with digests of their files.
+
+    One that lies in an application's archive only is part of the application.
+    """
+    predicates = (item for item in requirements if is_mapping(item) and item.get("kind") == "predicate")
+    names = {str(item.get("attribute", "")).partition(".")[0] for item in predicates}
+    return {f"package {name}": content for name in sorted(names) if name and (content := _package(name))}
+
+
+def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
+    """The requirements of a request, as they are written there."""
+    yield from request.get("requirements") or ()
+    for config in (*(request.get("simulationApplications") or ()), *(request.get("robotApplications") or ())):
+        text = (config["launchConfig"].get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
+        with suppress(ValueError):  # ordering the job says that it is no JSON
+            found = json.loads(text) if text else None
+            yield from found if is_list(found) else ()
 
 
 def _content_of_plan(application: ApplicationPlan | None) -> str | None:
