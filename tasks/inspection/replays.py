@@ -5,11 +5,11 @@ from pathlib import Path
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.runs.plan import RunOutcome, RunPlan, VideoPolicy
-from ...schemas.runs.verification import ReproductionFolder, RobotRepeat, Verification
+from ...schemas.runs.verification import Divergence, ReproductionFolder, RobotRepeat, Verification
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..catalog import Resource
 from ..jobs.job_runs import launcher
-from ..runtime.replay.divergence import first_difference
+from ..runtime.replay.divergence import first_difference, result_difference
 from ..runtime.replay.replay import (
     RunOutputs,
     read_outputs,
@@ -133,6 +133,8 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
         return _verification(reference, first, reasons)
     difference = first_difference(first, again)
     answer = _verification(reference, first, [])
+    if difference is None and (what := result_difference(first.result, again.result)):
+        difference = Divergence(time_s=answer.until_s or 0.0, equal_until_s=answer.until_s, what=what)
     digest = again.provenance.digest
     return answer.model_copy(
         update={

@@ -7,6 +7,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ....schemas.runs.plan import Requirement, RunResult
 from ....schemas.runs.provenance import JointPlace
 from ....schemas.runs.verification import Divergence
 from ..states.digest import StateTimeline
@@ -125,3 +126,31 @@ def _difference(
         value_again=value_again,
         value_time_s=time_s,
     )
+
+
+def result_difference(first: RunResult | None, again: RunResult | None) -> str | None:
+    """Says how the results of two runs with the same states differ: by verdict, by a requirement; None: not at all.
+
+    The same states have the same results, unless a file was changed afterwards or something is judged that is no state.
+
+    Args:
+        first: The run's result; None: it has none, such as one that failed.
+        again: The rerun's.
+    """
+    if first is None or again is None or again.ended_by == "canceled" or first.ended_by == "canceled":
+        return None
+    if first.verdict != again.verdict:
+        return f"in its result: the verdict was {first.verdict} and is {again.verdict}"
+    there, here = ({item.name: item for item in result.requirements} for result in (first, again))
+    for name in [*there, *(name for name in here if name not in there)]:
+        if (one := _judged(there.get(name))) != (other := _judged(here.get(name))):
+            return f"in its result: {name} was {one} and is {other}"
+    return None
+
+
+def _judged(requirement: Requirement | None) -> str:
+    """How a requirement was judged, with its margin; wall-clock words of its detail are left out."""
+    if requirement is None:
+        return "absent"
+    judged = "met" if requirement.satisfied else "broken" if requirement.error is not None else "missed"
+    return judged if requirement.margin is None else f"{judged} by {requirement.margin:g}"
