@@ -236,6 +236,7 @@ class RunResult(Model):
         "NONE when nothing is judged, as in a run that was cancelled."
     )
     summary: str = Field(default="", description="One sentence for a person.")
+    notes: list[str] = Field(default=[], description="Lines beside the verdict: what a person should know of it.")
     requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
     metrics: dict[str, float] = Field(
         default={}, description="Numbers by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
@@ -281,5 +282,6 @@ class RunResult(Model):
 
     @property
     def remarks(self) -> list[str]:
-        """What the job asked for and could not be made, without which the run went on; a line each."""
-        return [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]
+        """Lines beside the verdict: notes, and what the job asked for and the run went on without."""
+        without = [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]
+        return [*self.notes, *without]

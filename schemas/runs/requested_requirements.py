@@ -12,6 +12,8 @@ REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
 
 _MAX_CHARACTERS = 1024
+_PROGRAM_SUFFIXES = (".py", ".launch", ".xml")
+"""Launch files that `roslaunch` or `ros2 launch` starts; other names are those of functions."""
 
 
 class JobRequirementsSource(Protocol):
@@ -72,12 +74,19 @@ def check_requirements(request: JobRequirementsSource) -> None:
     """Finds out what of a request's requirements cannot be judged, as far as the request says it.
 
     Raises:
-        ValueError: the launch variable cannot be understood, or a room is asked for where there is no world.
+        ValueError: the launch variable cannot be understood, a room is asked for where there is no world, or all
+            applications are programs, so that there is no simulation to judge.
     """
     try:
+        place, requirements = _placed_requirements(request)
         rooms = rooms_asked(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
+    if requirements and _has_only_programs(request):
+        raise ValueError(
+            f"{place}: they would not be judged, since the job has only programs; name a simulation application that "
+            "makes an environment, or let the program write its verdict to result.json"
+        )
     if _has_world(request):
         return
     for path, room in rooms:
@@ -107,6 +116,15 @@ def no_such_room(room: str, rooms: Sequence[str]) -> str:
 
 def _has_world(request: JobRequirementsSource) -> bool:
     return any(config.worldConfigs for config in request.simulationApplications or ())
+
+
+def _has_only_programs(request: JobRequirementsSource) -> bool:
+    """Whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
+    configs = request.simulationApplications or request.robotApplications or ()
+    launches = [config.launchConfig for config in configs]
+    return bool(launches) and all(
+        launch.command or (launch.launchFile or "").endswith(_PROGRAM_SUFFIXES) for launch in launches
+    )
 
 
 def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:

@@ -41,6 +41,7 @@ class TrialRow(Model):
     steps: int = Field(default=0, description="Steps of the environment.")
     requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
+    notes: list[str] = Field(default=[], description="Lines beside the verdict.")
     state_digest: str | None = Field(default=None, description="Digest of all its states; absent: it has no physics.")
     model_sha256: str | None = Field(
         default=None, description="SHA-256 of its compiled model, as in `provenance.json`."
@@ -64,6 +65,7 @@ class TrialRow(Model):
         """Its `result.json`, as far as the row has it."""
         return RunResult(
             verdict=self.verdict,
+            notes=self.notes,
             requirements=self.requirements,
             metrics=self.metrics,
             sim_time_s=self.sim_time_s,

@@ -30,7 +30,8 @@ def robomaker(
             code = main([str(word) for word in words])
         except SystemExit as end:
             code = int(end.code or 0)
-        return code, *capsys.readouterr()
+        told = capsys.readouterr()
+        return code, told.out, told.err
 
     yield run
     # Commands tell Prefect by variables where its server is.

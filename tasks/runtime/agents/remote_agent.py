@@ -18,6 +18,9 @@ from .agent_layout import Layout
 from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
 from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
 
+_MIN_SILENT_STEPS = 20
+"""A second of most robots; shorter silences are a slow controller."""
+
 
 class RobotProgramError(ActionError):
     """The robot program sent something wrong, or did not answer."""
@@ -74,6 +77,8 @@ class RemoteAgent:
         self._content = b""
         """The same as it came, without its number."""
         self._sent = self._actions = 0
+        self._acted_at = 0
+        """Number of the observation at which the newest action arrived."""
         self._waited_s = 0.0
 
     def __call__(self, timestep: dm_env.TimeStep) -> Any:
@@ -118,7 +123,18 @@ class RemoteAgent:
             about["real_time_factor_asked"] = self._hello.real_time_factor
         elif self._actions:
             about["mean_answer_us"] = round(1e6 * self._waited_s / self._actions, 1)
-        return Findings(extra={"agent": about})
+        return Findings(extra={"agent": about}, notes=self._silence())
+
+    def _silence(self) -> list[str]:
+        """Says so if the robot runs free and was silent for most of the run, as one that hangs is."""
+        observations = self._number + 1
+        silent = self._number - self._acted_at
+        if self._hello.mode != "free" or silent < max(_MIN_SILENT_STEPS, observations / 2):
+            return []
+        actions = f"{self._actions} action{'' if self._actions == 1 else 's'} for {observations} observations"
+        return [
+            f"the robot application sent {actions}, and none after step {self._acted_at + 1}: the last was repeated"
+        ]
 
     def end(self, ended_by: str) -> None:
         """Tells the robot that the run is over."""
@@ -160,6 +176,7 @@ class RemoteAgent:
             self._action = self._reader.read(payload, expected)
             self._content = bytes(payload[ACTION_HEADER.size :])
             self._actions += 1
+            self._acted_at = self._number
             return self._action
         if kind == ERROR:
             said = str(read_words(payload).get("error", "an error"))

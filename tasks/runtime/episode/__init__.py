@@ -1,4 +1,4 @@
-"""Parts that all rooms of the runtime share: context, phases, results, physics, stops, loading of factories.
+"""Parts that all rooms of the runtime share: context, phases, verdicts, physics and its health, loading of factories.
 
 May import: `schemas`, `tasks.runtime.recording`.
 """
@@ -8,6 +8,7 @@ __all__ = [
     "contact_forces",
     "context",
     "driven_path",
+    "health",
     "loading",
     "physics",
     "program_names",
@@ -16,4 +17,5 @@ __all__ = [
     "resumable",
     "robot_body",
     "stops",
+    "verdicts",
 ]

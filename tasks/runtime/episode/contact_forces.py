@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.runs.requirements import FLOOR_REACH_M
+from .robot_body import robot_bodies
 
 _MAX_QUIET = 1000
 """Lists of contacts without a touch of the robot that are remembered."""
@@ -104,8 +105,21 @@ def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]
 
 
 def robot_geoms(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Which geoms belong to a body, to what hangs on it or to what it hangs on."""
-    return model.body_rootid[model.geom_bodyid] == model.body_rootid[body]
+    """Returns which geoms are the robot's, shape (ngeom,); see `robot_bodies`."""
+    return robot_bodies(model, body)[model.geom_bodyid]
+
+
+def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
+    """Returns whether any geom of the robot could touch any other, by their collision bits.
+
+    Args:
+        model: The compiled world with the robot.
+        robot: Which geoms are the robot's, shape (ngeom,).
+    """
+    kinds, affinities = model.geom_contype, model.geom_conaffinity
+    own = {(int(kinds[geom]), int(affinities[geom])) for geom in np.flatnonzero(robot)}
+    others = {(int(kinds[geom]), int(affinities[geom])) for geom in np.flatnonzero(~robot)}
+    return any(kind & affinity or other & own_affinity for kind, own_affinity in own for other, affinity in others)
 
 
 def geom_names(model: mujoco.MjModel, furniture_ids: Sequence[str] = ()) -> list[str]:

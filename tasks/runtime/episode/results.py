@@ -14,12 +14,20 @@ from pydantic_core import PydanticSerializationError
 from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
 from ....schemas.runs.stops import RunStop
 from ....schemas.wire.base import Model
+from .verdicts import Parts, decide_verdict
 
 RESULT_FILE = "result.json"
 MAX_RESULT_BYTES = 16 * 1024 * 1024
 """What is longer is no result."""
 MAX_COLLISIONS = 200
 MAX_PATH_POINTS = 600
+_FEW_STEPS = 10
+"""A robot that ends its run sooner has hardly begun."""
+_ENDERS = {
+    "agent": "the robot application",
+    "environment": "the simulation application",
+    "requirements": "a goal that is reached where the robot starts",
+}
 
 
 class EnvironmentReport(Model):
@@ -59,6 +67,12 @@ class Findings:
     requirements: list[Requirement] = field(default_factory=list)
     """Judged requirements; one that is not satisfied makes the verdict FAIL, one that broke ERROR."""
 
+    defects: list[Requirement] = field(default_factory=list)
+    """What was wrong with the run itself, as missed requirements; they count where something is judged."""
+
+    notes: list[str] = field(default_factory=list)
+    """Lines beside the verdict."""
+
     state_digest: str | None = None
     """Digest of the run's states."""
 
@@ -81,6 +95,9 @@ class Episode:
 
     wall_time_s: float
     """Wall-clock time from the first reset to the last step."""
+
+    judges: bool = False
+    """Whether the environment reports on its runs, so that its silence is no verdict either."""
 
 
 def read_report(environment: object) -> EnvironmentReport:
@@ -123,9 +140,28 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     metrics = dict(report.metrics)
     remarks = dict(report.extra)
     added = [requirement for finding in findings for requirement in finding.requirements]
+    notes = [note for finding in findings for note in finding.notes]
     reached = _ended_at_its_goals(episode, added)
     judged, own = _without(report, {requirement.name for requirement in added})
-    own = [item.model_copy(update={"counts": not reached}) for item in own]
+    own = [item.model_copy(update={"counts": not reached and item.counts}) for item in own]
+    if reached and judged != "ERROR":
+        judged = "NONE"
+    if episode.ended_by == "agent" and 0 < episode.steps < _FEW_STEPS:
+        steps = f"{episode.steps} step{'' if episode.steps == 1 else 's'}"
+        notes.append(f"the robot application ended the run after {steps}, at {episode.sim_time_s:.2f} s simulated")
+    is_judged = judged != "NONE" or bool(own or added)
+    defects: list[Requirement] = []
+    for defect in (*_defects_of(episode), *(defect for finding in findings for defect in finding.defects)):
+        if is_judged or (episode.judges and not episode.steps):
+            defects.append(defect)
+        else:
+            notes.append(defect.detail)
+    parts = Parts(
+        own=judged,
+        requirements=[*own, *added],
+        defects=defects,
+        is_canceled=episode.ended_by == RunStop.CANCELED,
+    )
     for finding in findings:
         metrics |= finding.metrics
         remarks |= finding.extra
@@ -133,9 +169,10 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     if len(finite) < len(metrics):
         remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
     result = RunResult(
-        verdict=_verdict("NONE" if reached else judged, added),
-        summary=_summary(report, added, reached, episode.sim_time_s),
-        requirements=[*own, *added],
+        verdict=decide_verdict(parts),
+        summary=_summary(report, [*added, *defects], reached, episode.sim_time_s),
+        requirements=[*own, *added, *defects],
+        notes=notes,
         metrics={"steps": float(episode.steps), **finite},
         rooms=report.rooms,
         collisions=report.collisions[:MAX_COLLISIONS],
@@ -181,13 +218,13 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
     return " ".join(part for part in parts if part)
 
 
-def _verdict(judged: Verdict, added: Sequence[Requirement]) -> Verdict:
-    """The environment's verdict together with requirements that it knows nothing of; ERROR beats FAIL."""
-    if judged == "ERROR" or any(requirement.error is not None for requirement in added):
-        return "ERROR"
-    if not all(requirement.satisfied for requirement in added):
-        return "FAIL"
-    return "PASS" if added and judged == "NONE" else judged
+def _defects_of(episode: Episode) -> list[Requirement]:
+    """Returns what is wrong with an episode in which nothing happened."""
+    if episode.steps:
+        return []
+    who = _ENDERS.get(episode.ended_by, episode.ended_by)
+    text = f"nothing was simulated: {who} ended the run before its first step"
+    return [Requirement(name="simulated", kind="health", satisfied=False, detail=text, error=text)]
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:

@@ -5,6 +5,7 @@
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 _LEAST_RADIUS_M = 0.05
 
@@ -25,6 +26,25 @@ def acting_roots(model: mujoco.MjModel) -> list[int]:
     """Returns the root body of what each actuator moves, in the actuators' order; the world is none."""
     moved = (_moved_body(model, actuator) for actuator in range(model.nu))
     return [int(model.body_rootid[body]) for body in moved if body > 0]
+
+
+def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Returns which bodies are the robot's: all that moves with a body, shape (nbody,).
+
+    What the robot stands in but is fixed to the world, such as a room's body that holds robot and furniture, is not.
+
+    Args:
+        model: The compiled world with the robot.
+        body: Any body of the robot.
+    """
+    top = body
+    while (parent := int(model.body_parentid[top])) and model.body_weldid[parent]:
+        top = parent
+    below = np.zeros(model.nbody, dtype=np.bool_)
+    below[top] = True
+    for each in range(top + 1, model.nbody):  # parents come before their children
+        below[each] = below[model.body_parentid[each]]
+    return below
 
 
 def radius_of(model: mujoco.MjModel, body: int) -> float:

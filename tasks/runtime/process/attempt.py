@@ -14,6 +14,7 @@ from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
 from ..agents.remote_robot import RemoteRobot
 from ..episode.context import SimulationContext
+from ..episode.health import PhysicsHealth
 from ..episode.loading import load_factory
 from ..episode.progress import Phase, Progress
 from ..episode.results import Episode, make_result, write_result
@@ -68,8 +69,9 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
+    health = PhysicsHealth()
     try:
-        episode = _run(plan, rng, recorder, progress, stop, observers, remote, checkpoints)
+        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints)
     except BaseException as error:
         for observer in observers:
             if isinstance(observer, FailureRecorder) and (where := observer.explain()):
@@ -86,7 +88,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
             checkpoints.close()
         raise
     progress.mark(Phase.FINISHING)
-    findings = [observer.close(episode.ended_by) for observer in observers]
+    findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
     recorder.close()
     write_result(make_result(episode, plan.seed, findings), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
@@ -98,7 +100,7 @@ def _run(
     recorder: McapRecorder | NullRecorder,
     progress: Progress,
     stop: Stop,
-    observers: Sequence[Observer],
+    watched: tuple[PhysicsHealth, Sequence[Observer]],
     remote: RemoteRobot | RecordedRobot | None,
     checkpoints: Checkpointer | None,
 ) -> Episode:
@@ -110,7 +112,8 @@ def _run(
         mark=progress.mark,
         stop=stop,
         recorder=recorder,
-        watchers=observers,
+        watchers=watched[1],
+        health=watched[0],
         checkpoints=checkpoints,
     )
 

@@ -1,32 +1,21 @@
 """The loop of a run: environment and agent, step by step."""
 
-# MuJoCo ships no types for its compiled module.
-# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
-
 import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import dm_env
-import mujoco
-from dm_control.rl.control import PhysicsError
 
 from ..episode.context import ActionError, ObservationError
-from ..episode.physics import raw_physics
+from ..episode.health import PhysicsHealth
 from ..episode.progress import Phase
-from ..episode.results import EnvironmentReport, Episode, read_report
+from ..episode.results import EnvironmentReport, Episode, ReportingEnvironment, read_report
 from ..episode.stops import RunEnded, RunStopped, Stop
 from ..recording.recorder import Recorder
 from ..states.checkpoints import Checkpointer, LoopState, RunParts
 from .joint_states import JointStateWatcher
 
 Agent = Callable[[dm_env.TimeStep], Any]
-
-_BAD_STATE_WARNINGS = (
-    mujoco.mjtWarning.mjWARN_BADQPOS,
-    mujoco.mjtWarning.mjWARN_BADQVEL,
-    mujoco.mjtWarning.mjWARN_BADQACC,
-)
 
 
 class PhysicsWatcher(Protocol):
@@ -52,6 +41,7 @@ def run_episode(
     stop: Stop,
     recorder: Recorder,
     watchers: Sequence[PhysicsWatcher] = (),
+    health: PhysicsHealth | None = None,
     checkpoints: Checkpointer | None = None,
     keep_open: bool = False,
     wall_clock: Callable[[], float] = time.perf_counter,
@@ -68,7 +58,9 @@ def run_episode(
         stop: Whether to stop.
         recorder: Gets clock and joint states of environments with a `physics` that do not set
             `records_itself`.
-        watchers: Look at the physics of environments that have one.
+        watchers: Look at the physics of environments that have one. Those with a `last_look` are asked once more at
+            the end, before the environment is closed; also where there is no physics.
+        health: Looks at every step, before the watchers; absent: one that only fails diverged physics.
         checkpoints: Makes checkpoints, and continues from one if there is one.
         keep_open: Whether the environment is not closed, because other episodes follow.
         wall_clock: Seconds of real time.
@@ -81,18 +73,22 @@ def run_episode(
         CheckpointError: The last checkpoint cannot be continued from.
         Exception: Any exception of environment or agent.
     """
-    loop = _Loop(mark, stop, wall_clock)
+    health = health or PhysicsHealth()
+    loop = _Loop(mark, stop, wall_clock, health)
     environment: dm_env.Environment | None = None
     try:
         mark(Phase.MAKE_ENVIRONMENT)
         environment = make_environment()
         _check_environment(environment)
         mark(Phase.MAKE_AGENT)
+        loop.agent_runs = True
         agent = make_agent(environment)
+        loop.agent_runs = False
         if not callable(agent):
             raise TypeError(f"the agent is {_shown(agent)}; it has to be a function of a time step")
         if recorder.enabled and not getattr(environment, "records_itself", False):
             watchers = (JointStateWatcher(recorder), *watchers)
+        watchers = (health, *watchers)
         parts = RunParts(environment, agent, watchers, recorder)
         if checkpoints is not None:
             checkpoints.begin(parts)
@@ -108,18 +104,21 @@ def run_episode(
     except Exception as error:
         loop.annotate(error)
         raise
-    return loop.finish(environment, keep_open=keep_open)
+    return loop.finish(environment, watchers, keep_open=keep_open)
 
 
 class _Loop:
     """The state of one episode."""
 
-    def __init__(self, mark: Callable[[int], None], stop: Stop, wall_clock: Callable[[], float]) -> None:
+    def __init__(
+        self, mark: Callable[[int], None], stop: Stop, wall_clock: Callable[[], float], health: PhysicsHealth
+    ) -> None:
         self.ended_by = ""
         self.agent_runs = False
         self._mark = mark
         self._stop = stop
         self._wall_clock = wall_clock
+        self._health = health
         self._steps = 0
         self._clock = _SimulatedClock(None, ())
         self._wall_time_s = 0.0
@@ -128,7 +127,7 @@ class _Loop:
 
     def run(self, parts: RunParts, checkpoints: Checkpointer | None = None) -> None:
         mark, stop, environment, agent = self._mark, self._stop, parts.environment, parts.agent
-        agent_phase, step_phase = int(Phase.AGENT), int(Phase.STEP)
+        agent_phase, step_phase, look = int(Phase.AGENT), int(Phase.STEP), self._health.look_at_timestep
         mark(Phase.RESET)
         began = self._wall_clock()
         try:
@@ -164,6 +163,7 @@ class _Loop:
                     raise
                 self._steps += 1
                 clock.tick()
+                look(timestep)
             self.ended_by = "environment"
         finally:
             self._wall_time_s = self._earlier_s + self._wall_clock() - began
@@ -179,11 +179,16 @@ class _Loop:
             time_s = self._clock.time_s
             error.add_note(f"in step {self._steps + 1}" + (f", at {time_s:.3f} s simulated" if time_s else ""))
 
-    def finish(self, environment: dm_env.Environment | None, *, keep_open: bool) -> Episode:
+    def finish(
+        self, environment: dm_env.Environment | None, watchers: Sequence[Any] = (), *, keep_open: bool
+    ) -> Episode:
         report = EnvironmentReport()
         if environment is not None:
             self._mark(Phase.REPORT)
             try:
+                for watcher in watchers:
+                    if hasattr(watcher, "last_look") and self.ended_by != "canceled":
+                        watcher.last_look(environment)
                 report = read_report(environment)
                 if not keep_open:
                     environment.close()
@@ -194,7 +199,8 @@ class _Loop:
                 if self._steps:
                     raise
         time_s = self._clock.time_s or self._steps * _control_timestep(environment)
-        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s)
+        judges = isinstance(environment, ReportingEnvironment)
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges)
 
 
 def _check_environment(environment: Any) -> None:
@@ -222,29 +228,15 @@ class _SimulatedClock:
         self._has_physics = hasattr(getattr(environment, "physics", None), "data")
 
     def tick(self) -> None:
-        """Notes the time and calls the watchers whose next look is due.
-
-        Raises:
-            PhysicsError: MuJoCo found a state that is not finite and silently began anew from time 0.
-        """
+        """Notes the time and calls the watchers whose next look is due."""
         if not self._has_physics:
             return
         time_s = self._environment.physics.data.time
-        if time_s < self.time_s:
-            _check_for_divergence(self._environment.physics, self.time_s)
         self.time_s = time_s
         for watcher in self._watchers:
             # Half a microsecond forgives rounding in sums of time steps.
             if time_s >= watcher.next_time_s - 5e-7:
                 watcher.watch(self._environment, time_s)
-
-
-def _check_for_divergence(physics: Any, time_s: float) -> None:
-    _, data = raw_physics(physics)
-    for warning in _BAD_STATE_WARNINGS:
-        if data.warning[warning].number:
-            text = mujoco.mju_warningText(warning, int(data.warning[warning].lastinfo))
-            raise PhysicsError(f"the simulation diverged after {time_s:.3f} s: {text}")
 
 
 def _control_timestep(environment: Any) -> Any:

@@ -13,6 +13,7 @@ from ....schemas.runs.trials import Trial
 from ....schemas.runs.variables import without_secrets
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import SimulationContext
+from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress
@@ -100,7 +101,7 @@ class TrialStage:
         plan = plan_of_trial(self._plan, trial)
         context, robot_context = contexts_of(plan, np.random.default_rng(plan.seed), self._world, self._recorder)
         digest, failures = _TrialDigest(self._digests), FailureRecorder(plan.output_dir, LOOK_EVERY_S)
-        requirements = RequirementsObserver(plan, self._world)
+        requirements, health = RequirementsObserver(plan, self._world), PhysicsHealth()
         try:
             episode = run_episode(
                 lambda: self._environment_for(trial, context),
@@ -109,6 +110,7 @@ class TrialStage:
                 stop=self._stop,
                 recorder=self._recorder,
                 watchers=(digest, failures, requirements),
+                health=health,
                 keep_open=True,
             )
         except Exception as error:
@@ -124,7 +126,7 @@ class TrialStage:
         if episode.ended_by in _STOPPED:
             return None
         summary = digest.close()
-        findings = [failures.close(episode.ended_by), requirements.close(episode.ended_by)]
+        findings = [observer.close(episode.ended_by) for observer in (health, failures, requirements)]
         row = _row(self._told(trial), make_result(episode, plan.seed, findings), episode, summary)
         return row.model_copy(update={"model_sha256": digest.model_sha256})
 
@@ -195,6 +197,7 @@ def _row(trial: Trial, result: RunResult, episode: Episode, digest: StateDigestS
         steps=episode.steps,
         requirements=result.requirements,
         metrics={name: value for name, value in result.metrics.items() if name != "steps"},
+        notes=result.notes,
         state_digest=digest.value if digest else None,
         looks=digest.looks if digest else 0,
         digest_until_s=digest.until_s if digest else 0.0,

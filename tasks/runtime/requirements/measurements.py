@@ -12,6 +12,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirements import BodyName, JobRequirement, PredicateRequirement
@@ -20,7 +21,7 @@ from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.polygons import contains
 from ....schemas.worlds.world import Point, World
 from ..episode.clearance import ClearanceMeter
-from ..episode.contact_forces import ContactForces, floor_geoms, geom_names, robot_geoms
+from ..episode.contact_forces import ContactForces, can_touch, floor_geoms, geom_names, robot_geoms
 from ..episode.loading import LoadError, load_factory
 from ..episode.physics import raw_physics
 from ..episode.robot_body import acting_roots
@@ -136,7 +137,9 @@ def bind(rule: Rule, scene: Scene) -> Look:
         case GoalRule():
             return _goal(rule, scene)
         case CollisionRule():
-            contacts = scene.contacts(scene.robot(rule.requirement, rule.asked.body))
+            body = scene.robot(rule.requirement, rule.asked.body)
+            contacts = scene.contacts(body)
+            _check_touchable(rule, scene, robot_geoms(scene.model, body))
             return lambda time_s: rule.update(time_s, contacts.read())
         case ClearanceRule():
             return _clearance(rule, scene)
@@ -177,6 +180,7 @@ def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
     body = scene.robot(asked, asked.body)
     own = robot_geoms(model, body)
     part = own if asked.body is None else _below(model, body)
+    _check_touchable(rule, scene, own)
     meant = np.array([is_meant(name, asked.others, asked.ignore) for name in scene.names], dtype=np.bool_)
     meter = ClearanceMeter(model, scene.data, part, meant & ~own & ~floor_geoms(model, scene.data), scene.names)
 
@@ -186,6 +190,22 @@ def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
             rule.update(time_s, *found)
 
     return look
+
+
+def _check_touchable(rule: CollisionRule | ClearanceRule, scene: Scene, robot: NDArray[np.bool_]) -> None:
+    """Makes a requirement an error that nothing could miss: a robot without collision shapes, no such thing.
+
+    Args:
+        rule: The rule.
+        scene: Where it is judged.
+        robot: Which geoms are the robot's.
+    """
+    if not can_touch(scene.model, robot):
+        rule.fail("the robot has no shape that collides with anything else, so it goes through everything")
+    elif (others := rule.asked.others) is not None:
+        there = sorted({name for name, own in zip(scene.names, robot.tolist(), strict=True) if not own})
+        if unknown := [other for other in others if not any(is_meant(name, [other], None) for name in there)]:
+            rule.fail(f"nothing is named like {unknown[0]!r}{_near(unknown[0], there)}")
 
 
 def _predicate(rule: PredicateRule, scene: Scene) -> Look:

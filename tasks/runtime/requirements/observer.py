@@ -6,15 +6,17 @@ from typing import Any
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from ..episode.stops import RunEnded
 from .measurements import Look, RequirementError, Scene, bind, make_rules
-from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule
+from .rules import ClearanceRule, CollisionRule, GoalRule, Rule, TimeLimitRule
 
 _NO_PHYSICS = "the environment has no `physics` to judge it by"
+_NEVER_BEGAN = "the run ended before there was an environment"
 _ROUNDING_S = 5e-7
 
 
@@ -94,24 +96,41 @@ class RequirementsObserver:
         if ended_by is None:
             return Findings()
         rules = self._rules
-        if rules is None:  # it never looked
+        if rules is None:  # the environment was never made
             rules = make_rules(self._plan.requirements)
             for rule in rules:
-                rule.fail(_NO_PHYSICS)
-        end_s = self._last_look()
-        judged = [rule.judged(end_s, ended_by) for rule in rules]
-        return Findings(metrics=_metrics(rules), requirements=judged)
+                rule.fail(_NEVER_BEGAN)
+        judged = [rule.judged(self._time_s, ended_by) for rule in rules]
+        notes = [note for rule in rules if (note := rule.remark()) is not None]
+        if ended_by == RunStop.DURATION_LIMIT and (cut := self._cut(rules)):
+            notes.append(cut)
+        return Findings(metrics=_metrics(rules), requirements=judged, notes=notes)
 
-    def _last_look(self) -> float:
-        """Looks once more, since the run may have ended between two checks; returns the time of its end."""
+    def last_look(self, environment: Any) -> None:
+        """Looks once more before the environment is closed, since the run may have ended between two checks.
+
+        Raises:
+            RequirementError: The environment's requirements are none.
+        """
+        if self._rules is None:
+            self._begin(environment)
         if self._data is None:
-            return self._time_s
-        end_s = max(self._time_s, self._data.time)
+            for rule in self._rules or ():
+                rule.fail(_NO_PHYSICS)
+            return
+        self._time_s = max(self._time_s, self._data.time)
         for check in self._checks:
-            # The environment is closed by now, which functions of applications need not be prepared for.
-            if not isinstance(check.rule, PredicateRule):
-                check.look(end_s)
-        return end_s
+            check.look_if_new(self._time_s)
+
+    def _cut(self, rules: Sequence[Rule]) -> str:
+        """Says how much of a run was driven that the job's duration limit has cut; empty: there is no telling."""
+        limits_s = [rule.asked.limit_s for rule in rules if isinstance(rule, TimeLimitRule)]
+        limits_s += [rule.goal.by_s for rule in rules if isinstance(rule, GoalRule) and rule.goal.by_s is not None]
+        whole_s = max(limits_s, default=0.0)
+        cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
+        if self._time_s >= whole_s:
+            return f"{cut} s" if rules else ""
+        return f"{cut} of {whole_s:g} s: {100 * (1 - self._time_s / whole_s):.0f} % were not driven"
 
     def _begin(self, environment: Any) -> None:
         requirements = merged(self._plan.requirements, _own_requirements(environment))
@@ -154,6 +173,7 @@ class _Check:
         self.rule = rule
         self.next_time_s = 0.0
         self.look = look
+        self._looked_at_s = -math.inf
         # Nothing can happen before a time limit, and it is to be seen at once.
         self._period_s = getattr(rule.requirement, "period_s", 0.0)
         if isinstance(rule, TimeLimitRule):
@@ -162,9 +182,15 @@ class _Check:
     def look_if_due(self, time_s: float) -> None:
         if time_s < self.next_time_s - _ROUNDING_S:
             return
-        self.look(time_s)
+        self.look_if_new(time_s)
         is_done = self.rule.error is not None
         self.next_time_s = math.inf if is_done else time_s + self._period_s
+
+    def look_if_new(self, time_s: float) -> None:
+        """Looks, unless it has looked at this time; what could not be judged is not asked again."""
+        if time_s > self._looked_at_s and self.rule.error is None:
+            self._looked_at_s = time_s
+            self.look(time_s)
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
@@ -180,8 +206,12 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
         RequirementError: It is no list of requirements.
     """
     ask = getattr(environment, "requirements", None)
-    if not callable(ask):
+    if ask is None:
         return []
+    if not callable(ask):
+        raise RequirementError(
+            f"environment.requirements is of type {type(ask).__name__}; it has to be a method that returns a list"
+        )
     try:
         return parse_requirements(ask(), "environment.requirements()")
     except InvalidParameterException as error:

@@ -19,6 +19,7 @@ from ....schemas.runs.requirements import (
     PredicateRequirement,
     TimeLimitRequirement,
 )
+from ....schemas.runs.stops import RunStop
 
 SEPARATION_S = 0.1
 """A touch is over when nothing was felt for this long; shorter gaps are bouncing."""
@@ -74,6 +75,8 @@ class Rule(ABC):
             ended_by: What ended it.
         """
         self._end_s, self._ended_by = end_s, ended_by
+        if (why := self._unjudgeable()) is not None:
+            self.fail(why)
         name, kind = self.requirement.name, self.requirement.kind
         if self.error is not None:
             detail = f"could not be judged: {self.error}"
@@ -97,6 +100,14 @@ class Rule(ABC):
     def _violate(self, time_s: float) -> None:
         if self.violated_s is None:
             self.violated_s = time_s
+
+    def _unjudgeable(self) -> str | None:
+        """Returns why the requirement cannot be judged, now that the run has ended; None: it can."""
+        return None
+
+    def remark(self) -> str | None:
+        """Returns a line beside the verdict, once it is judged; None: there is nothing to say."""
+        return None
 
     def _is_satisfied(self) -> bool:
         return self.violated_s is None
@@ -137,6 +148,13 @@ class GoalRule(Rule):
         latest_s = math.inf if goal.by_s is None else goal.by_s + _ROUNDING_S
         if time_s > latest_s and (self.reached_s is None or self.reached_s > latest_s):
             self._violate(latest_s - _ROUNDING_S)
+
+    def remark(self) -> str | None:
+        """Returns a line about a goal that was reached before the robot moved."""
+        is_ordinary = self._before is None and self.goal.by_s is None
+        if self.reached_s == 0.0 and is_ordinary and self._end_s:
+            return f"{self.goal.name}: reached where the robot starts, before it moved"
+        return None
 
     def _is_satisfied(self) -> bool:
         return self.reached_s is not None and self.violated_s is None
@@ -231,9 +249,12 @@ class TimeLimitRule(Rule):
         if time_s > self.asked.limit_s + _ROUNDING_S:
             self._violate(time_s)
 
-    def _is_satisfied(self) -> bool:
+    def _unjudgeable(self) -> str | None:
         self.update(self._end_s)
-        return self.violated_s is None
+        if self.violated_s is None and self._ended_by == RunStop.DURATION_LIMIT:
+            limit_s = self.asked.limit_s
+            return f"it was not over when the job's duration limit ended it, at {self._end_s:.2f} of {limit_s:g} s"
+        return None
 
     def _numbers(self) -> Numbers:
         return Numbers(self._end_s, self.asked.limit_s, "s")

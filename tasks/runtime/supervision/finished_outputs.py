@@ -1,6 +1,5 @@
 """Completes the output folder of a run that has ended."""
 
-import os
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import datetime
@@ -9,14 +8,18 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ....schemas.runs.plan import RunPlan, RunResult
+from ....schemas.runs.plan import Requirement, RunPlan, RunResult
 from ....schemas.runs.programs import ToolEnds
+from ....schemas.runs.requirements import JobRequirement
+from ....schemas.runs.stops import RunStop
 from ..agents.agent_socket import remove_agent_socket
 from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
+from ..episode.verdicts import Parts, decide_verdict
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
 from ..trials.completion import complete_after_all
 from .outcomes import Exit, Outcome, failure_reason, tool_in_words
+from .program_results import read_program_result
 
 INVALID_RESULT_FILE = "result.invalid.json"
 """New name of an invalid `result.json` that an application wrote."""
@@ -79,31 +82,52 @@ def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
 
 
 def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, datetime]) -> None:
-    if (result := read_result(plan.output_dir)) is not None:
-        if outcome.status == "Canceled" and result.verdict != "NONE":
-            write_result(result.unjudged(), plan.output_dir)
-        elif outcome.status == "Failed" and result.verdict not in ("FAIL", "ERROR"):
-            write_result(result.model_copy(update=_broken(outcome)), plan.output_dir)
-        return
-    path = plan.output_dir / RESULT_FILE
-    extra = {}
-    if os.path.lexists(path):
-        path.replace(path.with_name(INVALID_RESULT_FILE))
-        extra = {"invalid_result": f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"}
     began, ended = times
-    ended_by = "canceled" if outcome.status == "Canceled" else "duration limit" if outcome.timed_out else "application"
-    judged: dict[str, Any] = _broken(outcome) if outcome.status == "Failed" else {"verdict": "NONE"}
-    result = RunResult(
-        **judged,
-        sim_time_s=0.0,
-        wall_time_s=(ended - began).total_seconds(),
-        real_time_factor=0.0,
-        ended_by=ended_by,
-        seed=plan.seed,
-        versions=versions(),
-        extra=extra | {"started_at": began.isoformat(), "ended_at": ended.isoformat()},
+    facts = {
+        "sim_time_s": 0.0,
+        "wall_time_s": (ended - began).total_seconds(),
+        "real_time_factor": 0.0,
+        "ended_by": _ended_by(outcome),
+        "seed": plan.seed,
+    }
+    said = read_program_result(plan.output_dir, facts)
+    result, is_changed = said.result, said.is_changed
+    if result is None:
+        extra: dict[str, Any] = {"started_at": began.isoformat(), "ended_at": ended.isoformat()}
+        broken: dict[str, Any] = {}
+        if said.problem is not None:
+            path = plan.output_dir / RESULT_FILE
+            path.replace(path.with_name(INVALID_RESULT_FILE))
+            extra["invalid_result"] = f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"
+            broken = {"verdict": "ERROR", "summary": f"An application's {said.problem}."}
+        result = RunResult(**{"verdict": "NONE", **facts, **broken}, versions=versions(), extra=extra)
+        is_changed = True
+    unjudged = [_never_judged(requirement) for requirement in plan.requirements]
+    if outcome.status == "Canceled" and result.verdict != "NONE":
+        result, is_changed = result.unjudged(), True
+    elif outcome.status == "Failed" and result.verdict not in ("FAIL", "ERROR"):
+        result, is_changed = result.model_copy(update=_broken(outcome)), True
+    elif outcome.status == "Completed":
+        parts = Parts(own=result.verdict, requirements=[*result.requirements, *unjudged])
+        if (verdict := decide_verdict(parts)) != result.verdict or unjudged:
+            judged = {"verdict": verdict, "requirements": list(parts.requirements)}
+            result, is_changed = result.model_copy(update=judged), True
+    if is_changed:
+        write_result(result, plan.output_dir)
+
+
+def _ended_by(outcome: Outcome) -> str:
+    if outcome.status == "Canceled":
+        return RunStop.CANCELED
+    return RunStop.DURATION_LIMIT if outcome.timed_out else "application"
+
+
+def _never_judged(requirement: JobRequirement) -> Requirement:
+    """The requirement of a job that steps no environment, as one that cannot be judged."""
+    why = "the job has only programs, and no simulation that could be judged"
+    return Requirement(
+        name=requirement.name, kind=requirement.kind, satisfied=False, detail=f"could not be judged: {why}", error=why
     )
-    write_result(result, plan.output_dir)
 
 
 def _broken(outcome: Outcome) -> dict[str, Any]:

@@ -14,12 +14,14 @@ from ....schemas.runs.trial_rows import (
     TrialsSummary,
 )
 from ....schemas.runs.trials import Trials
+from ..episode.verdicts import Parts, TrialParts, decide_verdict
 
 MAX_NAMES = 200
 """How many metrics, and how many requirements, are counted; those that came first."""
 OF_ALL_TRIALS = "trials"
 """Name of the job's own requirement, that no trial fails."""
 _NAMED = 10
+_MAX_NOTES = 5
 _REASON_CHARACTERS = 300
 _COUNTED: dict[Verdict, str] = {"PASS": "passed", "FAIL": "failed", "ERROR": "errors", "NONE": "unjudged"}
 
@@ -40,8 +42,11 @@ class Tally:
         self._failing: list[FailingTrial] = []
         self._requirements: dict[str, _RequirementCount] = {}
         self._means: dict[str, _Mean] = {}
+        self._notes: list[str] = []
         self._digest = hashlib.sha256()
         self._has_digests = False
+        self._first_digest: str | None = None
+        self._differ = False
         self._sim_time_s = self._wall_time_s = 0.0
         self._steps = 0
         self.rows = 0
@@ -67,6 +72,11 @@ class Tally:
                 self._means.setdefault(name, _Mean()).take(value)
         self._digest.update((row.state_digest or "").encode() + b"\n")
         self._has_digests |= row.state_digest is not None
+        if self.rows == 1:
+            self._first_digest = row.state_digest
+        self._differ |= row.state_digest != self._first_digest
+        if len(self._notes) < _MAX_NOTES:
+            self._notes += [f"trial {row.trial}: {note}" for note in row.notes[: _MAX_NOTES - len(self._notes)]]
         self._sim_time_s += row.sim_time_s
         self._wall_time_s += row.wall_time_s
         self._steps += row.steps
@@ -117,11 +127,13 @@ class Tally:
             name=OF_ALL_TRIALS,
             satisfied=self._verdict in ("PASS", "NONE"),
             detail=self._in_words,
+            error=self._in_words if self._verdict == "ERROR" else None,
             value=float(summary.counts.failed + summary.counts.errors),
             limit=0.0,
         )
         result = RunResult(
             verdict=self._verdict,
+            notes=self._remarks,
             summary=f"{self._in_words[0].upper()}{self._in_words[1:]}.",
             requirements=[own, *(count.requirement(name) for name, count in self._requirements.items())],
             metrics=self._metrics(summary.counts),
@@ -138,11 +150,15 @@ class Tally:
 
     @property
     def _verdict(self) -> Verdict:
-        if self._counts.get("failed"):
-            return "FAIL"
-        if self._counts.get("errors") or not self.is_whole:
-            return "ERROR"
-        return "PASS" if self._counts.get("passed") else "NONE"
+        counts = {name: self._counts.get(name, 0) for name in _COUNTED.values()}
+        return decide_verdict(Parts(trials=TrialParts(planned=self._trials.count, **counts)))
+
+    @property
+    def _remarks(self) -> list[str]:
+        """Lines beside the verdict."""
+        is_one = self.rows > 1 and self._first_digest is not None and not self._differ
+        same = f"all {self.rows} trials went through the same states: they count as one trial"
+        return [same, *self._notes] if is_one else self._notes
 
     @property
     def _in_words(self) -> str:
@@ -153,6 +169,8 @@ class Tally:
             more = bad - _NAMED
             named = ", ".join(str(number) for number in self.first_failing[:_NAMED])
             text += f": {named}{f' and {more} more' if more > 0 else ''}"
+        if (unjudged := self._counts.get("unjudged", 0)) and unjudged < self.rows:
+            text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
             text += f"; stopped in trial {self.rows} of {self._trials.count}"
         return text

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from .....schemas.runs.plan import Collision
-from ...episode.contact_forces import ContactForces, geom_names, robot_geoms
+from ...episode.contact_forces import ContactForces, can_touch, geom_names, robot_geoms
 from ...episode.resumable import KeepsAttributes
 
 SEPARATION_S = 0.1
@@ -60,6 +60,8 @@ class CollisionMonitor(KeepsAttributes):
         self._on_touch = on_touch
         self._position = data.xpos[robot_body_id]
         robot = robot_geoms(model, robot_body_id)
+        self.can_touch = can_touch(model, robot)
+        """Whether the robot has a shape that collides with anything else."""
         self._contacts = ContactForces(model, data, robot, geom_names(model, furniture_ids))
         self._open: dict[str, _Touch] = {}
         self.collisions: list[Collision] = []

@@ -18,6 +18,7 @@ TIPPED_OVER_RAD = math.radians(35)
 MAX_PATH_POINTS = 600
 
 _PATH_PERIOD_S = 0.2
+_NO_HARD_COLLISION = "no_hard_collision"
 
 
 class Mission(KeepsAttributes):
@@ -78,16 +79,26 @@ class Mission(KeepsAttributes):
             del self._unvisited[index]
         return len(entered)
 
-    def report(self, collisions: list[Collision], touches: int, max_force_N: float) -> EnvironmentReport:  # noqa: N803
+    def report(
+        self,
+        collisions: list[Collision],
+        touches: int,
+        max_force_N: float,  # noqa: N803
+        *,
+        can_touch: bool = True,
+    ) -> EnvironmentReport:
         """Decides verdict, requirements and metrics of the run.
 
         Args:
             collisions: the touches to list.
             touches: how many there were.
             max_force_N: the hardest one's force.
+            can_touch: whether the robot has a shape that collides with anything else.
         """
         time_s = self._last.time_s if self._last else 0.0
         requirements = self._requirements(time_s, max_force_N)
+        if not can_touch:
+            requirements = [_never_touches(item) if item.name == _NO_HARD_COLLISION else item for item in requirements]
         missed = [requirement for requirement in requirements if not requirement.satisfied]
         progress = f"{self.visited_count} of {len(self._rooms)} rooms visited in {time_s:.1f} s"
         return EnvironmentReport(
@@ -121,7 +132,7 @@ class Mission(KeepsAttributes):
                 detail=f"not visited: {', '.join(unseen)}" if unseen else f"all {len(self._rooms)} rooms visited",
             ),
             Requirement(
-                name="no_hard_collision",
+                name=_NO_HARD_COLLISION,
                 satisfied=max_force_N <= HARD_COLLISION_N,
                 detail=f"hardest touch {max_force_N:.1f} N, at most {HARD_COLLISION_N:g} N allowed",
             ),
@@ -136,6 +147,11 @@ class Mission(KeepsAttributes):
                 detail="the robot tipped over" if self.tipped_over else "the robot stayed upright",
             ),
         ]
+
+
+def _never_touches(requirement: Requirement) -> Requirement:
+    why = "the robot has no shape that collides with anything else, so it goes through everything"
+    return requirement.model_copy(update={"satisfied": False, "error": why, "detail": f"could not be judged: {why}"})
 
 
 def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:

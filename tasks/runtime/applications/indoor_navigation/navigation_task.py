@@ -210,7 +210,8 @@ class NavigationTask(Task):
     def report(self) -> EnvironmentReport:
         """Judges the run so far."""
         collisions = self._monitor.finish()
-        return self.mission.report(collisions, self._monitor.count, self._monitor.max_force_N)
+        monitor = self._monitor
+        return self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)
 
     # -- Inside -----------------------------------------------------------------
 

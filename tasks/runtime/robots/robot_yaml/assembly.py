@@ -49,6 +49,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
     model = stand_alone(builder.build(), files)
     planar = planar_joints(mapping, model, files.mapping.name)
     home = {name: value for name, value in _home(mapping, builder, model).items() if name not in (planar or ())}
+    _check_shapes(model, files.mapping.name)
     data = _standing(model, mapping, home)
     if planar:
         # Now that it is known which body moves over the floor, its place there can be marked.
@@ -183,6 +184,17 @@ def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str
     if name not in there:
         raise invalid(where, f"video_camera: there is no camera {name!r}; {alternatives(name, there, 'cameras')}")
     return name
+
+
+def _check_shapes(model: mujoco.MjModel, where: str) -> None:
+    """Refuses a robot that is only drawn: it would go through walls, and pass every test of collisions."""
+    collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    if not (collides & (model.geom_bodyid > 0)).any():
+        raise invalid(
+            where,
+            "model: the robot has no shape that collides, so it would go through walls; give a link of a URDF "
+            "<collision>, or a geom of MJCF contype and conaffinity above 0",
+        )
 
 
 def _warn_of_overhang(mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> None:

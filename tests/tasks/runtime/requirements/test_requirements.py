@@ -182,7 +182,7 @@ def test_what_the_environment_asks_beyond_the_goal_does_not_count(judge: Callabl
         }  # fmt: skip
         return made
 
-    goal = {"kind": "goal", "x": 0.0, "y": 0.0}
+    goal = {"kind": "goal", "x": 1.0, "y": 0.0}
     reached = judge({**goal, "stop": True}, make=make)
     assert reached.verdict == "PASS"
     assert [(item.name, item.counts) for item in reached.requirements] == [("all", False), ("it-0", True)]

@@ -1,0 +1,216 @@
+"""Health of a run's physics: MuJoCo's warnings, numbers that are not finite, time, floor, and jumps of the robot."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import dm_env
+import mujoco
+import numpy as np
+from dm_control.rl.control import PhysicsError
+
+from ....schemas.runs.plan import Requirement
+from .contact_forces import floor_geoms
+from .physics import raw_physics
+from .results import Findings
+from .robot_body import robot_bodies, robot_body
+
+LOOK_EVERY_STEPS = 10
+"""Steps between two searches for numbers that are not finite. Each costs 5 to 20 us, a step at least 200."""
+
+BELOW_FLOOR_M = 0.2
+"""The robot's body has fallen through the floor when it is so far below it: soft contacts and low bodies are not."""
+
+_TIME_STANDS_AFTER = 3
+"""Steps without time after which it stands; environments may have a step or two that only prepare."""
+
+_DIVERGED = (mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
+_SPOILS_JUDGEMENT = {
+    int(mujoco.mjtWarning.mjWARN_CONTACTFULL): "contacts were dropped, because MuJoCo's memory is too small",
+    int(mujoco.mjtWarning.mjWARN_CNSTRFULL): "constraints were dropped, because MuJoCo's memory is too small",
+    int(mujoco.mjtWarning.mjWARN_BADCTRL): "the robot's command was not finite, and 0 was taken in its place",
+}
+
+
+@dataclass(frozen=True)
+class _First:
+    """Where something was seen first."""
+
+    text: str
+    step: int
+    time_s: float
+
+    def __str__(self) -> str:
+        return f"{self.text}, first in step {self.step}, at {self.time_s:.3f} s"
+
+
+class PhysicsHealth:
+    """Watches each step of a run; what it finds is part of the verdict (see `verdicts`).
+
+    It looks after every step, whatever the simulated time does.
+    """
+
+    next_time_s = -math.inf
+
+    def __init__(self) -> None:
+        self._model: mujoco.MjModel | None = None
+        self._data: Any = None
+        self._warnings: Any = None
+        self._seen = b""
+        self._before: Any = None
+        self._body: int | None = None
+        self._floor_m = -math.inf
+        self._length_m = math.inf
+        self._raw: Any = None
+        self._xpos: Any = None
+        self._place: list[float] = []
+        self._steps = 0
+        self._time_s = 0.0
+        self._still_steps = 0
+        self._broken: dict[str, _First] = {}
+        self._missed: dict[str, _First] = {}
+        self._noted: dict[str, _First] = {}
+
+    # The loop's watcher
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Looks at the physics after a step.
+
+        Raises:
+            PhysicsError: The physics diverged, and MuJoCo began anew.
+        """
+        data = environment.physics.data
+        if data is not self._data:
+            self._bind(environment)
+        if self._warnings.tobytes() != self._seen:
+            self._read_warnings(max(time_s, self._time_s))
+        if time_s == self._time_s:
+            self._still_steps += 1
+        elif time_s < self._time_s:
+            self._note(self._broken, "time", f"simulated time went back from {self._time_s:.3f} s")
+        self._time_s = time_s
+        if self._body is not None:
+            self._look_at_robot()
+        if self._steps % LOOK_EVERY_STEPS == 0:
+            self._look_for_numbers()
+        self._steps += 1
+
+    def look_at_timestep(self, timestep: dm_env.TimeStep) -> None:
+        """Looks for numbers that are not finite in a reward, and for NaN in an observation."""
+        reward = timestep.reward
+        if isinstance(reward, float) and not math.isfinite(reward):
+            self._note(self._noted, "reward", f"the reward was {reward}")
+        if self._steps % LOOK_EVERY_STEPS == 0 and (name := _nan_in(timestep.observation)):
+            self._note(self._noted, "observation", f"the observation {name!r} had NaN")
+
+    def last_look(self, environment: Any) -> None:
+        """Looks once more at the end, for what lies between two searches."""
+        if self._data is not None and getattr(environment, "physics", None) is not None:
+            self._look_for_numbers()
+
+    def state(self) -> dict[str, Any]:
+        """See `checkpoints.Resumable`."""
+        kept = ("_steps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
+        return {name: getattr(self, name) for name in kept}
+
+    def restore(self, state: dict[str, Any], environment: Any) -> None:
+        """See `checkpoints.ResumableObserver`."""
+        self.__dict__.update(state)
+        self._bind(environment)
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Returns defects, which count as missed requirements, and notes.
+
+        Args:
+            ended_by: What ended the run; None when it failed.
+        """
+        if ended_by is None:
+            return Findings()
+        steps = self._steps - 1  # the first look is after the reset
+        if steps > _TIME_STANDS_AFTER and self._still_steps >= steps:
+            text = f"simulated time stood at {self._time_s:.3f} s"
+            self._broken.setdefault("time", _First(text, 1, self._time_s))
+        defects = [_defect(name, str(first), is_error=True) for name, first in self._broken.items()]
+        defects += [_defect(name, str(first), is_error=False) for name, first in self._missed.items()]
+        return Findings(defects=defects, notes=[str(first) for first in self._noted.values()])
+
+    # Looks
+
+    def _bind(self, environment: Any) -> None:
+        """Looks up what does not change with time; environments may replace their physics."""
+        model, data = raw_physics(environment.physics)
+        self._data = environment.physics.data
+        self._raw = data
+        self._warnings = data.warning.number  # a view, which MuJoCo changes
+        self._before = self._warnings.copy()
+        self._seen = self._warnings.tobytes()
+        self._model = model
+        named = getattr(environment, "robot_body", None)
+        found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, named) if isinstance(named, str) else -1
+        self._body = found if found > 0 else robot_body(model)
+        floor = floor_geoms(model, data)
+        self._floor_m = float(data.geom_xpos[floor, 2].min()) if floor.any() else -math.inf
+        if self._body is not None:
+            self._length_m = 2 * _reach_m(model, data, self._body)
+            self._xpos = data.xpos[self._body]
+            self._place = self._xpos.tolist()
+
+    def _read_warnings(self, time_s: float) -> None:
+        new = np.flatnonzero(self._warnings > self._before).tolist()
+        self._seen = self._warnings.tobytes()
+        for kind in new:
+            if kind in _DIVERGED:
+                text = mujoco.mju_warningText(kind, int(self._raw.warning[kind].lastinfo))
+                raise PhysicsError(f"the simulation diverged after {time_s:.3f} s: {text}")
+            if kind in _SPOILS_JUDGEMENT:
+                self._note(self._broken, "physics", _SPOILS_JUDGEMENT[kind])
+            else:
+                self._note(self._noted, f"warning {kind}", f"MuJoCo warned: {mujoco.mjtWarning(kind).name}")
+
+    def _look_at_robot(self) -> None:
+        place = self._xpos.tolist()
+        moved_m = math.dist(place, self._place)
+        self._place = place
+        if (z := place[2]) < self._floor_m - BELOW_FLOOR_M:
+            self._note(self._missed, "above_floor", f"the robot is {self._floor_m - z:.2f} m below the floor")
+        if moved_m > self._length_m and self._steps:
+            text = f"the robot moved {moved_m:.2f} m in one step, farther than it is long ({self._length_m:.2f} m)"
+            self._note(self._noted, "jump", text)
+
+    def _look_for_numbers(self) -> None:
+        for name in ("qpos", "qvel", "act"):
+            values = getattr(self._raw, name)
+            if not np.isfinite(values).all():
+                self._note(self._broken, "physics", f"{name} of the physics is not finite")
+
+    def _note(self, place: dict[str, _First], name: str, text: str) -> None:
+        if name not in place:
+            place[name] = _First(text, self._steps, self._time_s)
+
+
+def _defect(name: str, text: str, *, is_error: bool) -> Requirement:
+    return Requirement(
+        name=name, kind="health", satisfied=False, detail=text, error=text if is_error else None, unit=None
+    )
+
+
+def _nan_in(observation: Any, name: str = "") -> str:
+    """Returns the name of an array with NaN in an observation; empty: there is none."""
+    if isinstance(observation, Mapping):
+        return next((found for key, item in observation.items() if (found := _nan_in(item, str(key)))), "")
+    if isinstance(observation, np.ndarray) and observation.dtype.kind == "f" and np.isnan(observation).any():
+        return name or "array"
+    return ""
+
+
+def _reach_m(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> float:
+    """Returns the radius in m of a ball around the robot's body that holds all of its geoms."""
+    geoms = np.flatnonzero(robot_bodies(model, body)[model.geom_bodyid])
+    if not len(geoms):
+        return math.inf
+    away = np.linalg.norm(data.geom_xpos[geoms] - data.xpos[body], axis=1) + model.geom_rbound[geoms]
+    return float(away.max())

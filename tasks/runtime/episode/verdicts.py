@@ -1,0 +1,71 @@
+"""The verdict of a run, made from its parts; nothing else makes one.
+
+PASS means that everything that was asked was judged, could have been missed, and was met.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ....schemas.runs.plan import Requirement, Verdict
+
+
+@dataclass(frozen=True)
+class Parts:
+    """The parts that a run's verdict is made from."""
+
+    own: Verdict = "NONE"
+    """Verdict of the environment, or of a program that runs alone."""
+
+    requirements: Sequence[Requirement] = ()
+    """Requirements of job and environment; those with `counts: false` are ignored."""
+
+    defects: Sequence[Requirement] = ()
+    """What the run itself did wrong, as missed requirements: broken physics, no step at all."""
+
+    trials: "TrialParts | None" = None
+    """Trials of the run; `None`: it is one episode."""
+
+    is_canceled: bool = False
+    """Whether the run was cancelled; nothing is judged then."""
+
+
+@dataclass(frozen=True)
+class TrialParts:
+    """Numbers of a run's trials by verdict."""
+
+    planned: int
+    passed: int
+    failed: int
+    errors: int
+    unjudged: int
+
+
+def decide_verdict(parts: Parts) -> Verdict:
+    """Returns the verdict of a run.
+
+    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Trials are independent, so
+    that a failed one counts beside a broken one.
+
+    Args:
+        parts: What the verdict is made from.
+    """
+    if parts.is_canceled:
+        return "NONE"
+    if parts.trials is not None:
+        return _of_trials(parts.trials)
+    judged = [item for item in parts.requirements if item.counts]
+    against = [*judged, *parts.defects]
+    if parts.own == "ERROR" or any(item.error is not None for item in against):
+        return "ERROR"
+    if parts.own == "FAIL" or not all(item.satisfied for item in against):
+        return "FAIL"
+    return "PASS" if parts.own == "PASS" or judged else "NONE"
+
+
+def _of_trials(trials: TrialParts) -> Verdict:
+    finished = trials.passed + trials.failed + trials.errors + trials.unjudged
+    if trials.failed:
+        return "FAIL"
+    if trials.errors or finished < trials.planned or (trials.passed and trials.unjudged):
+        return "ERROR"
+    return "PASS" if trials.passed else "NONE"
