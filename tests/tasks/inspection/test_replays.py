@@ -54,6 +54,13 @@ def test_a_rerun_is_the_same_to_the_bit_and_touches_nothing(service: Service, sw
     assert list(service.folder("scratch").iterdir()) == []
 
 
+def test_a_verdict_that_was_edited_is_found(service: Service, swing: Simulate) -> None:
+    folder = changed(service, swing(), "result.json", lambda result: result.update(verdict="FAIL"))
+    answer = verify_run(str(folder), service)
+    assert answer.answer == "diverged"
+    assert "in its result: the verdict was FAIL and is " in str(answer)
+
+
 def test_chance_that_no_seed_repeats_is_found_and_its_joint_named(service: Service, swing: Simulate) -> None:
     answer = verify_run(swing(DRIFT_AT="60")["arn"], service)
 
