@@ -68,7 +68,7 @@ class PhysicsHealth:
         self._raw: Any = None
         self._xpos: Any = None
         self._place: list[float] = []
-        self._steps = 0
+        self._steps = self._timesteps = 0
         self._time_s = 0.0
         self._still_steps = 0
         self._broken: dict[str, _First] = {}
@@ -101,11 +101,12 @@ class PhysicsHealth:
 
     def look_at_timestep(self, timestep: dm_env.TimeStep) -> None:
         """Looks for numbers that are not finite in a reward, and for NaN in an observation."""
+        self._timesteps += 1
         reward = timestep.reward
         if isinstance(reward, float) and not math.isfinite(reward):
-            self._note(self._noted, "reward", f"the reward was {reward}")
-        if self._steps % LOOK_EVERY_STEPS == 0 and (name := _nan_in(timestep.observation)):
-            self._note(self._noted, "observation", f"the observation {name!r} had NaN")
+            self._note(self._noted, "reward", f"the reward was {reward}", self._timesteps)
+        if self._timesteps % LOOK_EVERY_STEPS == 1 and (name := _nan_in(timestep.observation)):
+            self._note(self._noted, "observation", f"the observation {name!r} had NaN", self._timesteps)
 
     def last_look(self, environment: Any) -> None:
         """Looks once more at the end, for what lies between two searches."""
@@ -114,7 +115,7 @@ class PhysicsHealth:
 
     def state(self) -> dict[str, Any]:
         """See `checkpoints.Resumable`."""
-        kept = ("_steps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
+        kept = ("_steps", "_timesteps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
         return {name: getattr(self, name) for name in kept}
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
@@ -152,7 +153,8 @@ class PhysicsHealth:
         named = getattr(environment, "robot_body", None)
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, named) if isinstance(named, str) else -1
         self._body = found if found > 0 else robot_body(model)
-        floor = floor_geoms(model, data)
+        collides = (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+        floor = floor_geoms(model, data) & collides  # the surface of water is none
         self._floor_m = float(data.geom_xpos[floor, 2].min()) if floor.any() else -math.inf
         if self._body is not None:
             self._length_m = 2 * _reach_m(model, data, self._body)
@@ -187,9 +189,9 @@ class PhysicsHealth:
             if not np.isfinite(values).all():
                 self._note(self._broken, "physics", f"{name} of the physics is not finite")
 
-    def _note(self, place: dict[str, _First], name: str, text: str) -> None:
+    def _note(self, place: dict[str, _First], name: str, text: str, step: int | None = None) -> None:
         if name not in place:
-            place[name] = _First(text, self._steps, self._time_s)
+            place[name] = _First(text, self._steps if step is None else step, self._time_s)
 
 
 def _defect(name: str, text: str, *, is_error: bool) -> Requirement:
