@@ -123,7 +123,8 @@ def test_worlds_and_the_jobs_in_them_are_counted_as_the_whole_run_makes_them(
         "template": 0, "worlds": 40, "export": 40, "drive": 40,
     }  # fmt: skip
     assert all(by_name[name].size_bytes > 0 for name in ("worlds", "export", "drive"))
-    assert 0 < by_name["worlds"].start_s < by_name["worlds"].wall_time_s
+    # With one world for each CPU all of them are made side by side, so that the start is all there is.
+    assert 0 < by_name["worlds"].start_s <= by_name["worlds"].wall_time_s
     assert (by_name["worlds"].cpu_time_s or 0) > 0
 
 
