@@ -190,6 +190,6 @@ def _version(descriptor: int) -> str:
 
 
 def _change(descriptor: int) -> tuple[int, str, int]:
-    """What differs after any change of a file: device, version, change time."""
+    """Returns device, version and change time of a file; some of them differ after any change."""
     found = os.fstat(descriptor)
     return found.st_dev, _version(descriptor), found.st_ctime_ns

@@ -212,7 +212,7 @@ SITES = pytest.mark.parametrize(
         pytest.param("localhost", id="cross-site", marks=pytest.mark.deep),
     ],
 )
-"""What guards tell of a page's site is tried of each of them without a browser."""
+"""The answers of guards to a page's site are tried for each of them without a browser."""
 ALL = {"blob", "beacon", "json", "deployment", "event", "paused"}
 
 

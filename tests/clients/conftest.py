@@ -24,7 +24,7 @@ from prefect_robomaker.tasks.storage import pack_tar_gz
 
 _numbers = itertools.count(1)
 _started: list[subprocess.Popen[str]] = []
-"""What this worker started; others may use it for longer than this worker lives."""
+"""Processes that this worker started; others may use them for longer than this worker lives."""
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def wanted(worker_id: str) -> dict[str, Any]:
 
 
 def wanted_by(name: str) -> dict[str, Any]:
-    """What a client asks for under a name."""
+    """Request of a client under a name."""
     return {
         "name": name,
         "role": ROLE,

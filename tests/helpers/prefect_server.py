@@ -26,7 +26,7 @@ _HOME = "ROBOMAKER_TEST_SERVER_HOME"
 _MADE = "ROBOMAKER_TEST_SERVER_MADE"
 _DATABASE = "prefect.db"
 _KNOWN_BLOCKS = "memo_store.toml"
-"""What a server of the same release need not register again."""
+"""Registrations that a server of the same release need not repeat."""
 
 
 def server_settings() -> Settings:

@@ -30,7 +30,7 @@ from prefect_robomaker.tasks.worlds.generation import generate_world
 
 Generate = Callable[..., dict[str, Any]]
 KNOWN = pytest.mark.usefixtures("known_worlds")
-"""Of tests that are not about how worlds are built."""
+"""Used by tests that are not about how worlds are built."""
 
 
 @pytest.fixture

@@ -38,7 +38,7 @@ _SPOILS_JUDGEMENT = {
 
 @dataclass(frozen=True)
 class _First:
-    """Where something was seen first."""
+    """First occurrence of a finding, with its step and simulated time."""
 
     text: str
     step: int

@@ -68,7 +68,7 @@ class Findings:
     """Judged requirements; one that is not satisfied makes the verdict FAIL, one that broke ERROR."""
 
     defects: list[Requirement] = field(default_factory=list)
-    """What was wrong with the run itself, as missed requirements; they count where something is judged."""
+    """Defects of the run itself, as missed requirements; they count where something is judged."""
 
     notes: list[str] = field(default_factory=list)
     """Lines beside the verdict."""

@@ -20,7 +20,7 @@ class Parts:
     """Requirements of job and environment; those with `counts: false` are ignored."""
 
     defects: Sequence[Requirement] = ()
-    """What the run itself did wrong, as missed requirements: broken physics, no step at all."""
+    """Defects of the run itself, as missed requirements: broken physics, no step at all."""
 
     trials: "TrialParts | None" = None
     """Trials of the run; `None`: it is one episode."""

@@ -19,7 +19,7 @@ _VERDICTS = get_args(Verdict)
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """What a program left as `result.json`."""
+    """Contents of the `result.json` that a program left."""
 
     result: RunResult | None = None
     """The result; `None`: there is no file, or it is no result."""

@@ -121,7 +121,7 @@ class Answer(http.server.BaseHTTPRequestHandler):
 
 http.server.HTTPServer(("127.0.0.1", int(sys.argv[-1])), Answer).serve_forever()
 """
-"""What is known of a server: its program, its port, and that it answers."""
+"""Facts about a server: its program, its port, and that it answers."""
 
 
 @pytest.fixture

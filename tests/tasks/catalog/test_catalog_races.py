@@ -81,7 +81,7 @@ Crowd = Callable[..., list[Any]]
 
 @contextmanager
 def crowd_of(url: str) -> Iterator[Crowd]:
-    """What has all processes do the same at once, and returns their answers."""
+    """Has all processes do the same at once, and returns their answers."""
     pairs = [socket.socketpair() for _ in range(PROCESSES)]
     theirs = [other.fileno() for _, other in pairs]
     words = [sys.executable, "-c", PROGRAM, url, str(COUNTS), *map(str, theirs)]

@@ -26,7 +26,7 @@ Job = Callable[..., Resource]
 ALSO_ON_S3 = pytest.mark.parametrize(
     "service", ["directory", pytest.param("s3", marks=pytest.mark.slow)], indirect=True
 )
-"""What both stores show in the suite; what only the check decides is on S3 in deep runs."""
+"""Both stores are shown in the suite; rules of the check alone are on S3 in deep runs."""
 
 
 @pytest.fixture(params=["directory", pytest.param("s3", marks=[pytest.mark.slow, pytest.mark.deep])])

@@ -37,7 +37,7 @@ MakeRun = Callable[..., RunRecord]
 ALSO_ON_S3 = pytest.mark.parametrize(
     "service", ["directory", pytest.param("s3", marks=pytest.mark.slow)], indirect=True
 )
-"""What both stores show in the suite; what only the collection decides is on S3 in deep runs."""
+"""Both stores are shown in the suite; rules of the collection alone are on S3 in deep runs."""
 
 
 @pytest.fixture(params=["directory", pytest.param("s3", marks=[pytest.mark.slow, pytest.mark.deep])])

@@ -76,7 +76,7 @@ PROGRAM_FAULTS = {
     "killed": ("import os; os.kill(os.getpid(), 9)", "was killed by SIGKILL"),
 }
 BOMBS = {"fork bomb of sessions"}
-"""What the suite sees beside another run; ends of programs are in `test_programs`."""
+"""Ends that the suite sees beside another run; ends of programs are in `test_programs`."""
 
 
 @pytest.mark.parametrize(

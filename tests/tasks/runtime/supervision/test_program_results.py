@@ -1,4 +1,4 @@
-"""What programs say of themselves counts, also where their file is not quite a result."""
+"""Results of programs count, also where their file is not quite a result."""
 
 import json
 from pathlib import Path

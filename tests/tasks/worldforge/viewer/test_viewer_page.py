@@ -37,7 +37,7 @@ def colors(picture: Image.Image) -> int:
 
 
 def state(page: Page) -> str:
-    """What the page says of its picture: `drawn`, `failed`, or not yet known."""
+    """Returns the page's word for its picture: `drawn`, `failed`, or not yet known."""
     return page.evaluate("document.body?.dataset.state") or ""
 
 

@@ -20,7 +20,7 @@ OFFERED = {
 
 
 def completed(lines: list[str], folder: Path) -> list[set[str]]:
-    """What bash offers after each line."""
+    """Returns the words that bash offers after each line."""
     script = 'eval "$(robomaker completion bash)"\n'
     for line in lines:
         script += f"""
