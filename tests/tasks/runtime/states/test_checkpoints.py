@@ -97,9 +97,10 @@ def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunP
     plan = swing(variables={"SLEEP_S": "0.005", "KILL_AT": "240", "TIME_LIMIT_S": "3600"}, max_duration_s=600.0)
     assert launcher.run(plan, lambda: None).status == "Failed"
     used_s = checkpoint_files.wall_time_used_s(plan)
-    assert used_s > 0.6  # 120 steps or more
     assert plan.checkpoint_dir is not None
     folder, before = plan.checkpoint_dir, last_checkpoint(plan.checkpoint_dir)
+    assert before is not None
+    assert used_s >= 0.005 * before[1].steps > 0  # each step sleeps; how far the last checkpoint got is the disk's doing
     plan = plan.model_copy(update={"max_duration_s": used_s + 0.1})
     asked = itertools.count()
     outcome = launcher.run(
