@@ -79,6 +79,11 @@ class Provenance(Model):
         description="What the applications were; empty until the run ends, and of one that was canceled. Of one that "
         "is a container image the plan has the image's id.",
     )
+    imported: dict[str, str] = Field(
+        default={},
+        description="Code that the run imported from outside its applications, this package and Python, by the outermost "
+        "name: the version of an installed distribution, else a digest of its Python files; empty until the run ends.",
+    )
     model_sha256: str | None = Field(
         default=None,
         description="SHA-256 of the compiled model, wherever its files lie; absent: no physics, or not yet begun.",

@@ -11,8 +11,10 @@ from pydantic import ValidationError
 from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import MadeOf, ReusedFrom, SimulationJobDocument
 from ...schemas.runs.plan import RunResult
+from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
+from ..runtime.states.imported_code import changed_code
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
 
@@ -96,8 +98,12 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
             return f"has outputs of which {removed} files were removed to free space"
         stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{_RESULT_FILE}")
         result = RunResult.model_validate_json(stored)
+        stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{PROVENANCE_FILE}")
+        provenance = Provenance.model_validate_json(stored)
     except (StorageError, ValidationError) as error:
         return f"has outputs that cannot be read: {error}"
+    if (changed := changed_code(provenance.imported)) is not None:
+        return f"imported another {changed} than there is now"
     if result.verdict == "ERROR":
         return "could not be judged (verdict ERROR)"
     return f"was ended by {result.ended_by}" if result.ended_by in _CUT_SHORT else None

@@ -43,8 +43,9 @@ class TrialParts:
 def decide_verdict(parts: Parts) -> Verdict:
     """Returns the verdict of a run.
 
-    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Trials are independent, so
-    that a failed one counts beside a broken one.
+    ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Two things need no trust in a
+    measurement: a robot under the floor has failed, unless the physics itself broke; trials are independent, so a
+    failed one counts beside a broken one.
 
     Args:
         parts: What the verdict is made from.
@@ -55,6 +56,8 @@ def decide_verdict(parts: Parts) -> Verdict:
         return _of_trials(parts.trials)
     judged = [item for item in parts.requirements if item.counts]
     against = [*judged, *parts.defects]
+    if any(not item.satisfied for item in parts.defects) and all(item.error is None for item in parts.defects):
+        return "FAIL"
     if parts.own == "ERROR" or any(item.error is not None for item in against):
         return "ERROR"
     if parts.own == "FAIL" or not all(item.satisfied for item in against):

@@ -181,8 +181,7 @@ def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
     own = robot_geoms(model, body)
     part = own if asked.body is None else _below(model, body)
     _check_touchable(rule, scene, own)
-    meant = np.array([is_meant(name, asked.others, asked.ignore) for name in scene.names], dtype=np.bool_)
-    meter = ClearanceMeter(model, scene.data, part, meant & ~own & ~floor_geoms(model, scene.data), scene.names)
+    meter = ClearanceMeter(model, scene.data, part, _obstacles(rule, scene, own), scene.names)
 
     def look(time_s: float) -> None:
         # Only what is nearer than anything before changes the score, and asking for that alone is faster.
@@ -206,6 +205,16 @@ def _check_touchable(rule: CollisionRule | ClearanceRule, scene: Scene, robot: N
         there = sorted({name for name, own in zip(scene.names, robot.tolist(), strict=True) if not own})
         if unknown := [other for other in others if not any(is_meant(name, [other], None) for name in there)]:
             rule.fail(f"nothing is named like {unknown[0]!r}{_near(unknown[0], there)}")
+    if rule.error is None and not _obstacles(rule, scene, robot).any():
+        ignored = "" if rule.asked.ignore is None else " that is not ignored"
+        rule.fail(f"beside the robot and the floor there is nothing{ignored}, so it could not be missed")
+
+
+def _obstacles(rule: CollisionRule | ClearanceRule, scene: Scene, robot: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns which geoms count as obstacles, shape `(ngeom,)`: neither the robot's, nor floor, nor ignored."""
+    asked = rule.asked
+    meant = np.array([is_meant(name, asked.others, asked.ignore) for name in scene.names], dtype=np.bool_)
+    return meant & ~robot & ~floor_geoms(scene.model, scene.data)
 
 
 def _predicate(rule: PredicateRule, scene: Scene) -> Look:

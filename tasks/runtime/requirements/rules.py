@@ -315,6 +315,9 @@ class PredicateRule(Rule):
                 self._bad.reason = reason[:_MAX_TEXT]
             self._violate(time_s)
 
+    def _unjudgeable(self) -> str | None:
+        return None if self._checks else f"{self.asked.attribute} was never asked"
+
     def _numbers(self) -> Numbers:
         return Numbers(float(self._bad.count), 0.0, "violations")
 

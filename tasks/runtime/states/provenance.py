@@ -23,6 +23,7 @@ from ..episode.physics import raw_physics
 from ..episode.results import Findings
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .folder_digests import digest_of_folder
+from .imported_code import imported_code
 
 _DISTRIBUTIONS = {
     "mujoco": "mujoco",
@@ -84,7 +85,8 @@ class ProvenanceRecorder:
         digest = self._digest.finish(self._data)
         applications = [] if ended_by == "canceled" else _digests_of(self._applications)
         actions = self._actions() if self._actions is not None else None
-        self._write(digest=digest, ended_by=ended_by, applications=applications, actions=actions)
+        imported = {} if ended_by == "canceled" else _imported_by(self._applications)
+        self._write(digest=digest, ended_by=ended_by, applications=applications, imported=imported, actions=actions)
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
@@ -152,6 +154,7 @@ def note_run_of_trials(
             machine=machine_facts(),
             world_sha256=world_sha256,
             applications=_digests_of(applications),
+            imported=_imported_by(applications),
             ended_by=ended_by,
         )
     )
@@ -187,6 +190,10 @@ def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDige
         for each, what in found
         if what is not None
     ]
+
+
+def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
+    return imported_code(sys.modules, [each.path for each in applications if each.path is not None])
 
 
 def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:

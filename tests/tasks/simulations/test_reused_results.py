@@ -88,6 +88,27 @@ def test_other_inputs_are_run(swing: Simulate, reusing: Service, tmp_path: Path)
     assert order_again(reusing, first)["status"] == "Pending", "the archive is another one"
 
 
+def test_code_that_judges_is_compared_and_code_that_it_imports(
+    swing: Simulate, reusing: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    law, statutes = tmp_path / "lib" / "swing_law.py", tmp_path / "lib" / "swing_statutes.py"
+    law.parent.mkdir()
+    law.write_text("import swing_statutes\n\n\ndef holds(environment, time_s):\n    return swing_statutes.ANSWER\n")
+    statutes.write_text("ANSWER = True\n")
+    monkeypatch.syspath_prepend(law.parent)
+    asked = [{"kind": "predicate", "name": "law", "attribute": "swing_law.holds"}]
+    first = swing(TIME_LIMIT_S="1", job={"requirements": asked})
+    assert document(reusing, first).verdict == "PASS"
+
+    assert order_again(reusing, first)["status"] == "Completed"
+    statutes.write_text("ANSWER = False\n")
+    assert order_again(reusing, first)["status"] == "Pending", "no request names the module, the run imported it"
+    statutes.write_text("ANSWER = True\n")
+    assert order_again(reusing, first)["status"] == "Completed"
+    law.write_text(law.read_text() + "\n# stricter from now on\n")
+    assert order_again(reusing, first)["status"] == "Pending"
+
+
 @pytest.mark.parametrize(
     "variables",
     [

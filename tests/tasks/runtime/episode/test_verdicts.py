@@ -30,6 +30,8 @@ verdicts: st.SearchStrategy[Verdict] = st.sampled_from(["PASS", "FAIL", "ERROR",
         (Parts(own="ERROR", requirements=[MISSED]), "ERROR"),
         (Parts(own="PASS", defects=[BROKEN]), "ERROR"),
         (Parts(own="PASS", defects=[MISSED]), "FAIL"),
+        (Parts(own="ERROR", requirements=[BROKEN], defects=[MISSED]), "FAIL"),
+        (Parts(own="PASS", defects=[MISSED, BROKEN]), "ERROR"),
         (Parts(own="FAIL", requirements=[BROKEN], is_canceled=True), "NONE"),
     ],
 )

@@ -100,7 +100,9 @@ def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunP
     assert plan.checkpoint_dir is not None
     folder, before = plan.checkpoint_dir, last_checkpoint(plan.checkpoint_dir)
     assert before is not None
-    assert used_s >= 0.005 * before[1].steps > 0  # each step sleeps; how far the last checkpoint got is the disk's doing
+    assert (
+        used_s >= 0.005 * before[1].steps > 0
+    )  # each step sleeps; how far the last checkpoint got is the disk's doing
     plan = plan.model_copy(update={"max_duration_s": used_s + 0.1})
     asked = itertools.count()
     outcome = launcher.run(

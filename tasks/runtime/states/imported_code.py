@@ -1,0 +1,113 @@
+"""Code that a run imported from outside its applications, and whether it is still the same."""
+
+import hashlib
+import re
+import site
+import sys
+import sysconfig
+from collections.abc import Mapping, Sequence
+from functools import cache
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+
+from .folder_digests import digest_of_folder
+
+_OWN = "prefect_robomaker"
+_DIST_INFO = re.compile(r"(?P<name>.+)-(?P<version>[^-]+)\.(dist|egg)-info")
+
+
+def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[Path] = ()) -> dict[str, str]:
+    """Returns what was imported from outside the standard library, this package and the applications.
+
+    Args:
+        modules: The modules of the process, `sys.modules`.
+        application_dirs: Folders of unpacked applications, whose files have a digest of their own.
+
+    Returns:
+        By name of the outermost package or module: the version of an installed distribution, else a digest of its
+        Python files.
+    """
+    found: dict[str, str] = {}
+    for name, module in list(modules.items()):
+        if "." in name or name in sys.stdlib_module_names or name in ("__main__", "__mp_main__", _OWN):
+            continue
+        places = _places(getattr(module, "__spec__", None))
+        is_outside = not any(place.is_relative_to(folder) for place in places for folder in application_dirs)
+        if places and is_outside and (what := _what(name, places)) is not None:
+            found[name] = what
+    return found
+
+
+def changed_code(recorded: Mapping[str, str]) -> str | None:
+    """Returns the first name whose code here is not what was recorded; None: all is the same."""
+    return next((name for name, what in sorted(recorded.items()) if _code_here(name) != what), None)
+
+
+def _code_here(name: str) -> str:
+    try:
+        places = _places(find_spec(name))
+        return (_what(name, places) if places else None) or ""
+    except (ImportError, OSError, ValueError):
+        return ""
+
+
+def _places(spec: ModuleSpec | None) -> list[Path]:
+    """Returns the folders of a package, or the file of a module; nothing for what is built in or made by hand."""
+    if spec is None:
+        return []
+    if folders := list(spec.submodule_search_locations or ()):
+        return [Path(folder) for folder in folders]
+    return [Path(spec.origin)] if spec.has_location and spec.origin else []
+
+
+def _what(name: str, places: Sequence[Path]) -> str | None:
+    """Returns what a module is; None: it is a part of Python or of something that is installed.
+
+    Compiled modules may load parts of themselves under a name without dots.
+    """
+    installed = _installed_places()
+    if all(place.parent in installed for place in places):
+        return _version(name, places[0].parent) or _stamp(places[0])
+    of_python = Path(sysconfig.get_path("stdlib"))
+    if any(place.is_relative_to(folder) for place in places for folder in (*installed, of_python)):
+        return None
+    return " ".join(_digest(place) for place in places)
+
+
+@cache
+def _installed_places() -> frozenset[Path]:
+    """Returns the folders where distributions are installed; one that is edited in place lies elsewhere."""
+    names = [sysconfig.get_path(kind) for kind in ("purelib", "platlib")]
+    return frozenset(Path(name) for name in (*names, *site.getsitepackages(), site.getusersitepackages()))
+
+
+def _version(name: str, folder: Path) -> str | None:
+    version = _versions_in(folder).get(name.lower().replace("_", "-"))
+    return f"version {version}" if version else None
+
+
+@cache
+def _versions_in(folder: Path) -> Mapping[str, str]:
+    """Returns versions by name from the names of folders: reading all metadata takes 150 ms.
+
+    A process keeps them, as it keeps the code that it has imported.
+    """
+    matches = (_DIST_INFO.fullmatch(path.name) for path in folder.iterdir())
+    return {match["name"].lower().replace("_", "-"): match["version"] for match in matches if match}
+
+
+def _stamp(place: Path) -> str:
+    """Returns a mark of an installed module whose distribution has another name; installing it anew changes it."""
+    file = place / "__init__.py" if place.is_dir() else place
+    if not file.exists():
+        return "installed"
+    stat = file.stat()
+    return f"installed {stat.st_size} {stat.st_mtime_ns}"
+
+
+def _digest(place: Path) -> str:
+    if place.is_dir():
+        return f"package {digest_of_folder(place, '.py')}"
+    return f"module {hashlib.sha256(place.read_bytes()).hexdigest()}"
