@@ -1,6 +1,7 @@
 """Finding a stored run by the ARN or id of its job, by a place in the store, or by a folder."""
 
 import errno
+import hashlib
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from pydantic import ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
+from ...schemas.runs.manifest import Manifest
 from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
@@ -23,12 +25,13 @@ from ..runtime.limits.left_files import open_left
 from ..runtime.replay.replay import RunOutputs, read_outputs
 from ..runtime.states.digest import DIGEST_FILE
 from ..service.service import Service
+from ..storage import MANIFEST_NAME
 from ..storage.naming import join_key
 
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
 """A link, a folder or FIFO, a socket."""
-_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE, TRIALS_FILE)
+_WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE, TRIALS_FILE, MANIFEST_NAME)
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,24 @@ class FoundRun:
     """Its job, while the catalog has it."""
     failure_code: str | None = None
     """What it failed with; None: it did not."""
+
+    def altered_files(self) -> list[str]:
+        """Returns the files in `folder` that are not what the run's manifest says; none where there is no manifest.
+
+        Raises:
+            StorageError: the manifest cannot be read.
+        """
+        try:
+            manifest = Manifest.model_validate_json((self.folder / MANIFEST_NAME).read_bytes())
+        except FileNotFoundError:
+            return []
+        except ValidationError as error:
+            raise StorageError(f"{MANIFEST_NAME} cannot be read: {error.errors()[0]['msg']}") from error
+        stated = {file.path: file.sha256 for file in manifest.files}
+        there = (name for name in _WRITTEN_DOWN if name != MANIFEST_NAME and (self.folder / name).exists())
+        return [
+            name for name in there if stated.get(name) != hashlib.sha256((self.folder / name).read_bytes()).hexdigest()
+        ]
 
 
 @contextmanager

@@ -25,6 +25,7 @@ from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import own_domain
+from ..storage import MANIFEST_NAME
 from .found_runs import FoundRun, found_run, scratch_folder
 from .found_trials import found_trial, plan_of_found_trial
 
@@ -65,7 +66,7 @@ def verify_run(
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
             return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
-        return _compared(reference, first, again)
+        return _with_manifest(_compared(reference, first, again), run.altered_files())
 
 
 def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
@@ -143,6 +144,16 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
             "digest_again": digest.value if digest else None,
         }
     )
+
+
+def _with_manifest(verification: Verification, altered: list[str]) -> Verification:
+    """Equal states are not enough: outputs that were changed after the run are said, too."""
+    if verification.answer != "bit-identical" or not altered:
+        return verification
+    what = f"in its outputs: {', '.join(altered)} changed after the run, {MANIFEST_NAME} has other content"
+    at_s = verification.until_s or 0.0
+    difference = Divergence(time_s=at_s, equal_until_s=verification.until_s, what=what)
+    return verification.model_copy(update={"answer": "diverged", "divergence": difference})
 
 
 def _verification(reference: str, first: RunOutputs, reasons: list[str]) -> Verification:

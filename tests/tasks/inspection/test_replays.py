@@ -61,6 +61,13 @@ def test_a_verdict_that_was_edited_is_found(service: Service, swing: Simulate) -
     assert "in its result: the verdict was FAIL and is " in str(answer)
 
 
+def test_outputs_that_were_changed_after_the_run_are_found(service: Service, swing: Simulate) -> None:
+    folder = changed(service, swing(), "result.json", lambda result: result.update(summary="all went well"))
+    answer = verify_run(str(folder), service)
+    assert answer.answer == "diverged"
+    assert "in its outputs: result.json changed after the run, manifest.json has other content" in str(answer)
+
+
 def test_chance_that_no_seed_repeats_is_found_and_its_joint_named(service: Service, swing: Simulate) -> None:
     answer = verify_run(swing(DRIFT_AT="60")["arn"], service)
 
