@@ -226,7 +226,24 @@ def jobs_of(steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | N
                 )
     told_apart = variants([job.request for job in jobs])
     named = [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
-    return with_inputs(named, service)
+    return with_inputs(_told_of_twins(named), service)
+
+
+def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
+    """Adds a note to jobs that went through the same states: a seed was forgotten, or it changes nothing."""
+    counts = Counter(filter(None, map(_states_of, jobs)))
+    told: list[ReportedJob] = []
+    for job in jobs:
+        if job.result is not None and (count := counts.get(_states_of(job) or "", 0)) > 1:
+            note = f"{count} jobs of this run went through the same states: they count as one trial"
+            job = job.model_copy(update={"result": job.result.model_copy(update={"notes": [*job.result.notes, note]})})
+        told.append(job)
+    return told
+
+
+def _states_of(job: ReportedJob) -> str | None:
+    """Returns the digest of the states that a job went through itself; None: it took them over, or has none."""
+    return job.result.state_digest if job.result is not None and job.reused_from is None else None
 
 
 def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:

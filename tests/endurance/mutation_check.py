@@ -68,11 +68,21 @@ class Break:
     after: str
     kind: str
 
-    def applied(self, text: str) -> str:
-        """Returns the file's text with the change."""
-        if text[self.start : self.end] != self.before:
-            raise ValueError(f"{self.path} is not what it was: draw breaks from a commit that has it as it is")
-        return text[: self.start] + self.after + text[self.end :]
+    def applied(self, text: str, drawn_from: str) -> str | None:
+        """Returns a file's text with the change; None: the file has changed, and the place is not in it any more.
+
+        Args:
+            text: The file's text.
+            drawn_from: Its text at the commit that the break was drawn from.
+        """
+        begin = drawn_from.rfind("\n", 0, self.start) + 1
+        end = drawn_from.find("\n", self.end) + 1 or len(drawn_from)
+        around = drawn_from[drawn_from.rfind("\n", 0, max(begin - 1, 0)) + 1 : drawn_from.find("\n", end) + 1 or None]
+        for context, first in ((around, drawn_from.index(around)), (drawn_from[begin:end], begin)):
+            if context.strip() and text.count(context) == 1:
+                start = text.index(context) + self.start - first
+                return text[:start] + self.after + text[start + self.end - self.start :]
+        return None
 
     def __str__(self) -> str:
         """The place and the change, in one line."""
@@ -244,12 +254,14 @@ def _importing(tree: Path) -> dict[str, set[str]]:
     return users
 
 
-def tried(tree: Path, broken: Break, limit_s: float) -> Outcome:
+def tried(tree: Path, broken: Break, drawn_from: str, limit_s: float) -> Outcome:
     """Breaks a file, runs the tests of its module, and restores the file."""
-    files = chosen_tests(tree, broken.path)
     target = tree / broken.path
-    whole = target.read_text()
-    target.write_text(broken.applied(whole))
+    whole = target.read_text() if target.exists() else ""
+    if (changed := broken.applied(whole, drawn_from)) is None:
+        return Outcome(broken, False, "nothing: the place is gone", 0, 0.0)
+    files = chosen_tests(tree, broken.path)
+    target.write_text(changed)
     begun = time.monotonic()
     try:
         by = _first_failure(tree, files, limit_s)
@@ -318,13 +330,17 @@ def main() -> int:
         return compared(*asked.compare)
     tree = asked.tree.resolve()
     commit = _git(tree, "rev-parse", asked.commit or "HEAD").strip()
-    places = drawn(sources(tree, commit), commit, asked.count)
+    texts = sources(tree, commit)
     outcomes: list[Outcome] = []
-    for number, broken in enumerate(places, 1):
+    if asked.output and asked.output.exists() and not asked.list:  # an interrupted check goes on
+        rows = json.loads(asked.output.read_text())
+        outcomes = [Outcome(**{**row, "broken": Break(**row["broken"])}) for row in rows]
+    for number, broken in enumerate(drawn(texts, commit, asked.count), 1):
         if asked.list:
             print(number, broken)
+        if asked.list or number <= len(outcomes):
             continue
-        outcomes.append(tried(tree, broken, asked.limit))
+        outcomes.append(tried(tree, broken, texts[broken.path], asked.limit))
         last = outcomes[-1]
         print(f"{number:2} {'found' if last.found else 'MISSED'} {last.took_s:6.1f} s  {broken}  {last.by}", flush=True)
         if asked.output:

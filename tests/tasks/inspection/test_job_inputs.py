@@ -76,6 +76,14 @@ def test_a_job_that_crashed_has_the_applications_of_the_others(service: Service,
     assert crashed.inputs.request_sha256 != good.inputs.request_sha256
 
 
+def test_jobs_that_went_through_the_same_states_are_said_to_be_one_trial(service: Service, swing: Simulate) -> None:
+    jobs = [swing(TIME_LIMIT_S="1", seed=seed) for seed in (3, 3, 4)]
+    steps = [step_of(f"job-{number}", job) for number, job in enumerate(jobs)]
+    results = [job.result for job in jobs_of(steps, service)]
+    note = "2 jobs of this run went through the same states: they count as one trial"
+    assert [result.remarks if result else None for result in results] == [[note], [note], []]
+
+
 def test_worlds_that_are_deleted_are_told_apart(service: Service) -> None:
     """A job that ran says itself which content its world had; of a request that became none there is the ARN."""
     first, second = (service.arn("world", f"generation-1/world-{number}") for number in (1, 2))
