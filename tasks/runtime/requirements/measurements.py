@@ -146,6 +146,7 @@ def bind(rule: Rule, scene: Scene) -> Look:
         case PredicateRule():
             return _predicate(rule, scene)
         case TimeLimitRule():
+            _check_before_the_end(rule, scene.environment)
             return rule.update
     raise AssertionError(f"no way to measure {type(rule).__name__}")
 
@@ -208,6 +209,14 @@ def _check_touchable(rule: CollisionRule | ClearanceRule, scene: Scene, robot: N
     if rule.error is None and not _obstacles(rule, scene, robot).any():
         ignored = "" if rule.asked.ignore is None else " that is not ignored"
         rule.fail(f"beside the robot and the floor there is nothing{ignored}, so it could not be missed")
+
+
+def _check_before_the_end(rule: TimeLimitRule, environment: Any) -> None:
+    """Makes a limit an error that an environment without a verdict of its own never comes to."""
+    own_s = getattr(environment, "_time_limit", None)  # dm_control's environments keep theirs there
+    judges_itself = hasattr(environment, "run_result")
+    if isinstance(own_s, int | float) and own_s <= rule.asked.limit_s and not judges_itself:
+        rule.fail(f"the environment ends its runs at {own_s:g} s, so a limit of {rule.asked.limit_s:g} s is never over")
 
 
 def _obstacles(rule: CollisionRule | ClearanceRule, scene: Scene, robot: NDArray[np.bool_]) -> NDArray[np.bool_]:

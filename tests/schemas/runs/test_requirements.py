@@ -158,3 +158,21 @@ def test_specifications_are_checked_with_line_and_column(before: str, after: str
     with pytest.raises(SpecError) as error:
         load_spec(SPEC.replace(before, after), "spec.yaml")
     assert str(error.value).startswith(words)
+
+
+@pytest.mark.parametrize(
+    "launch",
+    [
+        {"command": ["bin/robot"]},
+        {"launchFile": "robot.launch.py"},
+        {"packageName": "robot", "launchFile": "robot.launch"},
+    ],
+)
+def test_requirements_that_nobody_would_judge_are_refused(launch: dict[str, Any]) -> None:
+    robot = {"application": "robot", "launchConfig": launch}
+    request = {**order(), "robotApplications": [robot], "requirements": [LIMIT]}
+    alone = {name: member for name, member in request.items() if name != "simulationApplications"}
+    [problem] = map(str, check_request("CreateSimulationJob", alone))
+    assert "requirements: they would not be judged, since the job has only programs" in problem
+    assert check_request("CreateSimulationJob", request) == [], "the simulation application has physics"
+    assert check_request("CreateSimulationJob", {**alone, "requirements": []}) == []

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 import dm_env
@@ -63,6 +64,8 @@ class Yard(dm_env.Environment):
         self.steps += 1
         if self.steps == int(self.variables.get("KILL_AT", "-1")) and not Path("killed").exists():
             Path("killed").touch()
+            while not list(Path(self.variables["CHECKPOINTS"]).glob("checkpoint-*.bin")):
+                time.sleep(0.01)
             os.kill(os.getpid(), signal.SIGKILL)
         self.physics.data.ctrl[:] = action
         self.physics.step(2)

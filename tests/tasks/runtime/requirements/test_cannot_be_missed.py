@@ -119,6 +119,24 @@ def test_a_time_limit_that_the_jobs_limit_cuts(tmp_path: Path) -> None:
     assert result.remarks == ["the job's duration limit ended the run at 0.50 of 50 s: 99 % were not driven"]
 
 
+def test_a_time_limit_that_the_environments_own_limit_comes_before(tmp_path: Path) -> None:
+    arena: Any = Arena()
+    arena._time_limit = 2.0  # where dm_control's environments have it
+    late = judged(tmp_path, {"kind": "time_limit", "name": "quick", "limit_s": 2.0}, arena=arena)
+    assert late.verdict == "ERROR"
+    assert "the environment ends its runs at 2 s, so a limit of 2 s is never over" in (late.reason or "")
+    arena = Arena()
+    arena._time_limit = 2.5
+    assert judged(tmp_path, {"kind": "time_limit", "name": "quick", "limit_s": 2.4}, arena=arena).verdict == "PASS"
+
+
+@pytest.mark.parametrize("requirement", [GENTLE, POLITE])
+def test_an_empty_hall(tmp_path: Path, requirement: dict[str, Any]) -> None:
+    ignoring = judged(tmp_path, {**requirement, "ignore": ["cra*"]})
+    assert ignoring.verdict == "ERROR"
+    assert "beside the robot and the floor there is nothing that is not ignored" in (ignoring.reason or "")
+
+
 def test_a_goal_where_the_robot_starts(tmp_path: Path) -> None:
     start = {"kind": "goal", "name": "start", "x": 0.0, "y": 0.0}
     going_on = judged(tmp_path, start)

@@ -169,7 +169,7 @@ def test_a_run_that_was_killed_and_goes_on(
     launcher: Launcher, plan_yard: Callable[..., RunPlan], tmp_path: Path, sabotage: str
 ) -> None:
     kept = {"checkpoint_dir": tmp_path / "checkpoints", "checkpoint_every_s": 0.5}
-    plan = plan_yard(sabotage, variables={"KILL_AT": "120"}, **kept)
+    plan = plan_yard(sabotage, variables={"KILL_AT": "120", "CHECKPOINTS": str(kept["checkpoint_dir"])}, **kept)
     assert launcher.run(plan, lambda: None).status == "Failed"
     found, _ = resumable_plan(kept["checkpoint_dir"])
     assert_caught(launcher.run(found, lambda: None), found, sabotage)
