@@ -20,8 +20,8 @@ from .results import Findings
 from .robot_body import robot_bodies, robot_body
 
 LOOK_EVERY_STEPS = 50
-"""Steps between two searches for numbers that are not finite, and stay so. A search costs 10 us, a step of a small model
-40; the end is looked at, too."""
+"""Steps between two searches for numbers that are not finite, and stay so. A search costs 10 us, a step of a small
+model 40; the end is looked at, too."""
 
 BELOW_FLOOR_M = 0.2
 """The robot's body has fallen through the floor when it is so far below it: soft contacts and low bodies are not."""
