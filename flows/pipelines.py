@@ -468,6 +468,7 @@ class PipelineRun:
                     state_of=self._state,
                     source=self._source,
                     rerun_of=self._rerun_of,
+                    probe=self._cut is not None,
                     forecast=forecast,
                 )
             )

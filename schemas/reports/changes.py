@@ -60,7 +60,36 @@ class CellChange(Model):
     since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it passes.")
 
 
-class SinceLastRun(Model):
+class Loss(Model):
+    """A job that a run lacks, or judges by less than an earlier run did."""
+
+    cell: CellName = Field(description="Which it is.")
+    job: str = Field(description="Id of the job in the last run that has it.")
+    before: CaseOutcome = Field(description="Its outcome when it was last judged, or last ran.")
+    before_run_id: str = Field(description="The run in which it ended so.")
+    requirements: list[str] = Field(default=[], description="Names of requirements that counted then, and not now.")
+
+
+class Losses(Model):
+    """What a run judges less than earlier ones: a run that passes since it judges less is no better."""
+
+    gone: list[Loss] = Field(
+        default=[], description="Jobs that an earlier run has, and this one lacks without a new job in their place."
+    )
+    no_longer_judged: list[Loss] = Field(
+        default=[], description="Jobs that had a verdict when they were last looked at, and have none now."
+    )
+    asked_less: list[Loss] = Field(
+        default=[], description="Jobs that have a verdict, and of which some requirement is not asked any more."
+    )
+
+    @property
+    def has_losses(self) -> bool:
+        """Whether anything is gone or judged by less."""
+        return bool(self.gone or self.no_longer_judged or self.asked_less)
+
+
+class SinceLastRun(Losses):
     """What is other than in the run before: the beginning of a nightly's report."""
 
     previous_run_id: str | None = Field(default=None, description="The run before; absent: this is the first.")
@@ -68,7 +97,9 @@ class SinceLastRun(Model):
     paired: int = Field(default=0, description="Jobs that an earlier run has a result of.")
     unpaired: int = Field(default=0, description="Jobs that no earlier run has a result of.")
     other_requirements: int = Field(
-        default=0, description="Jobs that were judged by other requirements than when they ran last."
+        default=0,
+        description="Jobs that were judged by other requirements than when they ran last; those in `asked_less` are "
+        "not counted again.",
     )
     newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
     newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model
-from .changes import CellName
+from .changes import CellName, Losses
 from .inputs import SourceCommit
 from .states import CaseOutcome
 
@@ -82,7 +82,7 @@ class MetricChange(Model):
     changed: bool = Field(description="Whether the interval leaves out 0.")
 
 
-class Comparison(Model):
+class Comparison(Losses):
     """Two runs, compared job by job."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")

@@ -16,6 +16,8 @@ from ...schemas.reports.comparison import (
     RateChange,
 )
 from ..reporting import Outcome
+from .failures import appearances_of
+from .losses import losses_of, told_losses
 from .nights import JUDGED, NightRun, outcome_of
 from .pairing import Pair, Pairing, pair_jobs
 from .statistics import mcnemar_p_value, mean_difference, paired_rate_difference, pairs_needed
@@ -48,6 +50,7 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
     rate = _rate(judged, alpha) if judged else None
     answer, why = _answer(before, after, pairing, fair, rate, alpha)
     needed = _needed(judged, alpha, difference) if answer == "no difference shown" else None
+    lost = told_losses(losses_of([before, after], appearances_of([before, after])))
     told = [(pair, pair.outcomes) for pair in pairing.pairs]
     return Comparison(
         before=_compared(before),
@@ -68,6 +71,9 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         rate=rate,
         needed=needed,
         metrics=_metrics(pairing.pairs, alpha),
+        gone=lost.gone,
+        no_longer_judged=lost.no_longer_judged,
+        asked_less=lost.asked_less,
     )
 
 

@@ -1,5 +1,6 @@
 """Since when a job fails, and what changed when it began to."""
 
+from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -7,7 +8,7 @@ from itertools import pairwise
 from ...schemas.reports.changes import ChangedInput, FailureStart
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
-from .nights import JUDGED, TOLD, NightRun
+from .nights import JUDGED, TOLD, CellTable, NightRun, outcome_of
 from .pairing import Pair, pair_jobs
 
 _STEADY_CHANGES = 3
@@ -24,6 +25,17 @@ class Appearance:
     job: JobRecord
     outcome: Outcome
     """How it ended."""
+
+
+def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:
+    """The jobs of runs by cell, in each the oldest first; the runs themselves are the oldest first, too."""
+    table = CellTable()
+    cells: dict[int, list[Appearance]] = defaultdict(list)
+    for night, run in enumerate(runs):
+        for cell, job in zip(table.place(run.jobs), run.jobs, strict=True):
+            if cell is not None:
+                cells[cell].append(Appearance(night, run, job, outcome_of(job)))
+    return list(cells.values())
 
 
 def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:

@@ -10,13 +10,15 @@ from ...schemas.reports.states import CaseOutcome
 from ..reporting import Outcome, of_outcomes
 from .failures import (
     Appearance,
+    appearances_of,
     changed_nights,
     differs_with_same_inputs,
     failure_start,
     is_unsteady,
     results_changed,
 )
-from .nights import TOLD, CellTable, NightRun, name_of, outcome_of, reason_of
+from .losses import losses_of, told_losses
+from .nights import TOLD, NightRun, name_of, outcome_of, reason_of
 from .pairing import Pair
 
 Named = Callable[[JobRecord], Iterable[tuple[str, Outcome]]]
@@ -31,7 +33,7 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
         runs: its runs, the oldest first; at least one.
         left_out: how many older runs there are.
     """
-    cells = _appearances(runs)
+    cells = appearances_of(runs)
     # A cell that only one run of long ago has, as of worlds that are other ones every night, tells nothing.
     kept = [each for each in cells if len(each) > 1 or each[-1].night == len(runs) - 1]
     histories = [_cell_history(each, len(runs)) for each in kept]
@@ -55,22 +57,25 @@ def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
     Args:
         runs: the runs, the oldest first; at least one.
     """
-    return _since_last(runs, _appearances(runs))
+    return _since_last(runs, appearances_of(runs))
 
 
-def _appearances(runs: Sequence[NightRun]) -> list[list[Appearance]]:
-    """The jobs of all runs by cell, in each the oldest first."""
-    table = CellTable()
-    cells: dict[int, list[Appearance]] = defaultdict(list)
-    for night, run in enumerate(runs):
-        for cell, job in zip(table.place(run.jobs), run.jobs, strict=True):
-            if cell is not None:
-                cells[cell].append(Appearance(night, run, job, outcome_of(job)))
-    return list(cells.values())
+def since_last_good_run(runs: Sequence[NightRun]) -> SinceLastRun:
+    """The same, with all that was lost since the last run before that succeeded.
+
+    A night after bad ones is good again only if what failed in them is still judged.
+    """
+    cells = appearances_of(runs)
+    last = len(runs) - 1
+    good = next((night for night in reversed(range(last)) if runs[night].state == "succeeded"), -1)
+    lost = [each for each in losses_of(runs, cells) if each.night > good]
+    return _since_last(runs, cells).model_copy(update=dict(told_losses(lost)))
 
 
 def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> SinceLastRun:
     last = len(runs) - 1
+    losses = [each for each in losses_of(runs, cells) if each.night == last]
+    asked_less, lost = {id(each.appearances) for each in losses if each.kind == "asked_less"}, told_losses(losses)
     previous = next((run for run in reversed(runs[:last]) if _has_results(run)), None)
     found: dict[str, list[CellChange]] = defaultdict(list)
     counts, otherwise = {True: 0, False: 0}, 0
@@ -80,7 +85,8 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
             continue
         earlier = next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
         counts[earlier is not None] += 1
-        otherwise += earlier is not None and not Pair(earlier.job, now.job).has_same_requirements
+        if earlier is not None and id(appearances) not in asked_less:
+            otherwise += not Pair(earlier.job, now.job).has_same_requirements
         if kind := _kind_of_change(earlier and earlier.outcome, now.outcome):
             found[kind].append(_change(appearances))
     return SinceLastRun(
@@ -90,6 +96,9 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         unpaired=counts[False],
         other_requirements=otherwise,
         **found,
+        gone=lost.gone,
+        no_longer_judged=lost.no_longer_judged,
+        asked_less=lost.asked_less,
     )
 
 

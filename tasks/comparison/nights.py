@@ -16,6 +16,9 @@ JUDGED = (Outcome.PASSED, Outcome.FAILED)
 TOLD = (*JUDGED, Outcome.BROKEN)
 """Outcomes that say whether a job is all right; one that was canceled says nothing."""
 
+HEALTH = "health"
+"""Kind of requirements that are never asked for: a result has them only where they were missed, as `above_floor`."""
+
 GroupKey = tuple[str, str, int | None]
 
 

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 from ...schemas.reports.comparison import PairedJob
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
-from .nights import JUDGED, CellTable, name_of, outcome_of, reason_of
+from .nights import HEALTH, JUDGED, CellTable, name_of, outcome_of, reason_of
+
+Asked = tuple[str, str | None, float | None]
+"""Name, kind and limit of a requirement."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +33,9 @@ class Pair:
     def has_same_requirements(self) -> bool:
         """Whether both were judged by the same; one without any, because it broke, does not count as other."""
         before, after = _requirements(self.before), _requirements(self.after)
-        return before == after or (not self.is_judged and not (before and after))
+        # Goals that end a run when they are reached make the environment's own not count in that run.
+        own = _own(self.before) & _own(self.after)
+        return before - own == after - own or (not self.is_judged and not (before and after))
 
     @property
     def has_same_request(self) -> bool:
@@ -74,15 +79,15 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
     return Pairing(pairs, [job for job in before if id(job) not in paired], only_after)
 
 
-def judged_otherwise(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> int:
-    """How many jobs that two runs have in common were judged by other requirements in the second."""
-    return sum(not pair.has_same_requirements for pair in pair_jobs(before, after).pairs)
+def _own(job: JobRecord) -> frozenset[Asked]:
+    """What an environment asks for itself, whether it counts or not."""
+    return frozenset((item.name, None, None) for item in job.requirements if item.kind is None)
 
 
-def _requirements(job: JobRecord) -> frozenset[tuple[str, str | None, float | None]]:
+def _requirements(job: JobRecord) -> frozenset[Asked]:
     """What a job was judged by. The limit of what an environment asks for itself may depend on how the run went."""
     return frozenset(
         (item.name, item.kind, item.limit if item.kind is not None else None)
         for item in job.requirements
-        if item.counts
+        if item.counts and item.kind != HEALTH
     )

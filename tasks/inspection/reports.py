@@ -34,15 +34,18 @@ from ..comparison.nights import NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
+from ..reporting.nights.changes import losses_in_words
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..storage import read_manifest, removed_before
 from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
-from .run_records import since_last, write_record
+from .run_records import is_night, since_last, write_record
 
 REPORT_NAME = "report.html"
+_MOST_LOST = 10
+"""Jobs that a line about lost jobs names."""
 _PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
 
 
@@ -60,6 +63,7 @@ def publish_report(
     state_of: Callable[[list[JobRecord]], RunState],
     source: SourceCommit | None = None,
     rerun_of: RerunOf | None = None,
+    probe: bool = False,
     forecast: ForecastCheck | None = None,
 ) -> tuple[list[JobRecord], Path]:
     """Writes the report of a run and shows its main parts in Prefect's UI.
@@ -84,7 +88,7 @@ def publish_report(
         rerun_of=_rerun_in_words(rerun_of),
         forecast=forecast,
         versions=dict(versions),
-        since_last=None if rerun_of else since_last(run, folder.parent),
+        since_last=None if rerun_of or probe else since_last(run, folder.parent),
     )
     return records, _publish(report, records, folder)
 
@@ -110,7 +114,7 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
         record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
         write_record(record)
-    if record.rerun_of is None:  # a rerun says of each job how it ended before
+    if is_night(record):  # a rerun says of each job how it ended before
         report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
     path = _publish(report, jobs, record.run_dir)
     summary = summarize(report)
@@ -476,6 +480,8 @@ def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
         for job, outcome in zip(jobs, outcomes, strict=True)
         if outcome is not Outcome.PASSED
     ]
+    if report.since_last and (lost := losses_in_words(report.since_last, _MOST_LOST)):
+        lines += ["", *(f"- {line}" for line in lost)]
     show_summary(artifact_key("robomaker", report.run_id, "summary"), "\n".join(lines))
     for world in report.worlds[:1]:
         show_picture(artifact_key("robomaker", report.run_id, "world"), world.preview_png, world.label)

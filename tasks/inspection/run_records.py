@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from ...schemas.reports.changes import SinceLastRun
 from ...schemas.reports.run_record import RunRecord
 from ...schemas.wire.errors import ConfigurationError
-from ..comparison.history import since_last_run
+from ..comparison.history import since_last_good_run, since_last_run
 from ..comparison.nights import NightRun
 
 RECORD_NAME = "run.json"
@@ -54,7 +54,7 @@ def write_record(record: RunRecord) -> None:
 
 
 def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetime | None = None) -> FoundRecords:
-    """Finds the latest runs of a specification; reruns of some of its jobs are no nights of it.
+    """Finds the latest runs of a specification; reruns of some of its jobs, and probes, are no nights of it.
 
     Args:
         runs: folder of all runs; their folders are named after their specifications.
@@ -75,20 +75,25 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
         except (ConfigurationError, OSError) as problem:
             unreadable.append(str(problem))
             continue
-        if record.rerun_of is None and (before is None or record.started_at < before):
+        if is_night(record) and (before is None or record.started_at < before):
             records.append(record)
     return FoundRecords(records[::-1], len(paths) - looked_at, unreadable)
 
 
 def run_before(record: RunRecord) -> RunRecord | None:
-    """The last run of the same specification that ended before a run began; none that was cancelled, and no rerun."""
+    """The last night of the same specification that ended before a run began; none that was cancelled."""
     for path in _latest_first(record.run_dir.parent, record.name):
         with suppress(ConfigurationError, OSError):
             earlier = read_record(path)
-            told = earlier.rerun_of is None and earlier.state != "canceled"
+            told = is_night(earlier) and earlier.state != "canceled"
             if told and earlier.ended_at <= record.started_at:
                 return earlier
     return None
+
+
+def is_night(record: RunRecord) -> bool:
+    """Whether a run had all jobs of its specification: a rerun has some, and a probe is cut down."""
+    return record.rerun_of is None and not record.probe
 
 
 def names_of_specifications(runs: Path) -> list[str]:
@@ -100,6 +105,12 @@ def since_last(run: NightRun, runs: Path) -> SinceLastRun:
     """What changed in a run since the last one of its specification, by the records of those that began before it."""
     earlier = find_records(runs, run.name, before=run.started_at).records
     return since_last_run([*map(NightRun.of, earlier), run])
+
+
+def since_last_good(record: RunRecord) -> SinceLastRun:
+    """The same of a record, with all that was lost since the last run before that succeeded."""
+    earlier = find_records(record.run_dir.parent, record.name, before=record.started_at).records
+    return since_last_good_run(list(map(NightRun.of, [*earlier, record])))
 
 
 def _latest_first(runs: Path, name: str) -> list[Path]:

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ...schemas.reports.changes import Losses, SinceLastRun
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.reports.states import CaseOutcome
 from ...schemas.runs.plan import Requirement
 from ...schemas.settings import NotifyWhen
-from ..comparison.pairing import judged_otherwise
-from ..reporting.nights.changes import judged_otherwise_in_words
+from ..reporting.nights.changes import judged_otherwise_in_words, losses_in_words
 
 WORST = 3
 """How many failures a message has."""
@@ -27,21 +27,27 @@ class Message:
     good: bool
 
 
-def is_due(when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None) -> bool:
+def is_due(
+    when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None, since: Losses | None = None
+) -> bool:
     """Whether a run is told of.
 
+    A run that succeeds and judges less than earlier ones is no recovery; it is told of where failures or changes are.
     A run that was cancelled says nothing about the robot, and is told only where all are.
 
     Args:
         when: what is to be told.
         record: the run.
         before: the last run of the specification before it that was not cancelled; None: there is none.
+        since: what it judges less than earlier runs, since the last good one; None: it is not one of the nights.
     """
     if "always" in when:
         return True
     if record.state == "canceled":
         return False
     good, was_good = record.state == "succeeded", before is None or before.state == "succeeded"
+    if good and since is not None and since.has_losses:
+        return bool(when & {"failure", "change"})
     if good:
         return not was_good and bool(when & {"recovery", "change"})
     return "failure" in when or ("change" in when and was_good)
@@ -56,14 +62,17 @@ def failed_jobs(record: RunRecord) -> list[JobRecord]:
     return sorted(failed, key=lambda job: (_outcome(job) != "broken", -len(_missed(job))))
 
 
-def message_of(record: RunRecord, before: RunRecord | None) -> Message:
+def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun | None = None) -> Message:
     """Writes the message of a run.
 
     Args:
         record: the run.
         before: the last run of the specification before it; None: there is none.
+        since: what is other than in the run before, with all losses since the last good one; None: it is not one of
+            the nights.
     """
-    good = record.state == "succeeded"
+    lost = losses_in_words(since, WORST) if since is not None else []
+    good = record.state == "succeeded" and not lost
     again = ", good again" if good and before is not None and before.state != "succeeded" else ""
     counts, failures = _counts(record), failed_jobs(record)
     nothing = "It made no simulation jobs." if record.report_path else "Its report could not be written."
@@ -72,15 +81,27 @@ def message_of(record: RunRecord, before: RunRecord | None) -> Message:
     lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
-    if before is not None and (otherwise := judged_otherwise(before.jobs, record.jobs)):
-        lines.append(judged_otherwise_in_words(otherwise))
+    lines += lost
+    if since is not None and since.other_requirements:
+        lines.append(judged_otherwise_in_words(since.other_requirements))
     if lines[-1]:
         lines.append("")
     if record.report_path:
         lines.append(f"Report: {record.report_path}")
     if failures:
         lines.append(f"Run these again: robomaker rerun {record.run_id} --failed")
-    return Message(f"{record.name}: {record.state}{again}" + (f", {counts}" if counts else ""), "\n".join(lines), good)
+    title = ", ".join(filter(None, (f"{record.name}: {record.state}{again}", counts, _lost_briefly(since))))
+    return Message(title, "\n".join(lines), good)
+
+
+def _lost_briefly(since: Losses | None) -> str:
+    """`1 job gone, 2 no longer judged`; empty where nothing is lost."""
+    if since is None:
+        return ""
+    gone = f"{len(since.gone)} {'job' if len(since.gone) == 1 else 'jobs'} gone" if since.gone else ""
+    unjudged = f"{len(since.no_longer_judged)} no longer judged" if since.no_longer_judged else ""
+    less = f"{len(since.asked_less)} asked less than before" if since.asked_less else ""
+    return ", ".join(filter(None, (gone, unjudged, less)))
 
 
 def _counts(record: RunRecord) -> str:

@@ -9,7 +9,7 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.wire.errors import RobomakerError
-from ..inspection.run_records import run_before
+from ..inspection.run_records import is_night, run_before, since_last_good
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
@@ -31,9 +31,10 @@ def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -
         return
     try:
         before = run_before(record)
-        if is_due(service.settings.notify_when, record, before):
+        since = since_last_good(record) if is_night(record) else None
+        if is_due(service.settings.notify_when, record, before, since):
             pictures = _pictures(failed_jobs(record)[:WORST], service)
-            problems = send(service.settings.notify, message_of(record, before), pictures)
+            problems = send(service.settings.notify, message_of(record, before, since), pictures)
         else:
             problems = []
     except Exception as error:

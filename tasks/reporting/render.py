@@ -14,7 +14,7 @@ from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
 from ...schemas.rollouts.report import DeploymentReport
 from . import wording
-from .nights.changes import change_in_words, judged_otherwise_in_words, shared_since, since_in_words
+from .nights.changes import change_in_words, judged_otherwise_in_words, loss_in_words, shared_since, since_in_words
 from .nights.view import view_history
 from .rollouts.view import view_rollout
 from .view import view_report
@@ -167,5 +167,6 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         since=since_in_words,
         shared_since=shared_since,
         judged_otherwise=judged_otherwise_in_words,
+        loss=loss_in_words,
     )
     return environment

@@ -6,8 +6,17 @@ from pathlib import Path
 from ....schemas.reports.changes import CellChange
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, Night
+from ....schemas.reports.run_record import RunRecord
+from ....tasks.comparison.nights import NightRun
+from ....tasks.inspection.run_records import is_night, since_last
 from ....tasks.reporting import wording
-from ....tasks.reporting.nights.changes import change_in_words, judged_otherwise_in_words, shared_since, since_in_words
+from ....tasks.reporting.nights.changes import (
+    change_in_words,
+    judged_otherwise_in_words,
+    losses_in_words,
+    shared_since,
+    since_in_words,
+)
 
 _MOST_JOBS = 10
 """Jobs of a list that are printed; JSON and pages have them all."""
@@ -36,6 +45,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         ("still failing", comparison.still_failing),
     ):
         lines += _paired(title, jobs)
+    lines += [f"  {line}" for line in losses_in_words(comparison, _MOST_JOBS)]
     return lines + _metrics(comparison)
 
 
@@ -45,10 +55,12 @@ def history_lines(history: History, page: Path) -> list[str]:
     lines = [f"{history.name}: {_counted(len(history.nights), 'run')}", ""]
     if since.previous_run_id is None:
         lines.append("  This is the first run that has results: there is nothing to compare it with.")
-    elif not since.paired:
+    elif not since.paired and since.unpaired:
         lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
     if since.other_requirements:
         lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
+    if lost := losses_in_words(since, _MOST_JOBS):
+        lines += [*(f"  {line}" for line in lost), ""]
     for title, changes in (
         ("newly failing", since.newly_failing),
         ("newly passing", since.newly_passing),
@@ -63,6 +75,13 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines += [f"    {cell.cell.title}" for cell in unsteady[:_MOST_JOBS]]
     lines += ["", *_nights(history.nights), "", f"  page     {page}"]
     return lines
+
+
+def lost_lines(record: RunRecord) -> list[str]:
+    """What a run judges less than earlier ones of its specification; nothing of reruns and probes."""
+    if not is_night(record):
+        return []
+    return losses_in_words(since_last(NightRun.of(record), record.run_dir.parent), _MOST_JOBS)
 
 
 def _pairs(comparison: Comparison) -> str:

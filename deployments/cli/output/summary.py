@@ -21,7 +21,13 @@ Cell = tuple[str, str]
 
 
 def print_summary(
-    record: RunRecord, command: Sequence[str], stream: TextIO, *, server: str = "", page: str = ""
+    record: RunRecord,
+    command: Sequence[str],
+    stream: TextIO,
+    *,
+    server: str = "",
+    page: str = "",
+    lost: Sequence[str] = (),
 ) -> None:
     """Prints the final block.
 
@@ -31,17 +37,20 @@ def print_summary(
         stream: where to print.
         server: address of the Prefect server's pages; empty: not shown.
         page: address of the run's page in the console; empty: not shown.
+        lost: lines about what it judges less than earlier runs.
     """
     from rich.console import Console
     from rich.text import Text
 
     # Paths stay in one piece, however narrow the window: people copy them.
     console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in summary_lines(record, command, server=server, page=page):
+    for line in summary_lines(record, command, server=server, page=page, lost=lost):
         console.print(Text.assemble(*line) if line else "")
 
 
-def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = "", page: str = "") -> list[list[Cell]]:
+def summary_lines(
+    record: RunRecord, command: Sequence[str], *, server: str = "", page: str = "", lost: Sequence[str] = ()
+) -> list[list[Cell]]:
     """The final block as lines of styled cells."""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
@@ -56,6 +65,7 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
         lines += [[], *(_step_line(step) for step in failed)]
     if record.jobs:
         lines += [[], *_job_lines(record.jobs)]
+    lines += _lost_lines(lost)
     lines.append([])
     if record.report_path:
         lines.append(_place("report", str(record.report_path)))
@@ -68,6 +78,10 @@ def summary_lines(record: RunRecord, command: Sequence[str], *, server: str = ""
         lines.append(_place("prefect", server))
     lines.append(_place("again", shlex.join(command)))
     return lines
+
+
+def _lost_lines(lost: Sequence[str]) -> list[list[Cell]]:
+    return [[], *([(f"  {line}", "yellow")] for line in lost)] if lost else []
 
 
 def _headline(record: RunRecord) -> str:

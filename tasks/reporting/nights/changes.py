@@ -3,7 +3,7 @@
 import re
 from collections.abc import Sequence
 
-from ....schemas.reports.changes import CellChange, ChangedInput, FailureStart
+from ....schemas.reports.changes import CellChange, ChangedInput, FailureStart, Loss, Losses
 from .. import wording
 
 _SHOWN = 8
@@ -39,6 +39,39 @@ def judged_otherwise_in_words(jobs: int) -> str:
         return ""
     were = "1 job was" if jobs == 1 else f"{jobs} jobs were"
     return f"{were} judged by other requirements than before: a verdict that changed may say nothing about the robot."
+
+
+def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
+    """`1 job is gone: drive: request 3 scout, seed 7 (failed before)`: a line for each kind of loss.
+
+    Args:
+        losses: what a run judges less than earlier ones.
+        most: how many jobs a line names at most; None: all.
+    """
+    kinds = (
+        (losses.gone, "is gone", "are gone"),
+        (losses.no_longer_judged, "is no longer judged", "are no longer judged"),
+        (losses.asked_less, "is asked less than before", "are asked less than before"),
+    )
+    lines = []
+    for found, one, several in kinds:
+        if found:
+            named = [f"{each.cell.title} ({loss_in_words(each)})" for each in found[:most]]
+            more = f"; and {len(found) - len(named)} more" if len(found) > len(named) else ""
+            lines.append(
+                f"{f'1 job {one}' if len(found) == 1 else f'{len(found)} jobs {several}'}: {'; '.join(named)}{more}"
+            )
+    return lines
+
+
+def loss_in_words(loss: Loss) -> str:
+    """`failed before; requirement east is not asked any more`."""
+    before = "broke before" if loss.before == "broken" else f"{loss.before} before"
+    if not loss.requirements:
+        return before
+    names = ", ".join(loss.requirements)
+    dropped = f"requirement {names} is" if len(loss.requirements) == 1 else f"requirements {names} are"
+    return f"{before}; {dropped} not asked any more"
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:

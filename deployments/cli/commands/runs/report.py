@@ -33,7 +33,11 @@ def execute(arguments: argparse.Namespace) -> int:
     if arguments.output == "json":
         sys.stdout.write(summary.model_dump_json(indent=2, exclude_none=True) + "\n")
     else:
+        from .....tasks.reporting.nights.changes import losses_in_words
+
         sys.stdout.write(f"{summary.report_path}\n")
+        for line in losses_in_words(summary.since_last) if summary.since_last else ():
+            sys.stderr.write(f"{line}\n")
     if arguments.open and summary.report_path:
         open_file(summary.report_path)
     return 0

@@ -77,6 +77,25 @@ def test_a_report_opens_with_what_changed(mixed_report: Any) -> None:
     assert "Since the last run" not in render_report(mixed_report)
 
 
+@pytest.mark.parametrize(("now", "heading"), [("PP", "Gone"), ("PPN", "No longer judged"), ("NNN", "No longer judged")])
+def test_a_report_names_jobs_that_it_judges_no_more(now: str, heading: str, make_report: Any) -> None:
+    since = since_last_run([NightRun.of(make_night(each, night)) for night, each in enumerate(("PPF", now))])
+    html = render_report(make_report([], []).model_copy(update={"since_last": since}))
+    opening = html[html.index('class="since card"') : html.index('<dl class="run">')]
+    assert f"<h3>{heading} <span" in opening
+    assert "<strong>drive: world-3 scout, seed 7</strong>" in opening
+    assert "failed before" in opening
+    assert "Nothing changed" not in opening
+    assert "No job" not in opening
+    assert ("requirement gentle is not asked any more" in opening) == (now != "PP")
+
+
+def test_a_run_without_results_is_not_said_to_have_other_jobs(make_report: Any) -> None:
+    since = since_last_run([NightRun.of(make_night(each, night)) for night, each in enumerate(("PP", "CC"))])
+    html = render_report(make_report([], []).model_copy(update={"since_last": since}))
+    assert "No job of this run has a result." in html
+
+
 def test_many_changes_are_folded(make_report: Any) -> None:
     since = since_last_run([NightRun.of(make_night(letter * 12, night)) for night, letter in enumerate("PF")])
     html = render_report(make_report([], []).model_copy(update={"since_last": since}))

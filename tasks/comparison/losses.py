@@ -1,0 +1,176 @@
+"""What runs judge less than earlier ones: jobs that are gone, that have no verdict any more, or fewer requirements.
+
+Each is told once, in the first run that lacks it. A job that a new one replaces is not gone: a specification that makes
+other worlds every night has other jobs every night.
+"""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from ...schemas.reports.changes import Loss, Losses
+from ...schemas.reports.run_record import JobRecord
+from ..reporting import Outcome
+from .failures import Appearance
+from .nights import HEALTH, JUDGED, TOLD, NightRun, name_of
+
+LossKind = Literal["gone", "no_longer_judged", "asked_less"]
+"""The lists of `Losses`."""
+
+_SEEN_TO = ("succeeded", "failed")
+"""States of runs whose steps all came to their end."""
+
+_TRIALS = "trials"
+"""The requirement of a job with trials that counts instead of those of its trials."""
+
+
+@dataclass(frozen=True)
+class FoundLoss:
+    """Something that a run lacks."""
+
+    kind: LossKind
+    night: int
+    """The first run that lacks it, from 0 for the oldest."""
+    before: Appearance
+    """The job when it still had it."""
+    appearances: Sequence[Appearance]
+    """The job in all runs that have it."""
+    requirements: Sequence[str] = ()
+    """Names of requirements that are not asked any more."""
+
+    def told(self) -> Loss:
+        """The loss as data."""
+        now = self.appearances[-1].job
+        return Loss(
+            cell=name_of(now),
+            job=now.label,
+            before=self.before.outcome.value,
+            before_run_id=self.before.run.run_id,
+            requirements=list(self.requirements),
+        )
+
+
+def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:
+    """What earlier runs have and the last one lacks.
+
+    Args:
+        runs: the runs, the oldest first.
+        cells: their jobs, from `appearances_of`.
+    """
+    here = [each for each in cells if each[-1].night == len(runs) - 1]
+    return [*_gone(runs, cells), *(loss for each in here if (loss := _judged_less(each)) is not None)]
+
+
+def told_losses(losses: Sequence[FoundLoss]) -> Losses:
+    """Losses as data, by their kind."""
+
+    def of(kind: LossKind) -> list[Loss]:
+        return [each.told() for each in losses if each.kind == kind]
+
+    return Losses(gone=of("gone"), no_longer_judged=of("no_longer_judged"), asked_less=of("asked_less"))
+
+
+def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:
+    vanished: dict[tuple[int, str], list[Sequence[Appearance]]] = defaultdict(list)
+    for each in cells:
+        step = _step_of(each[-1].job)
+        ended = [one for one in each if one.outcome in (*TOLD, Outcome.UNJUDGED)]
+        later = range(each[-1].night + 1, len(runs))
+        night = next((one for one in later if _has_seen_to(runs[one], step)), None)
+        if ended and night is not None:
+            vanished[night, step].append(ended)
+    return [
+        FoundLoss("gone", night, each[-1], each)
+        for (night, step), missing in vanished.items()
+        for each in _not_replaced(missing, _new_jobs(night, step, runs[night], cells))
+    ]
+
+
+def _has_seen_to(run: NightRun, step: str) -> bool:
+    """Whether a run would have a job of a step; one that broke or was cancelled before it says so itself."""
+    return run.state in _SEEN_TO or any(_step_of(job) == step for job in run.jobs)
+
+
+def _new_jobs(night: int, step: str, run: NightRun, cells: Sequence[Sequence[Appearance]]) -> list[str]:
+    """Names of the jobs of a step that no earlier run has, or of which that is not known."""
+    new = [each[0].job for each in cells if each[0].night == night]
+    unknown = [job for job in run.jobs if job.inputs is None]
+    return [name_of(job).test for job in (*new, *unknown) if _step_of(job) == step]
+
+
+def _not_replaced(vanished: Sequence[Sequence[Appearance]], new: Sequence[str]) -> list[Sequence[Appearance]]:
+    """The jobs that no new one replaces: none that is called the same, and not as many of other names."""
+    rest, left = list(new), []
+    for each in vanished:
+        name = name_of(each[-1].job).test
+        if name in rest:
+            rest.remove(name)
+        else:
+            left.append(each)
+    return left if len(left) > len(rest) else []
+
+
+def _judged_less(appearances: Sequence[Appearance]) -> FoundLoss | None:
+    """What the last run of a job judges less than an earlier one; None if that is nothing.
+
+    Runs in which it broke without a verdict or was cancelled are passed over.
+    """
+    looked_at = [each for each in appearances if _has_verdict(each) or each.outcome is Outcome.UNJUDGED]
+    if not looked_at:
+        return None
+    if looked_at[-1].outcome is Outcome.UNJUDGED:
+        return _no_longer_judged(appearances, looked_at)
+    return _asked_less(appearances, looked_at)
+
+
+def _no_longer_judged(appearances: Sequence[Appearance], looked_at: Sequence[Appearance]) -> FoundLoss | None:
+    first = len(looked_at)
+    while first and looked_at[first - 1].outcome is Outcome.UNJUDGED:
+        first -= 1
+    if not first:
+        return None
+    before, after = looked_at[first - 1], looked_at[first]
+    names = sorted(_asked(before.job) - _listed(looked_at[-1].job))
+    return FoundLoss("no_longer_judged", after.night, before, appearances, names)
+
+
+def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearance]) -> FoundLoss | None:
+    """The latest run that dropped requirements which no later one asks for again."""
+    if looked_at[-1].outcome not in JUDGED:
+        return None
+    listed_now = _listed(looked_at[-1].job)
+    known: frozenset[str] = frozenset()
+    found: FoundLoss | None = None
+    before = looked_at[0]
+    for each in looked_at:
+        asked = _asked(each.job)
+        if each.outcome not in JUDGED:  # of what broke, not all requirements need be known
+            known |= asked
+        else:
+            dropped = known - _listed(each.job) - listed_now
+            if dropped:
+                found = FoundLoss("asked_less", each.night, before, appearances, sorted(dropped))
+            known = asked
+        before = each
+    return found
+
+
+def _has_verdict(appearance: Appearance) -> bool:
+    return appearance.outcome in JUDGED or (appearance.outcome is Outcome.BROKEN and appearance.job.verdict == "ERROR")
+
+
+def _asked(job: JobRecord) -> frozenset[str]:
+    """Names of what a job is judged by; with trials, of what each of them is."""
+    if any(item.counts and item.name == _TRIALS for item in job.requirements):
+        return _listed(job)
+    return _listed(job) & {item.name for item in job.requirements if item.counts}
+
+
+def _listed(job: JobRecord) -> frozenset[str]:
+    """The same, with those that do not count, since goals were reached that end the run."""
+    return frozenset(item.name for item in job.requirements if item.kind != HEALTH)
+
+
+def _step_of(job: JobRecord) -> str:
+    return job.step or ""

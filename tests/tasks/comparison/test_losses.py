@@ -1,0 +1,219 @@
+"""Nights that judge less than earlier ones: what is gone, no longer judged or asked less is named, once, everywhere."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.night_records import make_job, make_night, store_night
+
+from prefect_robomaker.deployments.cli.output.comparison import comparison_lines, history_lines, lost_lines
+from prefect_robomaker.schemas.reports.changes import Losses
+from prefect_robomaker.schemas.reports.run_record import JobRecord, RerunOf, RunRecord
+from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.tasks.comparison.better_or_worse import compare
+from prefect_robomaker.tasks.comparison.history import history_of, since_last_good_run, since_last_run
+from prefect_robomaker.tasks.comparison.nights import NightRun
+from prefect_robomaker.tasks.inspection.run_records import since_last_good
+from prefect_robomaker.tasks.notifications.messages import Message, is_due, message_of
+from prefect_robomaker.tasks.reporting.nights.changes import losses_in_words
+
+USUAL = frozenset({"failure", "recovery"})
+
+
+def night_of(number: int, *jobs: JobRecord, **members: Any) -> RunRecord:
+    return make_night(list(jobs), number).model_copy(update=members)
+
+
+def jobs(letters: str, night: int = 0, **members: Any) -> list[JobRecord]:
+    """Jobs of one application with seeds from 1, as of requests without worlds."""
+    return [
+        make_job(index, each, night=night, world=None, seed=index + 1, **members)
+        for index, each in enumerate(letters)
+        if each != "-"
+    ]
+
+
+def asked(job: JobRecord, *names: str, **members: Any) -> JobRecord:
+    """The job, judged by requirements of these names."""
+    said = {"satisfied": True, "detail": "", "kind": "goal", **members}
+    return job.model_copy(update={"requirements": [Requirement(name=each, **said) for each in names]})
+
+
+def nights(*letters: str) -> list[RunRecord]:
+    """Runs with the jobs of these letters; `-` is a job that the specification does not have."""
+    states = {"F": "failed", "E": "broken", "C": "canceled"}
+    return [
+        night_of(
+            number,
+            *jobs(each, number),
+            state=next((state for letter, state in states.items() if letter in each), "succeeded"),
+        )
+        for number, each in enumerate(letters)
+    ]
+
+
+def lost(records: list[RunRecord]) -> Losses:
+    return since_last_run([NightRun.of(each) for each in records])
+
+
+def told(records: list[RunRecord]) -> Message:
+    since = since_last_good_run([NightRun.of(each) for each in records])
+    return message_of(records[-1], records[-2], since)
+
+
+def test_a_job_that_vanished_is_gone() -> None:
+    found = lost(nights("PPF", "PP-"))
+    assert [(each.cell.title, each.job, each.before) for each in found.gone] == [
+        ("drive: request 3 scout, seed 3", "sim-0-2", "failed")
+    ]
+    assert found.no_longer_judged == found.asked_less == []
+    assert losses_in_words(found) == ["1 job is gone: drive: request 3 scout, seed 3 (failed before)"]
+
+
+@pytest.mark.parametrize(
+    ("letters", "gone", "unjudged"),
+    [
+        (("PPF", "PPN"), 0, 1),
+        (("PPF", "NNN"), 0, 3),
+        (("PPF", "---"), 3, 0),
+        (("PPF", "PP-", "PP-"), 0, 0),  # told the night before
+        (("PPF", "PPN", "PPN"), 0, 0),
+        (("PPF", "PPE", "PPN"), 0, 1),  # a crash between has no verdict
+        (("PPN", "PPE", "PPN"), 0, 0),  # it never had one
+        (("PPF", "CC-", "PP-"), 0, 0),  # a cancelled run that has jobs of the step says so itself
+        (("PPF", "CCC", "PP-"), 1, 0),
+        (("PPC", "PP-"), 0, 0),  # it never had a result
+        (("PPF", "PP-", "PPP"), 0, 0),
+        (("PPF", "PPE"), 0, 0),
+        (("PPF", "PPC"), 0, 0),
+    ],
+)
+def test_each_loss_is_told_once(letters: tuple[str, ...], gone: int, unjudged: int) -> None:
+    found = lost(nights(*letters))
+    assert (len(found.gone), len(found.no_longer_judged)) == (gone, unjudged)
+
+
+@pytest.mark.parametrize("state", ["broken", "canceled", "timed out"])
+def test_a_run_that_ended_before_a_step_lost_nothing(state: str) -> None:
+    """Its state and the step's say so; the next run that comes so far is compared."""
+    before, early = nights("PPF")[0], night_of(1, state=state)
+    assert not lost([before, early]).has_losses
+    after = night_of(2, *jobs("PP-", 2))
+    assert len(lost([before, early, after]).gone) == 1
+
+
+def test_other_worlds_every_night_are_not_gone() -> None:
+    def night(number: int, count: int, names: int = 0) -> RunRecord:
+        made = [make_job(names + index, "P", night=number, world=f"{number} {index}") for index in range(count)]
+        return night_of(number, *made)
+
+    assert not lost([night(0, 3), night(1, 3)]).has_losses
+    assert not lost([night(0, 3), night(1, 4)]).has_losses
+    fewer = lost([night(0, 5), night(1, 3)])
+    assert [each.cell.test for each in fewer.gone] == ["world-4 scout", "world-5 scout"]
+    assert not lost([night(0, 3), night(1, 3, names=9)]).has_losses, "as many of other names"
+    assert len(lost([night(0, 3), night(1, 2, names=9)]).gone) == 3, "which of them were replaced is not known"
+
+
+def test_a_job_whose_inputs_are_not_known_may_be_the_one_that_is_missed() -> None:
+    unknown = jobs("P", 1)[0].model_copy(update={"inputs": None})
+    assert not lost([night_of(0, *jobs("P")), night_of(1, unknown)]).has_losses
+
+
+def test_a_requirement_that_is_not_asked_any_more_is_named() -> None:
+    (first,), (second,) = jobs("P"), jobs("P", 1)
+    found = lost([night_of(0, asked(first, "east", "north")), night_of(1, asked(second, "north"))])
+    assert losses_in_words(found) == [
+        "1 job is asked less than before: drive: request 1 scout, seed 1 (passed before; requirement east is not asked "
+        "any more)"
+    ]
+    bare = second.model_copy(update={"verdict": "NONE", "requirements": []})
+    assert losses_in_words(lost([night_of(0, asked(first, "east", "north")), night_of(1, bare)])) == [
+        "1 job is no longer judged: drive: request 1 scout, seed 1 (passed before; requirements east, north are not "
+        "asked any more)"
+    ]
+
+
+def test_requirements_that_broke_jobs_do_not_list_are_looked_for_in_the_run_before() -> None:
+    (first,), (broken,), (last,) = jobs("P"), jobs("P", 1), jobs("P", 2)
+    error = asked(broken, "fast", satisfied=False, error="no").model_copy(update={"verdict": "ERROR"})
+    found = lost([night_of(0, asked(first, "east")), night_of(1, error), night_of(2, asked(last, "north"))])
+    assert found.asked_less[0].requirements == ["east", "fast"]
+
+
+def test_what_was_never_asked_for_and_what_does_not_count_is_no_loss() -> None:
+    """`above_floor` is in a result only where it was missed; goals that end a run make the environment's not count."""
+    (first,), (second,) = jobs("F"), jobs("P", 1)
+    fell = first.model_copy(
+        update={
+            "requirements": [
+                Requirement(name="above_floor", kind="health", satisfied=False, detail="it fell"),
+                Requirement(name="rooms", satisfied=False, detail="1 of 3"),
+            ]
+        }
+    )
+    well = second.model_copy(
+        update={"requirements": [Requirement(name="rooms", satisfied=False, detail="1 of 3", counts=False)]}
+    )
+    records = [night_of(0, fell), night_of(1, well)]
+    assert not lost(records).has_losses
+    assert since_last_run([NightRun.of(each) for each in records]).other_requirements == 0
+    assert compare(*map(NightRun.of, records)).answer == "no difference shown"
+
+
+def test_trials_are_asked_for_what_each_of_them_is_judged_by() -> None:
+    (first,), (second,) = jobs("P"), jobs("P", 1)
+    trials = Requirement(name="trials", satisfied=True, detail="9 of 9")
+    east = Requirement(name="east", satisfied=True, detail="met in 9 of 9", counts=False)
+    before = first.model_copy(update={"requirements": [trials, east]})
+    after = second.model_copy(update={"requirements": [trials]})
+    assert lost([night_of(0, before), night_of(1, after)]).asked_less[0].requirements == ["east"]
+    assert not lost([night_of(0, before), night_of(1, before)]).has_losses
+
+
+@pytest.mark.parametrize(("now", "title"), [
+    ("PP-", "nightly: succeeded, 2 pass of 2 jobs, 1 job gone"),
+    ("PPN", "nightly: succeeded, 2 pass of 3 jobs, 1 no longer judged"),
+    ("NNN", "nightly: succeeded, 0 pass of 3 jobs, 3 no longer judged"),
+])  # fmt: skip
+def test_a_night_that_shrinks_is_not_good_again(now: str, title: str) -> None:
+    records = nights("PPF", now)
+    message = told(records)
+    assert (message.title, message.good) == (title, False)
+    assert "drive: request 3 scout, seed 3 (failed before" in message.body
+    since = lost(records)
+    assert is_due(USUAL, records[1], records[0], since)
+    assert is_due(frozenset({"change"}), records[1], records[0], since)
+    assert not is_due(frozenset({"recovery"}), records[1], records[0], since)
+
+
+def test_what_was_lost_in_a_bad_night_keeps_the_next_from_being_good_again() -> None:
+    message = told(nights("PPF", "EP-", "PP-"))
+    assert message.title == "nightly: succeeded, 2 pass of 2 jobs, 1 job gone"
+    assert told(nights("PPF", "EP-", "PPP")).title == "nightly: succeeded, good again, 3 pass of 3 jobs"
+    assert told(nights("PPP", "PP-", "PF-", "PP-")).title == "nightly: succeeded, good again, 2 pass of 2 jobs"
+
+
+def test_reruns_and_probes_are_no_nights(tmp_path: Path) -> None:
+    first, second = (each.model_copy(update={"run_dir": tmp_path / each.run_id}) for each in nights("PPF", "--P"))
+    store_night(first)
+    assert lost_lines(second) == ["2 jobs are gone: drive: request 1 scout, seed 1 (passed before); "
+                                  "drive: request 2 scout, seed 2 (passed before)"]  # fmt: skip
+    assert len(since_last_good(second).gone) == 2
+    rerun = RerunOf(run_id=first.run_id, selection="failed", jobs_total=3, earlier={})
+    assert lost_lines(second.model_copy(update={"rerun_of": rerun})) == []
+    assert lost_lines(second.model_copy(update={"probe": True})) == []
+    store_night(second.model_copy(update={"probe": True}))
+    third = nights("PPF", "PPF", "PPF")[2].model_copy(update={"run_dir": tmp_path / "nightly-3"})
+    assert not since_last_good(third).has_losses
+
+
+@pytest.mark.parametrize("now", ["PP-", "PPN", "NNN"])
+def test_commands_name_it(now: str) -> None:
+    records = [NightRun.of(each) for each in nights("PPF", now)]
+    printed = "\n".join(history_lines(history_of("nightly", records), Path("page")))
+    compared = "\n".join(comparison_lines(compare(*records)))
+    for text in (printed, compared):
+        assert "drive: request 3 scout, seed 3" in text
+        assert ("is gone: " if now == "PP-" else "no longer judged: ") in text
+    assert "No job" not in printed
