@@ -1,9 +1,13 @@
 """Reports as JUnit XML, for CI servers and other viewers of test results.
 
 A step of the pipeline is a test suite, a job a test case: FAIL is a failure, ERROR an error, a job that was
-cancelled or has no verdict is skipped. Only what strict readers allow is written: no `properties` in test
-cases, for one. A job's id, seed, world and outputs are properties of its suite (`<test case>.seed`), and its
-`system-out`. Test cases have no ids in their names: what collects results from run to run knows tests by their names.
+cancelled or has no verdict is skipped; one that the timeout of its batch ended, or kept from running, is an error.
+Where no job and no step says why a run did not succeed, a suite of its own has an error: a file without failures and
+errors means that `robomaker run` ended with 0.
+
+Only what strict readers allow is written: no `properties` in test cases, for one. A job's id, seed, world and outputs
+are properties of its suite (`<test case>.seed`), and its `system-out`. Test cases have no ids in their names: what
+collects results from run to run knows tests by their names.
 """
 
 import re
@@ -16,15 +20,39 @@ from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
 _IMPOSSIBLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _MAX_MESSAGE = 200
 _SKIPPED = ("canceled", "unfinished", "no verdict")
+_TIMED_OUT = "BatchTimedOut"
+_BAD = ("failures", "errors")
 
 
 def junit_xml(summary: ReportSummary) -> bytes:
     """Writes a report as JUnit XML, in UTF-8."""
     suites = [_suite(step, summary) for step in summary.steps]
-    counts = {name: sum(int(suite.get(name, "0")) for suite in suites) for name in ("tests", "failures", "errors")}
+    if summary.state != "succeeded" and not any(int(suite.get(bad, "0")) for suite in suites for bad in _BAD):
+        suites.append(_end_of_run(summary))
+    counts = {name: sum(int(suite.get(name, "0")) for suite in suites) for name in ("tests", *_BAD)}
     root = _element("testsuites", *suites, name=summary.name, time=_seconds(summary.time_s), **counts)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="utf-8", xml_declaration=True) + b"\n"
+
+
+def _end_of_run(summary: ReportSummary) -> ElementTree.Element:
+    """A suite with one error, of a run whose jobs and steps do not say why it did not succeed."""
+    name = f"{summary.name}.run"
+    error = _told("error", summary.state, f"the run was not carried out as ordered: {summary.state}")
+    case = _element("testcase", error, name="end of the run", classname=name, time=_seconds(0.0))
+    properties = _element("properties", _element("property", name="run", value=summary.run_id))
+    return _element(
+        "testsuite",
+        properties,
+        case,
+        name=name,
+        tests=1,
+        failures=0,
+        errors=1,
+        skipped=0,
+        time=_seconds(0.0),
+        timestamp=f"{summary.started_at:%Y-%m-%dT%H:%M:%S}",
+    )
 
 
 def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
@@ -34,7 +62,7 @@ def _suite(step: StepSuite, summary: ReportSummary) -> ElementTree.Element:
         failed = _told("error", step.status, step.error)
         cases.insert(0, _element("testcase", failed, name=step.operation, classname=name, time=_seconds(0.0)))
     properties = [_element("property", name=key, value=value) for key, value in _properties(step, summary)]
-    outcomes = [job.outcome for job in step.jobs]
+    outcomes = ["broken" if _is_error(job) else job.outcome for job in step.jobs]
     return _element(
         "testsuite",
         _element("properties", *properties),
@@ -66,14 +94,19 @@ def _case(job: JobCase, suite: str) -> ElementTree.Element:
     case = _element("testcase", name=job.test, classname=suite, time=_seconds(job.time_s))
     if job.outcome == "failed":
         case.append(_told("failure", "FAIL", job.reason))
-    elif job.outcome == "broken":
-        case.append(_told("error", job.failure_code or "ERROR", job.reason))
+    elif _is_error(job):
+        why = job.reason or ("the timeout of its batch was over" if job.failure_code == _TIMED_OUT else "")
+        case.append(_told("error", job.failure_code or "ERROR", why))
     elif job.outcome in _SKIPPED:
         case.append(_element("skipped", message=job.outcome))
     output = _element("system-out")
     output.text = _clean("\n".join(_lines(job)))
     case.append(output)
     return case
+
+
+def _is_error(job: JobCase) -> bool:
+    return job.outcome == "broken" or (job.outcome in _SKIPPED and job.failure_code == _TIMED_OUT)
 
 
 def _lines(job: JobCase) -> Iterator[str]:

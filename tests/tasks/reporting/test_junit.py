@@ -9,7 +9,10 @@ from hypothesis import HealthCheck, given
 from hypothesis import strategies as st
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
-from prefect_robomaker.schemas.reports.report import Report, ReportedStep
+from prefect_robomaker.schemas.reports.report import Report, ReportedJob, ReportedStep
+from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord
+from prefect_robomaker.schemas.reports.run_states import run_state
+from prefect_robomaker.schemas.runs.plan import Verdict
 from prefect_robomaker.tasks.reporting import junit_xml, summarize
 
 SCHEMA = etree.XMLSchema(etree.parse(str(Path(__file__).with_name("junit.xsd"))))
@@ -109,7 +112,7 @@ def test_a_step_that_failed_without_jobs_is_an_error(report: Report) -> None:
 
 
 def test_nothing_was_run(report: Report) -> None:
-    assert len(parsed(report.model_copy(update={"jobs": [], "steps": []}))) == 0
+    assert len(parsed(report.model_copy(update={"jobs": [], "steps": [], "state": "succeeded"}))) == 0
 
 
 @examples(40, suppress_health_check=(HealthCheck.function_scoped_fixture,))
@@ -117,3 +120,95 @@ def test_nothing_was_run(report: Report) -> None:
 def test_any_text_can_be_written(report: Report, text: str) -> None:
     job = report.jobs[2].model_copy(update={"failure_reason": text, "label": text, "failure_code": text})
     parsed(report.model_copy(update={"jobs": [job], "name": text}))
+
+
+_ENDS: dict[str, dict[str, Any]] = {
+    "passed": {"status": "Completed"},
+    "failed": {"status": "Completed"},
+    "error": {"status": "Completed"},
+    "none": {"status": "Completed"},
+    "crashed": {"status": "Failed", "failure_code": "RobotApplicationCrash", "failure_reason": "it fell"},
+    "canceled": {"status": "Canceled"},
+    "never created": {"status": "NotCreated", "failure_code": "InvalidInput", "failure_reason": "no"},
+    "batch canceled": {"status": "NotCreated", "failure_code": "BatchCanceled"},
+    "timed out": {"status": "Canceled", "failure_code": "BatchTimedOut"},
+    "timed out before": {"status": "NotCreated", "failure_code": "BatchTimedOut"},
+    "canceled by its batch": {"status": "Canceled", "failure_code": "BatchCanceled"},
+}
+_VERDICTS: dict[str, Verdict] = {"passed": "PASS", "failed": "FAIL", "error": "ERROR", "none": "NONE"}
+
+
+def ended(report: Report, status: str, ends: list[str], *, is_whole: bool = True) -> tuple[int, Any]:
+    """The exit code of a run whose only step and whose jobs ended so, and its JUnit file."""
+    result = report.jobs[0].result
+    assert result is not None
+    results = {
+        end: result.model_copy(update={"verdict": verdict, "requirements": []}) for end, verdict in _VERDICTS.items()
+    }
+    jobs = [
+        ReportedJob(label=f"sim-{number}", step="drive", result=results.get(end), **_ENDS[end])
+        for number, end in enumerate(ends)
+    ]
+    records = [
+        JobRecord(
+            label=job.label,
+            status=job.status,
+            failure_code=job.failure_code,
+            verdict=job.result.verdict if job.result else None,
+        )
+        for job in jobs
+    ]
+    state = run_state([status], records, is_whole=is_whole)
+    step = ReportedStep(name="drive", operation="StartSimulationJobBatch", status=status, duration_s=1.0)
+    return EXIT_CODES[state], parsed(report.model_copy(update={"state": state, "steps": [step], "jobs": jobs}))
+
+
+@pytest.mark.parametrize(
+    ("status", "ends", "is_whole", "code"),
+    [
+        ("Completed", ["passed", "none"], True, 0),
+        ("Completed", ["passed", "failed"], True, 1),
+        ("Completed", ["error", "passed"], True, 3),
+        ("Completed", ["crashed", "passed"], True, 3),
+        ("Failed", ["passed"], True, 3),
+        ("Failed", [], True, 3),
+        ("PartialFailed", [], True, 3),
+        ("Canceled", ["passed", "canceled", "batch canceled"], True, 4),
+        ("Completed", ["passed", "canceled"], True, 4),
+        ("Completed", ["passed"], False, 4),
+        ("Skipped", [], False, 4),
+        ("TimedOut", ["timed out", "passed"], True, 5),
+        ("TimedOut", ["timed out before"], True, 5),
+        ("TimedOut", ["passed"], True, 5),
+    ],
+)
+def test_no_failure_and_no_error_mean_exit_code_0(
+    report: Report, status: str, ends: list[str], is_whole: bool, code: int
+) -> None:
+    found, root = ended(report, status, ends, is_whole=is_whole)
+    assert found == code
+    assert (root.get("failures") == root.get("errors") == "0") == (code == 0)
+    assert len(root.findall(".//error")) == int(root.get("errors"))
+    assert (root.get("failures") != "0") == ("failed" in ends)
+
+
+def test_jobs_that_the_timeout_of_their_batch_ended_are_errors_with_the_reason(report: Report) -> None:
+    code, root = ended(report, "TimedOut", ["passed", "timed out", "timed out before"])
+    assert (code, root.get("errors")) == (5, "2")
+    assert {(each.get("type"), each.get("message")) for each in root.iterfind(".//error")} == {
+        ("BatchTimedOut", "the timeout of its batch was over")
+    }
+    assert root.find(".//skipped") is None
+
+
+@given(
+    st.sampled_from(["Completed", "Failed", "PartialFailed", "Canceled", "TimedOut", "Skipped"]),
+    st.lists(st.sampled_from(sorted(_ENDS)), max_size=4),
+    st.booleans(),
+)
+@examples(60, suppress_health_check=(HealthCheck.function_scoped_fixture,))
+def test_junit_files_agree_with_the_exit_code_however_a_run_ends(
+    report: Report, status: str, ends: list[str], is_whole: bool
+) -> None:
+    code, root = ended(report, status, ends, is_whole=is_whole)
+    assert (root.get("failures") == root.get("errors") == "0") == (code == 0)
