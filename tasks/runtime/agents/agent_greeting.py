@@ -1,8 +1,11 @@
 """The greeting between a run and the program that is its robot (`docs/agents.md`)."""
 
+import math
+import sys
 import time
 from contextlib import suppress
 
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import AGENT_GONE
 from .agent_client import END, ERROR, HELLO, SOCKET_VARIABLE, ProtocolError
@@ -12,6 +15,8 @@ from .agent_socket import AgentLink, AgentSocket, Clock, Closed, Message, Stop, 
 CONNECT_TIMEOUT_VARIABLE = "ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"
 GREETING_TIMEOUT_S = 5.0
 """How long a connection may say nothing while another one waits; a robot that is alone may take its time."""
+WARN_AFTER_S = 10.0
+"""Time after which the log says that the robot's program has not connected."""
 CRASH = "RobotApplicationCrash"
 """Failure code of a job whose robot greets wrongly."""
 
@@ -27,7 +32,14 @@ class _MuteError(Exception):
 class Greeter:
     """Waits for the robot's program and greets it."""
 
-    def __init__(self, listening: AgentSocket, robot: str, stop: Stop, clock: Clock = time.monotonic) -> None:
+    def __init__(
+        self,
+        listening: AgentSocket,
+        robot: str,
+        stop: Stop,
+        clock: Clock = time.monotonic,
+        max_duration_s: float = math.inf,
+    ) -> None:
         """Takes a socket without a connection.
 
         Args:
@@ -35,7 +47,9 @@ class Greeter:
             robot: The robot application's name.
             stop: Whether the run is to stop.
             clock: Seconds.
+            max_duration_s: The job's duration limit, for messages.
         """
+        self._max_duration_s = max_duration_s
         self._socket = listening
         self._robot = robot
         self._stop = stop
@@ -59,17 +73,24 @@ class Greeter:
         try:
             return self._greeted(greeting, timeout_s)
         except Stopped:
-            if self._stop.reason != AGENT_GONE:
-                raise
-            raise self._gone() from None
+            if self._stop.reason == AGENT_GONE:
+                raise self._gone() from None
+            if self._stop.reason == RunStop.DURATION_LIMIT:
+                raise self._cut() from None
+            raise
 
     def _greeted(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
-        deadline_s = self._clock() + timeout_s
+        deadline_s, warn_at_s = self._clock() + timeout_s, self._clock() + WARN_AFTER_S
         while True:
             try:
-                connection = self._socket.accept(deadline_s, self._stop, self._clock)
+                connection = self._socket.accept(min(deadline_s, warn_at_s), self._stop, self._clock)
             except TimeoutError:
-                raise self._late(timeout_s) from None
+                if self._clock() >= deadline_s:
+                    raise self._late(timeout_s) from None
+                sys.stderr.write(f"{self._text(WARN_AFTER_S)}; {self._how()}. It is waited for\n")
+                sys.stderr.flush()
+                warn_at_s = math.inf
+                continue
             self._did, self._lacks = "connected, but did not greet", "greeting"
             link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
             try:
@@ -119,10 +140,19 @@ class Greeter:
             _UNHEALTHY,
         )
 
+    def _cut(self) -> LaunchError:
+        return LaunchError(
+            f"the program of robot application {self._robot} {self._did} before the job's duration limit of "
+            f"{self._max_duration_s:g} s; {self._how()}",
+            _UNHEALTHY,
+        )
+
+    def _how(self) -> str:
+        return f"it has to connect to the Unix socket that {SOCKET_VARIABLE} names, here {self._socket.path}"
+
     def _late(self, timeout_s: float) -> LaunchError:
         return LaunchError(
-            f"{self._text(timeout_s)}; it has to connect to the Unix socket that {SOCKET_VARIABLE} names, "
-            f"here {self._socket.path}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
+            f"{self._text(timeout_s)}; {self._how()}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
             _UNHEALTHY,
         )
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import LaunchError
 from .agent_client import ERROR, FrameBuffer, ProtocolError, words
 
@@ -147,6 +148,8 @@ class AgentLink:
             clock: Seconds.
         """
         self.limits = limits
+        self.waits_at_limit = False
+        """Whether it goes on waiting when the duration limit is reached, until it is interrupted."""
         self._socket = connection
         self._frames = FrameBuffer(limits)
         self._stop = stop
@@ -277,7 +280,7 @@ class AgentLink:
                 self._unsent = self._unsent[self._socket.send(self._unsent, socket.MSG_DONTWAIT) :]
 
     def _check(self, deadline_s: float) -> None:
-        if self._stop.reason:
+        if self._stop.reason and not (self.waits_at_limit and self._stop.reason == RunStop.DURATION_LIMIT):
             raise Stopped
         if self._clock() >= deadline_s:
             raise TimeoutError

@@ -74,7 +74,7 @@ class RemoteRobot:
         timestep_s = _control_timestep_s(environment)
         greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
         assert self._socket is not None
-        greeter = Greeter(self._socket, self._robot, self._stop, self._clock)
+        greeter = Greeter(self._socket, self._robot, self._stop, self._clock, self._plan.max_duration_s)
         try:
             self._link, hello = greeter.greet(greeting, _connect_timeout_s(context.environment))
         except Stopped:
@@ -84,6 +84,7 @@ class RemoteRobot:
             text = "this environment cannot run free: it has no control_timestep()"
             self._link.refuse(text)
             raise LaunchError(f"the program of robot application {self._robot}: {text}", CRASH)
+        self._link.waits_at_limit = True
         # The greeting decides which further messages the robot may send.
         self._link.limits[ACTION] = max(action.size, MAX_WORDS_BYTES)
         self._keeper = ActionRecorder(self._plan.output_dir / ACTIONS_FILE, header_of(hello.mode, action))

@@ -9,8 +9,9 @@ from typing import Any
 from ....schemas.runs.plan import ApplicationRole
 
 _SIZE = 64 * 1024
-_PHASE, _STOP, _TRIALS, _LENGTH, _REPORT = 0, 1, 4, 8, 12
+_PHASE, _STOP, _JUDGES, _TRIALS, _LENGTH, _WHERE, _REPORT = 0, 1, 2, 4, 8, 16, 32
 _UINT = struct.Struct("<I")
+_STEPS_AND_TIME = struct.Struct("<Qd")
 
 AGENT_GONE = "agent"
 """Why a run is told to stop whose robot's program has ended with exit code 0."""
@@ -50,6 +51,7 @@ _ROLES: dict[Phase, ApplicationRole] = {
     Phase.STEP: "simulation",
     Phase.REPORT: "simulation",
 }
+_OF_A_STEP = (Phase.AGENT, Phase.STEP)
 _ACTIVITIES = {
     Phase.STARTING: "starting the run",
     Phase.MAKE_ENVIRONMENT: "making the environment",
@@ -61,6 +63,20 @@ _ACTIVITIES = {
     Phase.FINISHING: "writing the outputs",
     Phase.JUDGING: "judging the run",
 }
+
+
+def unanswered(phase: Phase, steps: int, time_s: float) -> str:
+    """Says who did not answer when a run was stopped at its duration limit.
+
+    Args:
+        phase: What the run's process was doing.
+        steps: Steps that were done.
+        time_s: Simulated time in s.
+    """
+    if phase.role is None:
+        return f"stopped at the duration limit: the runtime had not finished {phase.activity}"
+    where = f"in step {steps + 1}, at {time_s:.2f} s simulated" if phase in _OF_A_STEP else f"in {phase.activity}"
+    return f"stopped at the duration limit: the {phase.role} application did not answer {where}"
 
 
 class Progress:
@@ -82,6 +98,24 @@ class Progress:
         """What was begun last."""
         return Phase(self._page[_PHASE])
 
+    def count_step(self, steps: int, time_s: float) -> None:
+        """Says how many steps of the episode are done, and its simulated time."""
+        _STEPS_AND_TIME.pack_into(self._page, _WHERE, steps, time_s)
+
+    @property
+    def where(self) -> tuple[int, float]:
+        """Steps that are done, and the simulated time in s."""
+        return _STEPS_AND_TIME.unpack_from(self._page, _WHERE)
+
+    def begin_to_judge(self) -> None:
+        """Says that the environment judges its run, or has requirements."""
+        self._page[_JUDGES] = 1
+
+    @property
+    def judges(self) -> bool:
+        """Whether the environment judges its run, or has requirements."""
+        return bool(self._page[_JUDGES])
+
     def request_stop(self, reason: str) -> None:
         """Says why the run is about to be told to stop (one of `STOP_REASONS`)."""
         self._page[_STOP] = STOP_REASONS.index(reason)
@@ -93,12 +127,12 @@ class Progress:
 
     def finish_trials(self, count: int) -> None:
         """Says how many of the run's trials have finished."""
-        self._page[_TRIALS:_LENGTH] = _UINT.pack(count)
+        _UINT.pack_into(self._page, _TRIALS, count)
 
     @property
     def trials(self) -> int:
         """How many of the run's trials have finished; 0 for a run without trials."""
-        return _UINT.unpack(self._page[_TRIALS:_LENGTH])[0]
+        return _UINT.unpack_from(self._page, _TRIALS)[0]
 
     def write_report(self, report: dict[str, Any]) -> None:
         """Leaves the run's last words; the length is stored last, so that half a report is none."""
@@ -106,11 +140,11 @@ class Progress:
         if len(data) > _SIZE - _REPORT:
             raise ValueError(f"a report of {len(data)} bytes does not fit into {_SIZE - _REPORT}")
         self._page[_REPORT : _REPORT + len(data)] = data
-        self._page[_LENGTH:_REPORT] = _UINT.pack(len(data))
+        _UINT.pack_into(self._page, _LENGTH, len(data))
 
     def read_report(self) -> dict[str, Any]:
         """Returns the run's last words; empty when there are none."""
-        (length,) = _UINT.unpack(self._page[_LENGTH:_REPORT])
+        (length,) = _UINT.unpack_from(self._page, _LENGTH)
         try:
             return json.loads(self._page[_REPORT : _REPORT + length]) if length else {}
         except ValueError:  # overwritten by a stray write of the application

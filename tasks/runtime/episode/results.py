@@ -99,6 +99,9 @@ class Episode:
     judges: bool = False
     """Whether the environment reports on its runs, so that its silence is no verdict either."""
 
+    unanswered: str = ""
+    """Says who did not answer at the duration limit and had to be interrupted; empty: nobody."""
+
 
 def read_report(environment: object) -> EnvironmentReport:
     """Asks an environment for its report.
@@ -152,7 +155,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     is_judged = judged != "NONE" or bool(own or added)
     defects: list[Requirement] = []
     for defect in (*_defects_of(episode), *(defect for finding in findings for defect in finding.defects)):
-        if is_judged or (episode.judges and not episode.steps):
+        if is_judged or (episode.judges and (episode.unanswered or not episode.steps)):
             defects.append(defect)
         else:
             notes.append(defect.detail)
@@ -219,12 +222,19 @@ def _summary(report: EnvironmentReport, added: Sequence[Requirement], reached: b
 
 
 def _defects_of(episode: Episode) -> list[Requirement]:
-    """Returns what is wrong with an episode in which nothing happened."""
+    """Returns what is wrong with an episode in which nothing happened, or somebody did not answer."""
+    if episode.unanswered:
+        return [never_answered(episode.unanswered)]
     if episode.steps:
         return []
     who = _ENDERS.get(episode.ended_by, episode.ended_by)
     text = f"nothing was simulated: {who} ended the run before its first step"
     return [Requirement(name="simulated", kind="health", satisfied=False, detail=text, error=text)]
+
+
+def never_answered(text: str) -> Requirement:
+    """Returns the defect of a run in which somebody did not answer until the duration limit."""
+    return Requirement(name="answered", kind="health", satisfied=False, detail=text, error=text)
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:

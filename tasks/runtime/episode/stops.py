@@ -2,9 +2,19 @@
 
 from typing import Protocol
 
+from .progress import Phase
+
 
 class RunStopped(BaseException):
-    """Raised in application code that does not return after the run was told to stop."""
+    """Raised in application code that does not return after the run was told to stop.
+
+    Args:
+        phase: What was interrupted; None: nothing, the code noticed the stop by itself.
+    """
+
+    def __init__(self, phase: Phase | None = None) -> None:
+        super().__init__(phase)
+        self.phase = phase
 
 
 class RunEnded(Exception):

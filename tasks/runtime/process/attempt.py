@@ -17,7 +17,7 @@ from ..episode.context import SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import load_factory
 from ..episode.progress import Phase, Progress
-from ..episode.results import Episode, make_result, write_result
+from ..episode.results import Episode, ReportingEnvironment, make_result, write_result
 from ..episode.stops import Stop
 from ..recording.recording import McapRecorder, NullRecorder, RecordingError
 from ..states.checkpoints import Checkpointer
@@ -107,15 +107,23 @@ def _run(
     simulation, robot = applications_of(plan)
     context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
     return run_episode(
-        lambda: factory_of(simulation)(context),
+        lambda: watched_environment(factory_of(simulation)(context), progress),
         lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
         mark=progress.mark,
+        count_step=progress.count_step,
         stop=stop,
         recorder=recorder,
         watchers=watched[1],
         health=watched[0],
         checkpoints=checkpoints,
     )
+
+
+def watched_environment(environment: Any, progress: Progress) -> Any:
+    """Notes whether an environment judges its run, for the case that the run's process cannot say so any more."""
+    if isinstance(environment, ReportingEnvironment) or hasattr(environment, "requirements"):
+        progress.begin_to_judge()
+    return environment
 
 
 def contexts_of(

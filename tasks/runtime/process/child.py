@@ -6,7 +6,7 @@ import sys
 from contextlib import suppress
 from types import FrameType
 
-from ..episode.progress import AGENT_GONE, Progress
+from ..episode.progress import Progress
 from ..episode.results import versions
 from ..episode.stops import RunStopped
 from ..limits.logs import redirect_output
@@ -49,21 +49,25 @@ def run_child(run: RunRequest, progress: Progress) -> int:
 
 
 class _StopSignal:
-    """Turns SIGTERM into a stop request, and a second one into an exception in the application's code."""
+    """Reads stop requests from the shared memory, and turns SIGTERM after one into an exception in applications' code.
+
+    A request comes without a signal: that would wake native calls that block, and one that hangs would seem to answer.
+    """
 
     def __init__(self, progress: Progress) -> None:
-        self.reason = ""
         self._progress = progress
         signal.signal(signal.SIGTERM, self._on_signal)
 
+    @property
+    def reason(self) -> str:
+        return self._progress.stop_reason
+
     def _on_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
-        if not self.reason:
-            self.reason = self._progress.stop_reason or "canceled"
+        if not self.reason:  # somebody else sent it
+            self._progress.request_stop("canceled")
         elif self._progress.phase.role is not None:
-            if self.reason == AGENT_GONE:  # a later stop of a run without its robot has another reason
-                self.reason = self._progress.stop_reason or self.reason
-            raise RunStopped
+            raise RunStopped(self._progress.phase)
 
 
 def _take_on(run: RunRequest) -> None:

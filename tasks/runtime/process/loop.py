@@ -6,9 +6,10 @@ from typing import Any, Protocol
 
 import dm_env
 
+from ....schemas.runs.stops import RunStop
 from ..episode.context import ActionError, ObservationError
 from ..episode.health import PhysicsHealth
-from ..episode.progress import Phase
+from ..episode.progress import Phase, unanswered
 from ..episode.results import EnvironmentReport, Episode, ReportingEnvironment, read_report
 from ..episode.stops import RunEnded, RunStopped, Stop
 from ..recording.recorder import Recorder
@@ -44,6 +45,7 @@ def run_episode(
     health: PhysicsHealth | None = None,
     checkpoints: Checkpointer | None = None,
     keep_open: bool = False,
+    count_step: Callable[[int, float], None] = lambda *_: None,
     wall_clock: Callable[[], float] = time.perf_counter,
 ) -> Episode:
     """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
@@ -62,6 +64,7 @@ def run_episode(
             the end, before the environment is closed; also where there is no physics.
         health: Looks at every step, before the watchers; absent: one that only fails diverged physics.
         checkpoints: Makes checkpoints, and continues from one if there is one.
+        count_step: Told after each step how many are done, and the simulated time.
         keep_open: Whether the environment is not closed, because other episodes follow.
         wall_clock: Seconds of real time.
 
@@ -74,7 +77,7 @@ def run_episode(
         Exception: Any exception of environment or agent.
     """
     health = health or PhysicsHealth()
-    loop = _Loop(mark, stop, wall_clock, health)
+    loop = _Loop(mark, stop, wall_clock, health, count_step)
     environment: dm_env.Environment | None = None
     try:
         mark(Phase.MAKE_ENVIRONMENT)
@@ -93,8 +96,8 @@ def run_episode(
         if checkpoints is not None:
             checkpoints.begin(parts)
         loop.run(parts, checkpoints)
-    except RunStopped:
-        loop.ended_by = stop.reason
+    except RunStopped as stopped:
+        loop.ended_by, loop.interrupted = stop.reason, stopped.phase
     except RunEnded as end:
         loop.ended_by = end.ended_by
     except SystemExit as request:
@@ -111,14 +114,22 @@ class _Loop:
     """The state of one episode."""
 
     def __init__(
-        self, mark: Callable[[int], None], stop: Stop, wall_clock: Callable[[], float], health: PhysicsHealth
+        self,
+        mark: Callable[[int], None],
+        stop: Stop,
+        wall_clock: Callable[[], float],
+        health: PhysicsHealth,
+        count_step: Callable[[int, float], None],
     ) -> None:
         self.ended_by = ""
+        self.interrupted: Phase | None = None
+        """What was interrupted, because it did not return after the run was told to stop."""
         self.agent_runs = False
         self._mark = mark
         self._stop = stop
         self._wall_clock = wall_clock
         self._health = health
+        self._count_step = count_step
         self._steps = 0
         self._clock = _SimulatedClock(None, ())
         self._wall_time_s = 0.0
@@ -128,6 +139,7 @@ class _Loop:
     def run(self, parts: RunParts, checkpoints: Checkpointer | None = None) -> None:
         mark, stop, environment, agent = self._mark, self._stop, parts.environment, parts.agent
         agent_phase, step_phase, look = int(Phase.AGENT), int(Phase.STEP), self._health.look_at_timestep
+        count_step = self._count_step
         mark(Phase.RESET)
         began = self._wall_clock()
         try:
@@ -163,6 +175,7 @@ class _Loop:
                     raise
                 self._steps += 1
                 clock.tick()
+                count_step(self._steps, clock.time_s)
                 look(timestep)
             self.ended_by = "environment"
         finally:
@@ -192,15 +205,17 @@ class _Loop:
                 report = read_report(environment)
                 if not keep_open:
                     environment.close()
-            except RunStopped:
-                pass
+            except RunStopped as stopped:
+                self.interrupted = self.interrupted or stopped.phase
             except Exception:
                 # An environment that was stopped before it began need not know how to report.
                 if self._steps:
                     raise
         time_s = self._clock.time_s or self._steps * _control_timestep(environment)
         judges = isinstance(environment, ReportingEnvironment)
-        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges)
+        is_cut = self.interrupted is not None and self._stop.reason == RunStop.DURATION_LIMIT
+        silence = unanswered(self.interrupted, self._steps, time_s) if is_cut and self.interrupted else ""
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence)
 
 
 def _check_environment(environment: Any) -> None:

@@ -13,7 +13,8 @@ from ....schemas.runs.programs import ToolEnds
 from ....schemas.runs.requirements import JobRequirement
 from ....schemas.runs.stops import RunStop
 from ..agents.agent_socket import remove_agent_socket
-from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE, versions, write_result
+from ..episode.progress import unanswered
+from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE, never_answered, versions, write_result
 from ..episode.verdicts import Parts, decide_verdict
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
@@ -21,6 +22,7 @@ from ..trials.completion import complete_after_all
 from .outcomes import Exit, Outcome, failure_reason, tool_in_words
 from .program_results import read_program_result
 
+_ONLY_PROGRAMS = "the job has only programs, and no simulation that could be judged"
 INVALID_RESULT_FILE = "result.invalid.json"
 """New name of an invalid `result.json` that an application wrote."""
 
@@ -47,17 +49,7 @@ def finish_outputs(
     for tool in tools:
         add_note(plan.output_dir, f"robomaker: {tool_in_words(tool, plan)}")
     if plan.has_episode:
-        remove_agent_socket(plan)
-        if plan.trials is not None:
-            _complete_trials(plan, outcome)
-        if outcome.status == "Failed":
-            with suppress(OSError):  # the application may have put anything in the folder's place
-                (plan.output_dir / RESULT_FILE).unlink()
-            return outcome, False
-        is_whole = ended is not None and ended.ended_by is not None
-        if is_whole and tools:
-            _add_tools(plan, tools)
-        return outcome, is_whole
+        return outcome, _finish_episode(plan, ended, outcome, times)
     if ended is None and outcome.status == "Failed":  # how its programs ended is not known
         return outcome, False
     try:
@@ -70,6 +62,60 @@ def finish_outputs(
             outcome = Outcome("Failed", "InternalServiceError", reason)
         return outcome, False
     return outcome, True
+
+
+def _finish_episode(plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]) -> bool:
+    """Completes the outputs of a run with an episode; returns whether they are complete."""
+    remove_agent_socket(plan)
+    if plan.trials is not None:
+        _complete_trials(plan, outcome)
+    if outcome.status == "Failed":
+        with suppress(OSError):  # the application may have put anything in the folder's place
+            (plan.output_dir / RESULT_FILE).unlink()
+        return False
+    is_whole = ended is not None and ended.ended_by is not None
+    if outcome.timed_out and not is_whole and plan.trials is None:
+        is_whole = _write_for_run(plan, ended, times)
+    if is_whole and ended is not None and ended.tools:
+        _add_tools(plan, ended.tools)
+    return is_whole
+
+
+def _write_for_run(plan: RunPlan, ended: Exit | None, times: tuple[datetime, datetime]) -> bool:
+    """Writes the result of a run whose process was killed at the duration limit before it could; says whether."""
+    if read_result(plan.output_dir) is not None:
+        return True
+    if ended is None:
+        text = "stopped at the duration limit: the run's processes disappeared"
+    elif "error" in ended.report:
+        text = f"stopped at the duration limit: it failed while it was stopped: {ended.report['error']}"
+    else:
+        text = unanswered(ended.phase, ended.steps, ended.sim_time_s)
+    is_judged = bool(plan.requirements) or (ended is not None and ended.judges)
+    defects = [never_answered(text)] if is_judged else []
+    requirements = [*defects, *(_never_judged(each, text) for each in plan.requirements)]
+    began, now = times
+    wall_time_s = (now - began).total_seconds()
+    sim_time_s = ended.sim_time_s if ended is not None else 0.0
+    result = RunResult(
+        verdict=decide_verdict(Parts(requirements=requirements)),
+        summary=f"Not judged: {text}." if is_judged else "",
+        requirements=requirements,
+        notes=[] if is_judged else [text],
+        metrics={"steps": float(ended.steps if ended is not None else 0)},
+        sim_time_s=sim_time_s,
+        wall_time_s=wall_time_s,
+        real_time_factor=sim_time_s / wall_time_s if wall_time_s > 0 else 0.0,
+        ended_by=RunStop.DURATION_LIMIT,
+        seed=plan.seed,
+        versions=versions(),
+    )
+    try:
+        write_result(result, plan.output_dir)
+    except OSError as error:  # the disk is full, or an application put something in the way
+        add_note(plan.output_dir, f"robomaker: {RESULT_FILE} cannot be written: {error}")
+        return False
+    return True
 
 
 def _complete_trials(plan: RunPlan, outcome: Outcome) -> None:
@@ -102,7 +148,7 @@ def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, 
             broken = {"verdict": "ERROR", "summary": f"An application's {said.problem}."}
         result = RunResult(**{"verdict": "NONE", **facts, **broken}, versions=versions(), extra=extra)
         is_changed = True
-    unjudged = [_never_judged(requirement) for requirement in plan.requirements]
+    unjudged = [_never_judged(requirement, _ONLY_PROGRAMS) for requirement in plan.requirements]
     if outcome.status == "Canceled" and result.verdict != "NONE":
         result, is_changed = result.unjudged(), True
     elif outcome.status == "Failed" and result.verdict not in ("FAIL", "ERROR"):
@@ -122,9 +168,8 @@ def _ended_by(outcome: Outcome) -> str:
     return RunStop.DURATION_LIMIT if outcome.timed_out else "application"
 
 
-def _never_judged(requirement: JobRequirement) -> Requirement:
-    """The requirement of a job that steps no environment, as one that cannot be judged."""
-    why = "the job has only programs, and no simulation that could be judged"
+def _never_judged(requirement: JobRequirement, why: str) -> Requirement:
+    """Returns a requirement that could not be judged, with the reason."""
     return Requirement(
         name=requirement.name, kind=requirement.kind, satisfied=False, detail=f"could not be judged: {why}", error=why
     )

@@ -34,7 +34,7 @@ from .core_assignment import Cores
 from .disk_attribution import attribute_disk_use
 from .finished_outputs import finish_outputs, read_result
 from .forkserver import READY, SANDBOX_VARIABLE
-from .outcomes import Exit, Outcome, decide_outcome, was_killed
+from .outcomes import Exit, Outcome, decide_outcome, never_connected, was_killed
 from .run_requests import DEFAULT_VARIABLES, inherited_environment, make_request, program_environment
 from .stop_monitor import StopMonitor
 
@@ -267,6 +267,10 @@ class _FirstCrash:
 def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
     """Judges an end (see `outcomes.decide_outcome`) with the log of the program that it is about."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
+    if ended is not None and program is None and never_connected(ended):
+        program = next(
+            (each.name for each in plan.programs if (each.role, each.kind) == ("robot", "application")), None
+        )
     return decide_outcome(ended, stopped_for, plan, log_tail(plan.output_dir, program))
 
 

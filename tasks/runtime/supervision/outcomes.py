@@ -66,6 +66,15 @@ class Exit:
     cpu_time_s: float | None = None
     """CPU time of all processes of the run; None: not known yet."""
 
+    steps: int = 0
+    """Steps of the episode that were done."""
+
+    sim_time_s: float = 0.0
+    """Simulated time that the run's process last noted."""
+
+    judges: bool = False
+    """Whether the environment judges its run, or has requirements."""
+
     @property
     def ended_by(self) -> str | None:
         """What ended the loop of a run that finished its outputs; None for others."""
@@ -89,6 +98,9 @@ class Exit:
             tools,
             message["trial"],
             message["cpu_time_s"],
+            message["steps"],
+            message["sim_time_s"],
+            message["judges"],
         )
 
 
@@ -122,9 +134,9 @@ def decide_outcome(
         return Outcome("Failed", _CRASH_CODES[ended.crash.role], failure_reason(head, *log))
     if ended is not None and (ended.ended_by in ENDS_BY_THEMSELVES or (ended.ended_by and plan.is_rerun)):
         return Outcome("Completed")  # a rerun ends by itself where the run was stopped
-    if stopped_for == RunStop.DURATION_LIMIT:
+    if stopped_for == RunStop.DURATION_LIMIT and not (ended is not None and never_connected(ended)):
         return Outcome("Completed", timed_out=True)
-    if stopped_for is not None:
+    if stopped_for not in (None, RunStop.DURATION_LIMIT):
         return Outcome("Canceled", failure_reason=f"The run was stopped: {stopped_for}.")
     if ended is None:
         reason = "The run's supervising process disappeared, perhaps killed for want of memory."
@@ -140,6 +152,11 @@ def decide_outcome(
     else:
         reason = f"{_who(phase, plan)} failed in {phase.activity}: {_what(ended)}{_about_tools(ended, plan)}"
     return Outcome("Failed", code, failure_reason(reason, *log))
+
+
+def never_connected(ended: Exit) -> bool:
+    """Whether the robot's program did not connect to the simulation, so that nothing could be driven."""
+    return ended.report.get("code") == "RobotApplicationHealthCheckFailure"
 
 
 def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:

@@ -15,6 +15,7 @@ from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from ....schemas.runs.programs import ToolEnds
+from ....schemas.runs.stops import RunStop
 from ..episode.progress import AGENT_GONE, Phase, Progress
 from ..limits.capped_logs import CappedLog
 from ..limits.disk_use import disk_meter
@@ -88,6 +89,8 @@ class Supervision:
         self._order = itertools.count()
         self._is_over = False
         self._is_stopping = False
+        self._was_asked = False
+        """Whether the run was asked to end."""
         self._is_stopped = False
         """Whether the launcher stops the run."""
         self._is_completed = False
@@ -229,6 +232,9 @@ class Supervision:
 
     def _on_run_end(self) -> None:
         exit_of_run = self._exit()
+        if self._is_stopping:
+            self._terminate_programs()
+            return
         is_about_robot = exit_of_run.ended_by == "agent" or _failed_role(exit_of_run.report) == "robot"
         if is_about_robot and self._robot_program() is not None:
             # The program's end, which follows, may give a better reason.
@@ -314,17 +320,24 @@ class Supervision:
         self._is_over = True
 
     def _ask_to_end(self, reason: str) -> None:
-        self._terminate_run(reason)
+        # At the duration limit a robot program may still answer what it was asked, until it is asked to end again.
+        is_first, self._was_asked = not self._was_asked, True
+        self._progress.request_stop(reason)
+        if not is_first:
+            self._interrupt_run()
+        if reason != RunStop.DURATION_LIMIT or not is_first or self._run_ended is None:
+            self._terminate_programs()
+
+    def _terminate_programs(self) -> None:
         for program in self._programs:
             program.terminate()
 
     def _tell_run_that_agent_is_gone(self) -> None:
         if not self._is_stopping:
-            self._terminate_run(AGENT_GONE)
+            self._progress.request_stop(AGENT_GONE)
 
-    def _terminate_run(self, reason: str) -> None:
+    def _interrupt_run(self) -> None:
         if self._run_pid is not None and self._run_status is None:
-            self._progress.request_stop(reason)
             os.kill(self._run_pid, signal.SIGTERM)
 
     def finish(self) -> Exit:
@@ -363,10 +376,14 @@ class Supervision:
             return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash, tools)
         status = self._run_status
         if status is None:
-            return Exit(None, None, phase, report, self._crash, tools, self._trial())
+            return self._with_place(Exit(None, None, phase, report, self._crash, tools, self._trial()))
         exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
         signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-        return Exit(exit_code, signal_number, phase, report, self._crash, tools, self._trial())
+        return self._with_place(Exit(exit_code, signal_number, phase, report, self._crash, tools, self._trial()))
+
+    def _with_place(self, ended: Exit) -> Exit:
+        steps, sim_time_s = self._progress.where
+        return replace(ended, steps=steps, sim_time_s=sim_time_s, judges=self._progress.judges)
 
     def _trial(self) -> int | None:
         """The trial that the run's process was in."""

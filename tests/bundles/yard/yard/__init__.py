@@ -1,5 +1,10 @@
-"""A puck that drives round a crate, and the ways to spoil it or its simulation, chosen by the variable SABOTAGE."""
+"""A puck that drives round a crate, and the ways to spoil it or its simulation, chosen by the variable SABOTAGE.
 
+With the variable HANG something does not return: `act`, `step`, `result` or `agent`. It blocks in native code, where
+no signal reaches it; with `act-in-python` it computes for ever.
+"""
+
+import ctypes
 import os
 import signal
 import time
@@ -30,6 +35,13 @@ ARRIVED_M = 1.2
 SPEED_MPS = 0.6
 
 
+def hang(context, place):
+    """Blocks if the variable HANG names the place, and leaves a file that says so."""
+    if context.environment.get("HANG", "") == place:
+        Path("busy").touch()
+        ctypes.PyDLL(None).sleep(10_000)
+
+
 def command(place, sabotage):
     """The velocity in m/s, (x, y), that the robot wants at a place."""
     if sabotage == "idle":
@@ -46,7 +58,7 @@ class Yard(dm_env.Environment):
     robot_body = "puck"
 
     def __init__(self, context):
-        self.variables = context.environment
+        self.context, self.variables = context, context.environment
         self.sabotage = self.variables.get("SABOTAGE", "")
         bits = 'contype="0" conaffinity="0"' if self.sabotage == "ghost" else ""
         self.physics = mujoco.Physics.from_xml_string(MODEL.format(bits=bits))
@@ -62,6 +74,8 @@ class Yard(dm_env.Environment):
 
     def step(self, action):
         self.steps += 1
+        if self.steps == 37:
+            hang(self.context, "step")
         if self.steps == int(self.variables.get("KILL_AT", "-1")) and not Path("killed").exists():
             Path("killed").touch()
             while not list(Path(self.variables["CHECKPOINTS"]).glob("checkpoint-*.bin")):
@@ -98,11 +112,24 @@ class OwnYard(Yard):
         return self.asked
 
 
+class JudgingYard(Yard):
+    def run_result(self):
+        hang(self.context, "result")
+        return {"verdict": "PASS"}
+
+
 class Driver:
     def __init__(self, context):
-        self.sabotage = context.environment.get("SABOTAGE", "")
+        self.context, self.sabotage, self.acts = context, context.environment.get("SABOTAGE", ""), 0
 
     def __call__(self, timestep):
+        self.acts += 1
+        if self.acts == 37:
+            hang(self.context, "act")
+            if self.context.environment.get("HANG") == "act-in-python":
+                Path("busy").touch()
+                while True:
+                    time.sleep(0.02)
         return command(timestep.observation["place"], self.sabotage)
 
     def state(self):
@@ -124,7 +151,12 @@ def make_own_environment(context):
     return environment
 
 
+def make_judging_environment(context):
+    return JudgingYard(context)
+
+
 def make_agent(context, environment):
+    hang(context, "agent")
     return Driver(context)
 
 
