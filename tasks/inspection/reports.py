@@ -247,7 +247,9 @@ def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
 
 def _states_of(job: ReportedJob) -> str | None:
     """Returns the digest of the states that a job went through itself; None: it took them over, or has none."""
-    return job.result.state_digest if job.result is not None and job.reused_from is None else None
+    result = job.result
+    has_run = result is not None and job.reused_from is None and result.sim_time_s > 0
+    return result.state_digest if result is not None and has_run else None
 
 
 def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
