@@ -16,7 +16,6 @@ from helpers.machines_apart import apart
 from helpers.processes import alive, descendants, started, wait_for
 from prefect_robomaker.schemas.settings import Settings
 
-ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 ENDED_S = 20
 
 
@@ -67,8 +66,8 @@ class Pool:
             **self.variables,
             "ROBOMAKER_HOME": str(home / "robomaker"),
             "PREFECT_HOME": str(home / "prefect"),
-            "PREFECT_WORKER_QUERY_SECONDS": "1",
-            "PREFECT_WORKER_HEARTBEAT_SECONDS": "2",
+            "PREFECT_WORKER_QUERY_SECONDS": "2",
+            "PREFECT_WORKER_HEARTBEAT_SECONDS": "4",
             "ROBOMAKER_MAX_JOBS": "1",
             **more,
         }
@@ -122,29 +121,31 @@ class Pool:
 
 
 def deployed_pool(settings: Settings, prefect_url: str, folder: Path) -> Pool:
-    """Makes a pool with Prefect's client, and the job worker's deployment with our command."""
+    """Makes a pool with Prefect's client, and the job worker's deployment as `robomaker deploy --job-worker` does."""
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.actions import WorkPoolCreate
     from prefect.workers.process import ProcessWorker
+
+    from prefect_robomaker.deployments.deploying.deployables import job_worker_deployable
+    from prefect_robomaker.deployments.deploying.registration import Target, register
 
     name = f"pool-{folder.name}-{os.getpid()}"
     template = ProcessWorker.get_default_base_job_template()
     with get_client(sync_client=True) as client:
         client.create_work_pool(WorkPoolCreate(name=name, type="process", base_job_template=template))
+    register([job_worker_deployable(name)], Target(pool=name))
     variables = {
         "PREFECT_API_URL": prefect_url,
         "ROBOMAKER_CATALOG_URL": settings.catalog_url,
         "ROBOMAKER_OBJECT_STORE": settings.object_store,
     }
-    command = [*ROBOMAKER, "deploy", "--job-worker", "--pool", name]
-    environ = {**os.environ, **variables, "ROBOMAKER_HOME": str(folder / "deploying")}
-    done = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stderr
     return Pool(name, variables, folder)
 
 
-def cancel_in_prefect(run: UUID, variables: Mapping[str, str]) -> None:
-    """Cancels a flow run with Prefect's own command."""
-    command = [sys.executable, "-m", "prefect", "flow-run", "cancel", str(run)]
-    told = subprocess.run(command, env={**os.environ, **variables}, capture_output=True, text=True, timeout=120)
-    assert told.returncode == 0, told.stdout + told.stderr
+def cancel_in_prefect(run: UUID) -> None:
+    """Cancels a flow run as `prefect flow-run cancel` does."""
+    from prefect.client.orchestration import get_client
+    from prefect.states import Cancelling
+
+    with get_client(sync_client=True) as client:
+        client.set_flow_run_state(run, Cancelling())

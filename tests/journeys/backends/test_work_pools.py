@@ -1,6 +1,8 @@
 """Batches on a Prefect work pool: real Prefect workers with homes of their own, killed, added and cancelled."""
 
 import contextvars
+import json
+import os
 import re
 import subprocess
 import sys
@@ -92,55 +94,37 @@ def test_jobs_of_a_batch_run_on_both_machines_and_nothing_stays_behind(
 
 
 @pytest.mark.deep
-def test_a_job_of_a_machine_that_loses_power_runs_elsewhere(service: Service, order: Order, pool: Pool) -> None:
-    with pool.machine("first") as first, pool.machine("second"):
-        batch = Batch(service, pool, [order({"DURATION_S": "20"}) for _ in range(4)])
-        pool.running(batch.arn, 2)
-        wait_for(lambda: working_below(first.home), "a simulation on the first machine", 240)
-        first.kill()
-        answer = batch.result()
-        runs = pool.ended(batch.arn)
-
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 4
-    assert sorted(run.state.type.value for run in runs if not run.state.is_completed()) == ["CRASHED"]
-
-
-@pytest.mark.deep
-def test_a_job_worker_that_is_cancelled_in_prefect_hands_its_job_on(service: Service, order: Order, pool: Pool) -> None:
-    with pool.machine("first") as first, pool.machine("second") as second:
-        batch = Batch(service, pool, [order({"DURATION_S": "20"}) for _ in range(4)])
-        runs = pool.running(batch.arn, 2)
-        wait_for(lambda: working_below(first.home) and working_below(second.home), "two simulations", 240)
-        processes = {machine.flow_process() for machine in (first, second)}
-        cancel_in_prefect(runs[0].id, pool.variables)
-        wait_for(lambda: len(alive(processes)) == 1, "the end of the cancelled one")  # type: ignore[arg-type]
-        answer = batch.result()
-        ended = {run.id: run for run in pool.ended(batch.arn)}
-
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 4
-    cancelled = ended[runs[0].id].state
-    assert (cancelled.type.value, cancelled.name) == ("CANCELLED", "Cancelled")
-    assert ended[runs[1].id].state.is_completed()
-
-
-@pytest.mark.deep
-def test_a_prefect_worker_that_dies_alone_takes_its_job_worker_with_it(
+def test_jobs_of_job_workers_that_are_cancelled_killed_or_orphaned_run_elsewhere(
     service: Service, order: Order, pool: Pool
 ) -> None:
-    with pool.machine("first") as first, pool.machine("second"):
-        batch = Batch(service, pool, [order({"DURATION_S": "20"}) for _ in range(3)])
-        pool.running(batch.arn, 2)
-        wait_for(lambda: working_below(first.home), "a simulation on the first machine", 240)
-        orphan = first.flow_process()
-        first.process.kill()
-        wait_for(lambda: not alive({orphan} if orphan else set()), "the end of the orphan", 120)
-        wait_for(lambda: not working_below(first.home), "the end of its simulation", 120)
-        answer = batch.result()
-        runs = pool.ended(batch.arn)
+    """One batch sees it all: each job worker that ends has its jobs carried out by those that are left."""
+    jobs = [order({"DURATION_S": "20"}) for _ in range(4)]
+    with pool.machine("first") as first, pool.machine("second") as second, pool.machine("third") as third:
+        batch = Batch(service, pool, jobs, concurrency=3)
+        runs = pool.running(batch.arn, 3)
+        for machine in (first, second, third):
+            wait_for(lambda home=machine.home: working_below(home), f"a simulation below {machine.home}", 240)
+        orphan = second.flow_process()
+        assert orphan is not None
+        first.kill()  # as a power cut would
+        second.process.kill()  # the Prefect worker alone
+        wait_for(lambda: not alive({orphan}), "the end of the orphan", 120)
+        wait_for(lambda: not working_below(second.home), "the end of its simulation", 120)
 
-    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 3
-    (crashed,) = [run.state for run in runs if run.state.is_crashed()]
-    assert crashed.message.startswith("its Prefect worker has died")
+        process = third.flow_process()
+        assert process is not None
+        (lonely,) = [run for run in runs if str(run.id).encode() in Path(f"/proc/{process}/environ").read_bytes()]
+        cancel_in_prefect(lonely.id)
+        wait_for(lambda: not alive({process}), "the end of the cancelled one")
+        answer = batch.result()
+        ended = {run.id: run.state for run in pool.ended(batch.arn)}
+
+    assert [job["status"] for job in answer["createdRequests"]] == ["Completed"] * 4
+    assert (ended[lonely.id].type.value, ended[lonely.id].name) == ("CANCELLED", "Cancelled")
+    crashed = [state for state in ended.values() if state.is_crashed()]
+    assert len(crashed) == 2, "the one without power, and the orphan"
+    assert [state.message.startswith("its Prefect worker has died") for state in crashed].count(True) == 1
+    assert [state for state in ended.values() if state.is_completed()], "a later one on the third machine"
 
 
 @pytest.mark.deep
@@ -177,41 +161,30 @@ def test_a_machine_with_another_catalog_is_told_from_the_batch(service: Service,
 
 
 @pytest.mark.deep
-def test_a_specification_runs_on_the_pool_by_its_setting(
-    service: Service, order: Order, pool: Pool, tmp_path: Path
+def test_a_specification_and_a_batch_that_an_sdk_asks_for_run_on_the_pool_by_its_setting(
+    service: Service, order: Order, pool: Pool, serve: Serve, tmp_path: Path
 ) -> None:
-    import json
-    import os
-
     spec = tmp_path / "spec.yaml"
     step = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": [order()] * 2}}
     spec.write_text(json.dumps({"version": 1, "name": "there", "steps": {"drives": step}}))
-    environ = {**os.environ, **pool.variables, "ROBOMAKER_HOME": str(service.settings.home)}
-    environ |= {"ROBOMAKER_BACKEND": f"workers:{pool.name}", "CI": "true"}
+    there = {**pool.variables, "ROBOMAKER_BACKEND": f"workers:{pool.name}"}
+    environ = {**os.environ, **there, "ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
     command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
     with pool.machine("first"):
         done = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=300)
         (batch,) = service.catalog.list("simulation-job-batch").resources
-        runs = pool.ended(batch.arn)
+        assert done.returncode == 0, done.stdout + done.stderr
+        assert ran(pool.ended(batch.arn)) == [2]
 
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert ran(runs) == [2]
-
-
-@pytest.mark.deep
-def test_a_batch_that_an_sdk_asks_for_runs_on_the_pool(
-    service: Service, order: Order, pool: Pool, serve: Serve
-) -> None:
-    there = {**pool.variables, "ROBOMAKER_BACKEND": f"workers:{pool.name}"}
-    with pool.machine("first"), serve(**there) as served:
-        asked = {"createSimulationJobRequests": [order(), order()]}
-        batch = served.call("StartSimulationJobBatch", asked)["arn"]
-        wait_for(
-            lambda: served.call("DescribeSimulationJobBatch", {"batch": batch})["status"] == "Completed",
-            "the end of the batch",
-            180,
-        )
-        runs = pool.ended(batch)
+        with serve(**there) as served:
+            asked = {"createSimulationJobRequests": [order(), order()]}
+            another = served.call("StartSimulationJobBatch", asked)["arn"]
+            wait_for(
+                lambda: served.call("DescribeSimulationJobBatch", {"batch": another})["status"] == "Completed",
+                "the end of the batch",
+                180,
+            )
+            runs = pool.ended(another)
 
     assert ran(runs) == [2]
     assert f"workers:{pool.name}" == served.facts["backend"]

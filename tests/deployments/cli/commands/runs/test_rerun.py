@@ -1,4 +1,4 @@
-"""rerun: what is refused before anything runs; `tests/journeys/test_reruns.py` has what runs."""
+"""rerun: what is refused before anything runs; `test_rerun_and_reuse.py` has what runs."""
 
 from datetime import UTC, datetime
 from pathlib import Path
