@@ -14,6 +14,7 @@ import pytest
 from prefect_robomaker.schemas.settings import Settings
 
 pytest_plugins = [
+    "helpers.command_here",
     "helpers.endpoint_here",
     "helpers.endpoint_process",
     "helpers.job_worker_process",

@@ -1,15 +1,13 @@
 """Nights of one specification, run for real: what the report, compare and history say when the robot gets worse."""
 
 import json
-import os
 import shutil
 import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.command_here import Command
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.reports.comparison import Comparison
@@ -20,7 +18,6 @@ BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 SUITE = {"name": "General"}
 SEEDS = (1, 2, 3, 4, 5, 6)
 """As many pairs as the exact test at 5 % needs at least."""
-Robomaker = Callable[..., subprocess.CompletedProcess[str]]
 
 pytestmark = pytest.mark.deep
 
@@ -70,21 +67,15 @@ def repository(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def robomaker(repository: Path, tmp_path: Path, prefect_server: str) -> Robomaker:
-    """Runs the command in a process of its own."""
-    environ = {
-        **os.environ, "ROBOMAKER_HOME": str(tmp_path / "home"), "PREFECT_API_URL": prefect_server, "CI": "true",
-        "PYTHONPATH": str(repository), "PYTHONDONTWRITEBYTECODE": "1",
-    }  # fmt: skip
-
-    def run(*words: object) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", *map(str, words)]
-        return subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=250)
-
-    return run
+def robomaker(robomaker_at_server: Command, repository: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
+    """Runs the command where the robot can be imported: by itself, and by the processes that it starts."""
+    monkeypatch.setenv("PYTHONPATH", str(repository))
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    monkeypatch.syspath_prepend(str(repository))
+    return robomaker_at_server
 
 
-def test_two_nights_with_a_robot_that_gets_worse(robomaker: Robomaker, repository: Path, tmp_path: Path) -> None:
+def test_two_nights_with_a_robot_that_gets_worse(robomaker: Command, repository: Path, tmp_path: Path) -> None:
     first = night(robomaker, repository, 0)
     page = text_of(first)
     assert "This is the first run of the specification that has results here" in page
@@ -124,10 +115,10 @@ def test_two_nights_with_a_robot_that_gets_worse(robomaker: Robomaker, repositor
     look_back(robomaker, first, second, tmp_path)
 
 
-def night(robomaker: Robomaker, repository: Path, code: int) -> RunRecord:
+def night(robomaker: Command, repository: Path, code: int) -> RunRecord:
     ended = robomaker("run", repository / "poles.yaml", "-o", "json")
-    assert ended.returncode == code, ended.stderr
-    record = RunRecord.model_validate_json(ended.stdout)
+    assert ended.code == code, ended.err
+    record = RunRecord.model_validate_json(ended.out)
     assert RunRecord.model_validate_json((record.run_dir / "run.json").read_text()) == record
     return record
 
@@ -137,28 +128,28 @@ def text_of(record: RunRecord) -> str:
     return record.report_path.read_text()
 
 
-def compare_nights(robomaker: Robomaker, first: str, second: str) -> None:
+def compare_nights(robomaker: Command, first: str, second: str) -> None:
     worse = robomaker("compare", first, second)
-    assert worse.returncode == 1, worse.stderr
-    assert "Worse: 6 pairs judged in both runs, p = 0.031 (exact McNemar test, alpha 0.05)" in worse.stdout
-    assert "newly failing 6" in worse.stdout
-    assert "largest_angle_rad" in worse.stdout
+    assert worse.code == 1, worse.err
+    assert "Worse: 6 pairs judged in both runs, p = 0.031 (exact McNemar test, alpha 0.05)" in worse.out
+    assert "newly failing 6" in worse.out
+    assert "largest_angle_rad" in worse.out
     better = robomaker("compare", second, first, "-o", "json")
-    assert better.returncode == 0, better.stderr
-    comparison = Comparison.model_validate_json(better.stdout)
+    assert better.code == 0, better.err
+    comparison = Comparison.model_validate_json(better.out)
     assert (comparison.answer, len(comparison.newly_passing)) == ("better", 6)
     changed = {metric.name: metric for metric in comparison.metrics if metric.changed}
     assert changed["largest_angle_rad"].after < 0.1 < changed["largest_angle_rad"].before
     unsure = robomaker("compare", first, "latest", "--alpha", "0.01")
-    assert unsure.returncode == 6, unsure.stderr
-    assert "No difference shown" in unsure.stdout
-    assert "more pairs" in unsure.stdout
+    assert unsure.code == 6, unsure.err
+    assert "No difference shown" in unsure.out
+    assert "more pairs" in unsure.out
 
 
-def look_back(robomaker: Robomaker, first: RunRecord, second: RunRecord, tmp_path: Path) -> None:
+def look_back(robomaker: Command, first: RunRecord, second: RunRecord, tmp_path: Path) -> None:
     told = robomaker("history", "poles", "-o", "json", "--to", tmp_path / "poles.html")
-    assert told.returncode == 0, told.stderr
-    history = History.model_validate_json(told.stdout)
+    assert told.code == 0, told.err
+    history = History.model_validate_json(told.out)
     assert [each.run_id for each in history.nights] == [first.run_id, second.run_id]
     assert [each.success.rate for each in history.nights] == [1.0, 0.0]
     (start,) = {cell.since.run_id for cell in history.cells if cell.since}
@@ -168,5 +159,5 @@ def look_back(robomaker: Robomaker, first: RunRecord, second: RunRecord, tmp_pat
     page = (tmp_path / "poles.html").read_text()
     assert f'href="home/runs/{second.run_id}/report.html"' in page
     words = robomaker("history", "poles")
-    assert "newly failing 6" in words.stdout
-    assert "changed then: commit" in words.stdout
+    assert "newly failing 6" in words.out
+    assert "changed then: commit" in words.out

@@ -1,9 +1,6 @@
 """report: the numbers of a run, for people, programs and CI systems."""
 
 import json
-import os
-import subprocess
-import sys
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -90,19 +87,18 @@ def test_a_junit_file_needs_a_folder_that_exists(robomaker: Any, record: Path) -
 
 
 @pytest.mark.deep
-def test_a_batch_of_a_pass_a_fail_and_an_error(robomaker: Any, home: Path, prefect_server: str, tmp_path: Path) -> None:
+def test_a_batch_of_a_pass_a_fail_and_an_error(
+    robomaker_at_server: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     spec, junit = tmp_path / "poles.yaml", tmp_path / "junit.xml"
     spec.write_text(BATCH + "".join(JOB.replace("REQUIREMENT", each) for each in REQUIREMENTS))
-    environ = {
-        **os.environ, "ROBOMAKER_HOME": str(home), "PREFECT_API_URL": prefect_server, "CI": "true",
-        "PYTHONPATH": str(BUNDLE),
-    }  # fmt: skip
+    monkeypatch.setenv("PYTHONPATH", str(BUNDLE))
+    monkeypatch.syspath_prepend(str(BUNDLE))
 
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
-    ended = subprocess.run(command, env=environ, capture_output=True, text=True, check=False, timeout=290)
-    assert ended.returncode == 3, ended.stderr
-    assert "poles: broken, 1 of 2 verdicts pass, 1 broke," in ended.stdout
-    told = robomaker("report", "--junit", junit, "-o", "json")
+    ended = robomaker_at_server("run", spec)
+    assert ended.code == 3, ended.err
+    assert "poles: broken, 1 of 2 verdicts pass, 1 broke," in ended.out
+    told = robomaker_at_server("report", "--junit", junit, "-o", "json")
     summary = json.loads(told.out)
     assert summary["counts"] == {"broken": 1, "failed": 1, "passed": 1}
     (rule,) = (share for share in summary["requirements"] if share["name"] == "rule")
