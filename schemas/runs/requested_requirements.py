@@ -1,6 +1,7 @@
 """The requirements that a request for a job asks for: by its member, or by a launch variable."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import SequenceMatcher
 from typing import Protocol
 
 from ..wire.errors import InvalidParameterException
@@ -11,6 +12,9 @@ from .requirements import JobRequirement, parse_requirements, rooms_of
 REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
 
+_BEGINNING = "ROBOMAKER_"
+_NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
+"""Likeness of two names from which on one is taken for the other: behind the beginning, and of all of it."""
 _MAX_CHARACTERS = 1024
 _PROGRAM_SUFFIXES = (".py", ".launch", ".xml")
 """Launch files that `roslaunch` or `ros2 launch` starts; other names are those of functions."""
@@ -74,9 +78,13 @@ def check_requirements(request: JobRequirementsSource) -> None:
     """Finds out what of a request's requirements cannot be judged, as far as the request says it.
 
     Raises:
-        ValueError: the launch variable cannot be understood, a room is asked for where there is no world, or all
-            applications are programs, so that there is no simulation to judge.
+        ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
+            world, or all applications are programs, so that there is no simulation to judge.
     """
+    for place, name in _misspelt(request):
+        raise ValueError(
+            f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
+        )
     try:
         place, requirements = _placed_requirements(request)
         rooms = rooms_asked(request)
@@ -94,6 +102,20 @@ def check_requirements(request: JobRequirementsSource) -> None:
             f"{path} is {room!r}, but the job names no world; "
             "add simulationApplications[0].worldConfigs, or give the goal as x and y"
         )
+
+
+def misspelt_requirements(variables: Iterable[str]) -> list[str]:
+    """Names of variables that are clearly meant to hold requirements, and do not."""
+    return [name for name in variables if name != REQUIREMENTS_VARIABLE and _is_meant(name)]
+
+
+def doubtful_requirements(variables: Iterable[str]) -> list[str]:
+    """Names of other variables that begin like the one with requirements."""
+    return [
+        name
+        for name in variables
+        if name.startswith(f"{_BEGINNING}REQ") and name != REQUIREMENTS_VARIABLE and not _is_meant(name)
+    ]
 
 
 def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
@@ -129,6 +151,20 @@ def _has_only_programs(request: JobRequirementsSource) -> bool:
 
 def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
     """Where the launch variable is set, and what it holds."""
+    for place, variables in _environments(request):
+        if REQUIREMENTS_VARIABLE in variables:
+            yield f"{place}.{REQUIREMENTS_VARIABLE}", variables[REQUIREMENTS_VARIABLE]
+
+
+def _misspelt(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
+    """Where a variable is set that is nearly called like the launch variable, and its name."""
+    for place, variables in _environments(request):
+        for name in misspelt_requirements(variables):
+            yield place, name
+
+
+def _environments(request: JobRequirementsSource) -> Iterator[tuple[str, Mapping[str, str]]]:
+    """The launch variables of all applications, with the path of the member that holds them."""
     configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
         "simulationApplications": request.simulationApplications,
         "robotApplications": request.robotApplications,
@@ -136,6 +172,14 @@ def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
     for member, applications in configs.items():
         for index, config in enumerate(applications or ()):
             variables = config.launchConfig.environmentVariables or {}
-            if REQUIREMENTS_VARIABLE in variables:
-                place = f"{member}[{index}].launchConfig.environmentVariables.{REQUIREMENTS_VARIABLE}"
-                yield place, variables[REQUIREMENTS_VARIABLE]
+            yield f"{member}[{index}].launchConfig.environmentVariables", variables
+
+
+def _is_meant(name: str) -> bool:
+    if name.startswith(_BEGINNING):
+        return _likeness(name.removeprefix(_BEGINNING), REQUIREMENTS_VARIABLE.removeprefix(_BEGINNING)) >= _NEAR
+    return _likeness(name, REQUIREMENTS_VARIABLE) >= _NEAR_AS_A_WHOLE
+
+
+def _likeness(name: str, other: str) -> float:
+    return SequenceMatcher(None, name, other).ratio()

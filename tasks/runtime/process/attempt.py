@@ -27,6 +27,7 @@ from ..video.recorded_camera_settings import camera_recording
 from .failures import report_of
 from .loop import run_episode
 from .observers import Observer, make_observers
+from .own_recording import OwnRecording
 from .run_request import RunRequest
 
 RECORDING_FILE = "recording.mcap"
@@ -69,9 +70,9 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
-    health = PhysicsHealth()
+    health, own = PhysicsHealth(), OwnRecording(recorder)
     try:
-        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints)
+        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints, own)
     except BaseException as error:
         for observer in observers:
             if isinstance(observer, FailureRecorder) and (where := observer.explain()):
@@ -90,7 +91,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     progress.mark(Phase.FINISHING)
     findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
     recorder.close()
-    write_result(make_result(episode, plan.seed, findings), plan.output_dir)
+    write_result(make_result(episode, plan.seed, [*findings, own.findings()]), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
 
 
@@ -103,11 +104,12 @@ def _run(
     watched: tuple[PhysicsHealth, Sequence[Observer]],
     remote: RemoteRobot | RecordedRobot | None,
     checkpoints: Checkpointer | None,
+    own: OwnRecording,
 ) -> Episode:
     simulation, robot = applications_of(plan)
     context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
     return run_episode(
-        lambda: watched_environment(factory_of(simulation)(context), progress),
+        lambda: own.look_at(watched_environment(factory_of(simulation)(context), progress)),
         lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
         mark=progress.mark,
         count_step=progress.count_step,

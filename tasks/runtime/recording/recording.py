@@ -80,6 +80,8 @@ class McapRecorder:
         Raises:
             RecordingError: The file cannot be opened.
         """
+        self.topics: set[str] = set()
+        """Topics that have messages; known when it is closed."""
         self._channels: dict[str, tuple[int, type]] = {}
         self._series: list[tuple[Series, RowEncoder]] = []
         self._static: dict[str, TransformStamped] = {}
@@ -245,6 +247,7 @@ class McapRecorder:
     def _write_companions(self) -> None:
         """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
+        self.topics = {topic for topic, (number, _) in self._channels.items() if counts.get(number, 0)}
         topics = [
             RecordedTopic(topic, kind.ROS_TYPE, type_hash(kind.ROS_TYPE), counts.get(number, 0))
             for topic, (number, kind) in self._channels.items()

@@ -1,6 +1,6 @@
 """Completes the output folder of a run that has ended."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,7 @@ from ..episode.verdicts import Parts, decide_verdict
 from ..limits.left_files import read_left
 from ..limits.run_notes import add_note
 from ..trials.completion import complete_after_all
-from .outcomes import Exit, Outcome, failure_reason, tool_in_words
+from .outcomes import OFTEN, Exit, Outcome, failure_reason, tool_in_words
 from .program_results import read_program_result
 
 _ONLY_PROGRAMS = "the job has only programs, and no simulation that could be judged"
@@ -181,10 +181,22 @@ def _broken(outcome: Outcome) -> dict[str, Any]:
 
 
 def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
-    """Adds the tools that ended to the result; where that fails the result stays as it is, since it is complete."""
+    """Adds the tools that ended to the result, and a note of those that were started again and again."""
+    loops = [f"{tool_in_words(tool, plan)}; it was started again each time" for tool in tools if tool.ends >= OFTEN]
+    _change_result(plan.output_dir, lambda result: {"tools": list(tools), "notes": [*result.notes, *loops]})
+
+
+def add_result_notes(output_dir: Path, notes: Sequence[str]) -> None:
+    """Adds lines to the notes of a run's result, each once; there may be no result, and nothing to add."""
+    if notes:
+        _change_result(output_dir, lambda result: {"notes": list(dict.fromkeys([*result.notes, *notes]))})
+
+
+def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, Any]]) -> None:
+    """Changes members of the result; where that fails the result stays as it is, since it is complete."""
     with suppress(OSError, ValidationError):  # no room for a longer one, or an application put another in its place
-        result = RunResult.model_validate_json(read_left(plan.output_dir / RESULT_FILE, MAX_RESULT_BYTES))
-        write_result(result.model_copy(update={"tools": list(tools)}), plan.output_dir)
+        result = RunResult.model_validate_json(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))
+        write_result(result.model_copy(update=changes(result)), output_dir)
 
 
 def remove_verdict(output_dir: Path) -> None:

@@ -17,7 +17,7 @@ _MAX_HEAD_CHARACTERS = 600
 _LINE_END = 300
 """Characters that are kept of the end of a last line that is too long."""
 _MAX_TAIL_LINES = 12
-_OFTEN = 3
+OFTEN = 3
 """A failure's reason names a tool that ended so often."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
 """What ends a run that was not stopped from outside, in the words of `RunResult.ended_by`."""
@@ -215,7 +215,7 @@ def tool_in_words(tool: ToolEnds, plan: RunPlan) -> str:
 
 def _about_tools(ended: Exit, plan: RunPlan) -> str:
     """Names tools that were restarted again and again: a failure may have come of them."""
-    return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= _OFTEN)
+    return "".join(f". {tool_in_words(tool, plan)}" for tool in ended.tools if tool.ends >= OFTEN)
 
 
 def _tool(name: str, role: ApplicationRole, plan: RunPlan) -> str:

@@ -1,6 +1,7 @@
 """What a run stores: output locations, upload configurations, names, rolling uploads, publication.
 
-May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
+May import: `schemas`, `tasks.catalog`, `tasks.runtime.supervision`, `tasks.service`, `tasks.simulations.environment`,
+`tasks.storage`.
 """
 
 __all__ = ["output_places", "run_outputs", "upload_files"]

@@ -2,7 +2,7 @@
 
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from ....schemas.wire.errors import (
     StorageError,
 )
 from ...catalog import Resource
+from ...runtime.supervision.finished_outputs import add_result_notes
 from ...service.service import Service
 from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
 from ...storage.base import Stopped, never
@@ -25,6 +26,7 @@ from ...storage.naming import check_key, join_key
 from ..environment.role_access import acting_service, role_of
 from .distinct_names import Found, distinct
 from .output_places import output_place, prepare_bucket
+from .result_notes import keep_new_bucket, notes_of
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
 from .storable_files import storable_files
 from .upload_configurations import Upload, uploads_of
@@ -32,6 +34,9 @@ from .upload_files import link_or_copy, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """What of a run's folder stays when it could not be stored."""
+
+Visit = Callable[[int, str, str], None]
+"""Takes a file that matches: its folder's descriptor, its name, and its path below the fixed part of the pattern."""
 
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
@@ -86,6 +91,8 @@ class RunOutputs:
         """
         service = acting_service(self._request, self._service)
         try:
+            if service is self._service:  # a role may not be told of buckets, which may be others'
+                keep_new_bucket(service, self.bucket, self._folder)
             prepare_bucket(service, self.bucket)
             if service is not self._service:  # own credentials that lack rights are found out at the end, as ever
                 service.store.check_writable(self.bucket, join_key(self.prefix, MANIFEST_NAME))
@@ -208,16 +215,29 @@ class RunOutputs:
         notes: list[str] = []
         rolling = rolling_only(uploads)
         files = [Found(name, path, replaces=True) for name, path in taken_files(self._folder)]
+        matched = self._matched_before(uploads, {file.name for file in files})
         seen: set[tuple[str, int, int]] = set()
         for index, upload in enumerate(uploads):
             folder = staged / f"{index:02d}"
-            visit_matches(upload.sandbox.root, upload.glob, self._stager(upload, folder, seen, notes))
+            stage = self._stager(upload, folder, seen, notes)
+            visit_matches(upload.sandbox.root, upload.glob, _counted(stage, index, matched))
             if folder.is_dir():
                 found = regular_files(folder)
                 files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
+        add_result_notes(self.output_dir, notes_of(self._request, self._folder, uploads, matched))
         outputs = storable_files(self.output_dir, self.prefix)
         names = [file.name for file in outputs.files]
         return self._named(names, files, staged / "notes.log", [*outputs.notes, *notes])
+
+    def _matched_before(self, uploads: Sequence[Upload], taken: Set[str]) -> set[int]:
+        """Numbers of upload configurations of which files were taken while the run went on, or staged before."""
+        names = taken | {file.path for file in rolled_files(self._folder, later=[])}
+        return {
+            index
+            for index, upload in enumerate(uploads)
+            if (self._folder / "uploads" / f"{index:02d}").is_dir()
+            or (upload.is_rolling and any(name.startswith(f"{upload.name}/") for name in names))
+        }
 
     def _named(self, outputs: list[str], files: list[Found], notes_file: Path, notes: list[str]) -> list[FolderFile]:
         stored = {file.path for file in rolled_files(self._folder, later=[])}
@@ -230,9 +250,7 @@ class RunOutputs:
         told, _ = distinct([*outputs, *(file.name for file in placed)], stored, [Found(_NOTES, notes_file)])
         return [*placed, *told]
 
-    def _stager(
-        self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], notes: list[str]
-    ) -> Callable[[int, str, str], None]:
+    def _stager(self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], notes: list[str]) -> Visit:
         def visit(descriptor: int, name: str, below: str) -> None:
             try:
                 about = os.stat(name, dir_fd=descriptor, follow_symlinks=False)
@@ -246,6 +264,16 @@ class RunOutputs:
                 notes.append(f"{upload.name}/{below!r} is not uploaded: {error}")
 
         return visit
+
+
+def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
+    """A visitor that notes besides that something matched."""
+
+    def counted(descriptor: int, name: str, below: str) -> None:
+        matched.add(index)
+        visit(descriptor, name, below)
+
+    return counted
 
 
 def failure_code_of(error: Exception) -> str:

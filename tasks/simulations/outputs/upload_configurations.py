@@ -35,6 +35,9 @@ class Upload:
     sandbox: Sandbox
     """The folders that its application sees."""
 
+    path: str = ""
+    """The glob as it was given; empty: it is one of the defaults, which need not match anything."""
+
 
 def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
     """The upload configurations of a job's applications.
@@ -44,23 +47,23 @@ def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
         folder: the run's own folder.
     """
     return [
-        Upload(each["name"], Glob(each["path"]), each["uploadBehavior"] == ROLLING, _sandbox(folder, role))
+        Upload(each["name"], Glob(each["path"]), each["uploadBehavior"] == ROLLING, _sandbox(folder, role), asked)
         for role in _ROLES
         for config in request.get(f"{role}Applications") or []
-        for each in _configurations(config)
+        for each, asked in _configurations(config)
     ]
 
 
-def _configurations(config: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
-    """An application's own configurations, and the default ones.
+def _configurations(config: Mapping[str, Any]) -> Iterator[tuple[Mapping[str, Any], str]]:
+    """An application's own configurations with their globs, and the default ones.
 
     Those are added to its own unless it says no, or are there alone if it says yes.
     """
     own = config.get("uploadConfigurations") or []
-    yield from own
+    yield from ((each, each["path"]) for each in own)
     if config.get("useDefaultUploadConfigurations", bool(own)):
         for name, path in _DEFAULTS.items():
-            yield {"name": name, "path": path, "uploadBehavior": AT_END}
+            yield {"name": name, "path": path, "uploadBehavior": AT_END}, ""
 
 
 def _sandbox(folder: Path, role: ApplicationRole) -> Sandbox:

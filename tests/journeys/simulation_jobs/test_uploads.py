@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageUnavailableError
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
@@ -90,6 +91,31 @@ def test_files_are_kept_under_the_configurations_name_and_in_the_manifest(
     listed = {file.path: file for file in read_manifest(service.store, **place).files}
     assert listed["maps/a.pgm"].sha256 == hashlib.sha256(b"maps/a.pgm").hexdigest()
     assert set(listed) | {"manifest.json"} == set(stored(service, job))
+
+
+def test_what_a_job_asked_for_and_did_not_get_is_noted_beside_its_verdict(
+    service: Service, order: Order, simulate: Simulate
+) -> None:
+    """A pattern without files, a bucket that a misspelt name made, a variable without meaning, an empty recording."""
+    uploads = upload("maps", "/home/robomaker/maps/**"), upload("bags", "/home/robomaker/bags/*.bag", ROLLING)
+    record = "import sleeper; sleeper.Sleep.records_itself = True"
+    request = with_uploads(order({"DO": f"{WRITE}\n{record}", "ROBOMAKER_REQUIRED": "1"}), *uploads)
+
+    job = simulate({**request, "outputLocation": {"s3Bucket": "resutls", "s3Prefix": "nightly"}})
+
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    assert place["bucket"] == "resutls"
+    result = RunResult.model_validate_json(service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json"))
+    assert sorted(result.remarks) == [
+        "bucket resutls was new; did you mean results?",
+        "the environment says records_itself, and wrote nothing to the recording",
+        "the launch variable ROBOMAKER_REQUIRED means nothing here; did you mean ROBOMAKER_REQUIREMENTS?",
+        "upload configuration bags: no file matched /home/robomaker/bags/*.bag",
+    ]
+    again = simulate({**request, "outputLocation": {"s3Bucket": "resutls", "s3Prefix": "nightly"}})
+    place = service.catalog.get(again["arn"]).document["outputs"]
+    told = service.store.get_bytes(place["bucket"], f"{place['prefix']}/result.json")
+    assert b"was new" not in told, "only the job that made it says so"
 
 
 def test_default_uploads_come_with_own_ones_unless_they_are_refused(

@@ -13,6 +13,7 @@ from prefect_robomaker.schemas.runs.requirements import (
     parse_requirements,
 )
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.wire.base import STORED
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
@@ -96,6 +97,32 @@ PLACE = "simulationApplications[0].launchConfig.environmentVariables.ROBOMAKER_R
 def test_a_problem_of_the_variable_names_it(variable: Any, words: str) -> None:
     (problem,) = problems(None, variable)
     assert problem.startswith(words)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ROBOMAKER_REQUIREMENT", "ROBOMAKER_REQUIRMENTS", "ROBOMAKER_REQUIREMETNS", "ROBMAKER_REQUIREMENTS",
+        "ROBOMAKER_REQUIREMENTS_JSON", "ROBOMAKER_RECQUIREMENTS",
+    ],
+)  # fmt: skip
+def test_a_misspelt_variable_is_refused(name: str) -> None:
+    launch = {"environmentVariables": {name: json.dumps([LIMIT])}}
+    (problem,) = problems(launchConfig=launch)
+    assert problem.startswith(f"simulationApplications[0].launchConfig.environmentVariables.{name} is not known; did ")
+    assert "did you mean ROBOMAKER_REQUIREMENTS?" in problem
+
+
+@pytest.mark.parametrize(
+    "name", ["ROBOMAKER_SEED", "REQUIREMENTS", "ROBOT_REQUIREMENTS", "ROBOMAKER_REQUIRED", "ROBOMAKER_REQUEST", "X"]
+)
+def test_variables_of_other_names_are_not_taken_for_it(name: str) -> None:
+    assert problems(launchConfig={"environmentVariables": {name: "1"}}) == []
+
+
+def test_a_job_that_is_stored_already_is_read_with_any_variable() -> None:
+    request = order(launchConfig={"environmentVariables": {"ROBOMAKER_REQUIREMENT": "[]"}})
+    assert CreateSimulationJobRequest.model_validate(request, context=STORED).simulationApplications
 
 
 def test_member_and_variable_must_not_differ() -> None:

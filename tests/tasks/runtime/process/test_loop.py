@@ -17,7 +17,10 @@ from mcap_ros2.decoder import DecoderFactory
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
+from prefect_robomaker.tasks.runtime.process.own_recording import OwnRecording
+from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder
+from prefect_robomaker.tasks.runtime.video.camera_recorder import TOPIC
 
 MODEL = """
 <mujoco>
@@ -190,6 +193,41 @@ def test_environments_that_record_themselves_are_left_to_it(tmp_path: Path) -> N
         summary = make_reader(stream).get_summary()
     assert summary is not None
     assert not summary.channels
+
+
+@pytest.mark.parametrize(("promises", "writes", "notes"), [
+    (True, "", 1), (True, "/wheel", 0), (True, TOPIC, 1), (False, "", 0),
+])  # fmt: skip
+def test_an_environment_that_says_it_records_and_does_not_is_noted(
+    tmp_path: Path, promises: bool, writes: str, notes: int
+) -> None:
+    recorder = McapRecorder(tmp_path / "r.mcap")
+    own = OwnRecording(recorder)
+
+    def make() -> Any:
+        environment: Any = physical()
+        if promises:
+            environment.records_itself = True
+        return own.look_at(environment)
+
+    run(make, recorder=recorder)
+    if writes:
+        recorder.write(writes, Clock(Time(1, 0)), 1.0)
+    recorder.close()
+    found = own.findings().notes
+    assert found == ["the environment says records_itself, and wrote nothing to the recording"] * notes
+
+
+def test_where_nothing_is_recorded_no_environment_is_asked_for_it() -> None:
+    own = OwnRecording(NullRecorder())
+
+    def make() -> Any:
+        environment: Any = physical()
+        environment.records_itself = True
+        return own.look_at(environment)
+
+    run(make)
+    assert own.findings().notes == []
 
 
 def test_watchers_look_when_they_want_to() -> None:

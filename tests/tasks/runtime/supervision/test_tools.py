@@ -92,6 +92,10 @@ class TestRestartsAreTold:
         )
         assert launcher.run(plan, never).status == "Completed"
         assert result_of(plan).tools == [ToolEnds(role="robot", name="rviz", ends=3, last_end="exited with code 1")]
+        assert result_of(plan).remarks == [
+            "Tool rviz of robot application driver ended 3 times, and last exited with code 1; it was started again "
+            "each time"
+        ]
         assert log_of(plan, "stderr.log") == (
             "robomaker: Tool rviz of robot application driver ended 3 times, and last exited with code 1\n"
         )
