@@ -50,6 +50,7 @@ def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any,
     check_pages(told, "worlds", "generations", "templates", "exports")
 
 
+@pytest.mark.deep  # the suite has it by boto3
 def test_jobs_and_batches_run_to_their_end(client: Client, place: Any, wanted: dict[str, Any]) -> None:
     told = client("simulations")
 

@@ -19,6 +19,7 @@ from helpers.postgres_server import PROGRAMS
 from helpers.processes import alive, wait_for, working_below
 
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.backends import pool_runs
 from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
@@ -148,7 +149,11 @@ def test_a_machine_that_comes_later_takes_jobs_and_a_batch_that_is_cancelled_end
 
 
 @pytest.mark.deep
-def test_a_machine_with_another_catalog_is_told_from_the_batch(service: Service, order: Order, pool: Pool) -> None:
+def test_a_machine_with_another_catalog_is_told_from_the_batch(
+    service: Service, order: Order, pool: Pool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # How many it takes is counted in tests/tasks/backends/test_work_pools.py.
+    monkeypatch.setattr(pool_runs, "_MOST_MISCONFIGURED", 1)
     other = f"sqlite:///{pool.folder}/other.db"
     with pool.machine("first", ROBOMAKER_CATALOG_URL=other):
         batch = Batch(service, pool, [order()])
