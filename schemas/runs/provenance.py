@@ -81,7 +81,7 @@ class Provenance(Model):
     )
     imported: dict[str, str] = Field(
         default={},
-        description="Code that the run imported from outside its applications, this package and Python, by the outermost "
+        description="Code that the run imported from outside its applications, this package and Python, by outermost "
         "name: the version of an installed distribution, else a digest of its Python files; empty until the run ends.",
     )
     model_sha256: str | None = Field(

@@ -13,11 +13,11 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import LaunchError
+from ..episode.stops import Stop as Stop
 from .agent_client import ERROR, FrameBuffer, ProtocolError, words
 
 _SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set it; what is made there is private)
@@ -33,12 +33,6 @@ _CREDENTIALS = "3i"
 
 Clock = Callable[[], float]
 Message = tuple[int, memoryview]
-
-
-class Stop(Protocol):
-    """Whether the run was told to stop (see `loop.Stop`)."""
-
-    reason: str
 
 
 class Stopped(Exception):

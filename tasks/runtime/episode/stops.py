@@ -28,5 +28,7 @@ class RunEnded(Exception):
 class Stop(Protocol):
     """Whether the run was told to stop."""
 
-    reason: str
-    """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
+    @property
+    def reason(self) -> str:
+        """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
+        ...

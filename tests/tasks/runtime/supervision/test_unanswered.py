@@ -10,7 +10,7 @@ from helpers.paths import BUNDLES
 from helpers.run_processes import limit_reached, never
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.schemas.runs.programs import ApplicationRole, ProgramPlan
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -35,7 +35,7 @@ def plan_yard(make_plan: Plan) -> Plan:
     """Plans a run of the yard in which something hangs."""
 
     def plan(hang: str, environment: str = "make_environment", asked: Any = (), **members: Any) -> RunPlan:
-        factories = {"simulation": f"yard.{environment}", "robot": "yard.make_agent"}
+        factories: dict[ApplicationRole, str] = {"simulation": f"yard.{environment}", "robot": "yard.make_agent"}
         applications: dict[str, Any] = {
             f"{role}_application": ApplicationPlan(
                 role=role, name=role, attribute=factory, path=YARD, environment_variables={"HANG": hang}
