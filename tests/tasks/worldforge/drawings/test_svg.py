@@ -63,3 +63,12 @@ def test_paths_in_all_ways_of_writing() -> None:
 )
 def test_names_of_rooms_mean_types(name: str, expected: str | None) -> None:
     assert room_type(name) == expected
+
+
+def test_a_title_names_a_room_where_no_label_does() -> None:
+    drawing = read_svg(
+        b'<svg xmlns="http://www.w3.org/2000/svg"><rect class="room" id="rect1" width="9" height="9">'
+        b"<title>Bath</title></rect></svg>",
+        "flat.svg",
+    )
+    assert [shape.name for shape in drawing.shapes] == ["Bath"]
