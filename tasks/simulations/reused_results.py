@@ -14,9 +14,9 @@ from ...schemas.runs.plan import RunResult
 from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
-from ..runtime.states.imported_code import changed_code
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
+from .planning.job_contents import changed_import
 
 _KIND = "simulation-job"
 _RESULT_FILE = "result.json"
@@ -102,7 +102,7 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
         provenance = Provenance.model_validate_json(stored)
     except (StorageError, ValidationError) as error:
         return f"has outputs that cannot be read: {error}"
-    if (changed := changed_code(provenance.imported)) is not None:
+    if (changed := changed_import(provenance)) is not None:
         return f"imported another {changed} than there is now"
     if result.verdict == "ERROR":
         return "could not be judged (verdict ERROR)"

@@ -100,7 +100,7 @@ class Episode:
     """Whether the environment reports on its runs, so that its silence is no verdict either."""
 
     unanswered: str = ""
-    """Says who did not answer at the duration limit and had to be interrupted; empty: nobody."""
+    """Says who did not answer at the duration limit and had to be interrupted; empty: everything answered."""
 
 
 def read_report(environment: object) -> EnvironmentReport:

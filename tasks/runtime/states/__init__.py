@@ -9,6 +9,7 @@ __all__ = [
     "digest",
     "failure_state",
     "folder_digests",
+    "imported_code",
     "provenance",
     "state_log",
     "state_log_writer",

@@ -19,11 +19,13 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
+from ....schemas.runs.provenance import Provenance
 from ....schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
 from ...runtime.states.folder_digests import digest_of_folder
+from ...runtime.states.imported_code import changed_code
 from ...service.builtin_applications import BUILTINS, PACKAGE
 from ...service.service import Service
 from .application_plans import image_of, source_for_this_machine
@@ -129,6 +131,11 @@ def contents_of_request(
         versions={**software_versions(), **_judging_packages(_requirements_in(request))},
         once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot, os.environ),
     )
+
+
+def changed_import(provenance: Provenance) -> str | None:
+    """Returns the first name whose code here is another than the one that a run imported; None: all is the same."""
+    return changed_code(provenance.imported)
 
 
 def _content_of_application(application: Resource, service: Service) -> str:
