@@ -46,6 +46,7 @@ def client(
     return run
 
 
+@pytest.mark.deep
 def test_worlds_are_made_listed_exported_and_deleted(client: Client, place: Any, wanted: dict[str, Any]) -> None:
     told = client("worlds")
 

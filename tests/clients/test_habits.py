@@ -78,6 +78,7 @@ def test_a_failure_is_told_by_its_code_being_there(habit: Try) -> None:
     assert "the simulated floor gave way" in told["reason"]
 
 
+@pytest.mark.deep
 def test_tags_and_lists_of_batches_are_indexed(habit: Try) -> None:
     told = habit("tags_and_lists_of_batches_are_indexed")
 

@@ -59,6 +59,7 @@ def test_worlds_are_generated_and_uploaded(shown_tasks: ShownTasks, template: st
     assert tasks == {"validate": 1, "record": 1, "upload": 2, **dict.fromkeys(worlds, 1)}
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("known_worlds")
 def test_worlds_are_exported_and_the_archive_is_uploaded(
     shown_tasks: ShownTasks, service: Service, generate: Callable[..., dict[str, Any]]
@@ -73,6 +74,7 @@ def test_worlds_are_exported_and_the_archive_is_uploaded(
     assert tasks == {"validate": 1, "record": 1, "export": 1, "upload": 1}
 
 
+@pytest.mark.deep
 def test_a_deployment_is_prepared_and_each_wave_is_a_task(shown_tasks: ShownTasks, service: Service) -> None:
     with living(service) as yard:
         for number in range(3):

@@ -47,7 +47,8 @@ def service(environ: dict[str, str]) -> Iterator[Service]:
     opened.catalog.close()
 
 
-@pytest.mark.parametrize("environ", ["local", pytest.param("by-hand", marks=pytest.mark.deep)], indirect=True)
+@pytest.mark.deep
+@pytest.mark.parametrize("environ", ["local", "by-hand"], indirect=True)
 def test_a_batch_goes_on_when_its_catalog_is_back(
     service: Service, environ: dict[str, str], order: Order, postgres_server: PostgresServer, prefect_server: str
 ) -> None:

@@ -91,6 +91,7 @@ def running(service: Service, count: int) -> set[int]:
     return found
 
 
+@pytest.mark.deep
 def test_ctrl_c_ends_a_batch_and_reports_it(service: Service, order: Order, run_spec: Callable[..., Any]) -> None:
     batch = batch_of(*[order(LONG) for _ in range(3)], at_once=2)
     with run_spec({"drive": {"operation": "StartSimulationJobBatch", "input": batch}}) as robomaker:

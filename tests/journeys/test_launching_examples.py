@@ -70,6 +70,7 @@ def test_the_pole_stays_up_whichever_way_the_robot_is_started(
     assert ("balance 1.5" in log) is (way == "command")
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("archives")
 def test_the_pole_stays_up_with_the_robot_in_a_container(
     service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

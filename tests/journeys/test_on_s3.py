@@ -135,6 +135,7 @@ def test_an_archive_in_a_bucket_that_does_not_exist_is_refused(service: Service)
         call("CreateRobotApplication", request, service)
 
 
+@pytest.mark.deep
 def test_keys_for_objects_only_are_enough(service: Service, limited: Service, generate: Generate, bucket: str) -> None:
     [world] = generate()["finishedWorldsSummary"]["succeededWorlds"]
 

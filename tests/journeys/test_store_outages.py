@@ -193,6 +193,7 @@ def test_a_server_that_hangs_for_a_while_costs_a_job_nothing(
     stored_whole(service, arn)
 
 
+@pytest.mark.deep
 def test_when_patience_is_over_the_job_fails_and_its_outputs_are_kept_and_stored_later_each_file_once(
     service: Service, order: Order, proxy: FaultProxy, notes: list[str]
 ) -> None:

@@ -160,7 +160,10 @@ def test_a_job_without_a_job_worker_is_cancelled_at_once(service: Service, ghost
         assert described(job["arn"], service)["status"] == "Canceled"
 
 
-@pytest.mark.parametrize("moment", ["packing", "storing", "stored"])
+@pytest.mark.parametrize(
+    "moment",
+    ["packing", pytest.param("storing", marks=pytest.mark.deep), pytest.param("stored", marks=pytest.mark.deep)],
+)
 def test_a_running_job_that_is_cancelled_leaves_no_archive(
     service: Service,
     generate: Callable[..., dict[str, Any]],

@@ -46,6 +46,7 @@ def test_the_page_of_the_server_is_told_where_its_api_is(prefect_server: str) ->
         assert json.load(answer)["api_url"] == prefect_server
 
 
+@pytest.mark.deep
 @pytest.mark.slow
 def test_an_active_schedule_gets_runs(prefect_server: str) -> None:
     from prefect.client.orchestration import get_client

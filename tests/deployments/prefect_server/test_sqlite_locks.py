@@ -124,6 +124,7 @@ def test_a_cursor_that_is_dropped_while_its_connection_waits_stops_nothing(resul
     assert results["dropped"] == ["one", "two"]
 
 
+@pytest.mark.deep
 def test_many_rows_that_waited_are_written_once(results: dict[str, object]) -> None:
     assert results["many"] == ["one", "three", "two"]
 

@@ -81,6 +81,7 @@ def test_a_page_never_has_more_than_100_jobs_whatever_is_asked(service: Service)
         listed(service, maxResults=1001)
 
 
+@pytest.mark.deep
 def test_a_job_on_its_way_to_failed_says_why_while_its_outputs_are_stored(
     service: Service, order: Order, monkeypatch: pytest.MonkeyPatch
 ) -> None:

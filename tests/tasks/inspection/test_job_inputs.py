@@ -4,6 +4,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+import pytest
 from helpers.night_records import FIRST_NIGHT
 from helpers.swing_fixtures import Simulate
 
@@ -60,6 +61,7 @@ def step_of(name: str, job: dict[str, Any]) -> StepRecord:
     )  # fmt: skip
 
 
+@pytest.mark.deep
 def test_a_job_that_crashed_has_the_applications_of_the_others(service: Service, swing: Simulate) -> None:
     steps = [step_of("one", swing()), step_of("two", swing(seed=4, KILL_AT="3"))]
     good, crashed = jobs_of(steps, service)

@@ -188,6 +188,7 @@ def test_what_stands_in_the_place_of_outputs_is_not_read(service: Service, swing
             verify_run(str(folder), service)
 
 
+@pytest.mark.deep
 def test_a_failing_run_is_reproduced_with_a_test_that_runs(service: Service, swing: Simulate, tmp_path: Path) -> None:
     job = swing(LIMIT="0.5", ROBOMAKER_VIDEO_SIZE="160x120", ROBOMAKER_VIDEO_FPS="5")
 

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 from typing import Any
 
+import pytest
 from helpers.browser import NEEDS_BROWSER, Page, browsing
 from PIL import Image, ImageStat
 
@@ -12,6 +13,7 @@ from prefect_robomaker.tasks.reporting import write_report
 pytestmark = NEEDS_BROWSER
 
 
+@pytest.mark.deep
 def test_a_browser_shows_the_page_and_sorts_its_table(mixed_report: Any, tmp_path: Path) -> None:
     page = write_report(mixed_report, tmp_path / "report.html")
     with browsing(tmp_path / "profile") as browser, browser.page() as tab:

@@ -72,6 +72,7 @@ def test_worlds_of_a_seed_are_found_again(
     assert bundles(service, third)[:2] == bundles(service, first)
 
 
+@pytest.mark.deep
 def test_what_is_asked_for_anew_is_built(
     service: Service, generate: Generate, again: Generate, built: list[Any], template: str,
     monkeypatch: pytest.MonkeyPatch,

@@ -37,6 +37,7 @@ def steps(robot: Rover, action_id: int) -> list[str]:
     return list(dict.fromkeys(said))
 
 
+@pytest.mark.deep
 def test_a_version_is_installed_runs_and_is_taken_back_for_one_that_fails_that_is_old_or_not_attested(
     driving: Rover,
 ) -> None:

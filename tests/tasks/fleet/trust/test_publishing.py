@@ -127,6 +127,7 @@ def test_publishers_at_once_lose_nothing_and_a_robot_may_look_at_any_moment(trus
     wait_for(lambda: store.get_bytes(BUCKET, NEWEST_TIMESTAMP_KEY) == newest[1], "the copy")
 
 
+@pytest.mark.deep
 def test_everything_is_signed_again_long_before_it_expires(trust: Trust) -> None:
     trust.publish(OLD, b"old")
     publisher = trust.publisher()

@@ -118,6 +118,7 @@ def test_a_signal_is_seen_as_in_no_box(boxed: Launcher, program: MakeProgram, pl
     assert "was killed by SIGKILL" in (boxed.run(plan, never).failure_reason or "")
 
 
+@pytest.mark.deep
 def test_processes_that_leave_their_parents_go_with_the_box(
     boxed: Launcher, program: MakeProgram, plan_programs: Plan, tmp_path: Path
 ) -> None:

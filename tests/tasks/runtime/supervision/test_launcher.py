@@ -323,6 +323,7 @@ def has_boxes() -> bool:
 
 
 class TestParentProcess:
+    @pytest.mark.deep
     def test_a_script_without_streams_is_not_run_again_and_its_death_is_the_death_of_all(
         self, make_plan: Plan, tmp_path: Path
     ) -> None:
@@ -357,6 +358,7 @@ class TestParentProcess:
             wait_until(lambda: not is_running(server))
             assert launcher.run(make_plan(), never).status == "Completed"
 
+    @pytest.mark.deep
     def test_processes_that_wait_may_be_killed_and_none_is_left_in_the_end(self, make_plan: Plan) -> None:
         before = set(children_of(os.getpid()))
         with Launcher() as launcher:

@@ -120,7 +120,8 @@ assert model.vis.quality.offsamples == before
 """
 
 
-@pytest.mark.parametrize("name", ["egl", pytest.param("osmesa", marks=pytest.mark.deep)])
+@pytest.mark.deep
+@pytest.mark.parametrize("name", ["egl", "osmesa"])
 def test_opengl_and_rays_agree(name: str, tmp_path: Path) -> None:
     """In a process of its own, which may choose its OpenGL."""
     [backend] = [item for item in available_video_backends() if item.name == name]

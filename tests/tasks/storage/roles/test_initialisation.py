@@ -28,6 +28,7 @@ def buckets(server: S3Server) -> set[str]:
     return {each["Name"] for each in server.client("s3").list_buckets()["Buckets"]}
 
 
+@pytest.mark.deep
 def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path: Path, server: S3Server) -> None:
     word = uuid4().hex[:8]
     arn, bucket = f"arn:aws:iam::000000000000:role/{word}", f"init-{word}"

@@ -98,6 +98,7 @@ def stage(world_folder: Path, request: pytest.FixtureRequest) -> dict[str, Any]:
     return json.loads(run_client([str(python), "-c", READ, str(file)], {}))
 
 
+@pytest.mark.deep
 def test_its_names_are_names_of_usd_and_it_names_no_picture_outside(world_folder: Path) -> None:
     text = (world_folder / f"{world_folder.name}.usda").read_text()
     names = re.findall(r'^ *def \w+ "([^"]*)"', text, re.M)

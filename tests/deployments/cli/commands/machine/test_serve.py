@@ -118,6 +118,7 @@ def test_without_prefect_jobs_wait_and_the_endpoint_answers(
         a_second_ctrl_c_does_not_wait(served)
 
 
+@pytest.mark.deep
 def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Service, order: Order) -> None:
     with serve("--execute", "none", "--log-requests") as served:
         arn = served.call("CreateSimulationJob", order())["arn"]

@@ -152,6 +152,7 @@ def test_a_viewer_that_does_not_start_gives_way_to_the_page(robomaker, bundle: P
     assert Path(shown.out.strip()).is_file()
 
 
+@pytest.mark.deep
 @pytest.mark.usefixtures("known_worlds")
 def test_a_jobs_sheet_and_its_worlds(
     robomaker, service: Service, generate: Callable[..., dict[str, Any]], tmp_path: Path

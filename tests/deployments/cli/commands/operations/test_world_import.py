@@ -13,6 +13,7 @@ FLAT = REPOSITORY / "deployments" / "specs" / "plans" / "flat.svg"
 ROLE = "arn:aws:iam::000000000000:role/test"
 
 
+@pytest.mark.deep
 def test_an_imported_flat_is_listed_described_shown_varied_exported_and_deleted(
     robomaker_at_server, home: Path, tmp_path: Path
 ) -> None:
