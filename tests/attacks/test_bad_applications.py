@@ -185,11 +185,12 @@ def test_what_cannot_be_stored_is_left_out_by_name_and_all_else_is_stored(
     ended.check_nothing_runs()
 
 
-def test_a_step_that_never_returns_ends_at_the_duration_limit_without_a_manifest(attack: Callable[..., Attack]) -> None:
+def test_a_step_that_never_returns_ends_at_the_duration_limit_and_is_told(attack: Callable[..., Attack]) -> None:
     ended = attack("hostile.arena.endless", duration_s=5)
 
     assert ended.job["status"] == "Completed"
-    assert ended.manifest is None
+    assert ended.manifest is not None
+    assert "result.json" in {file.path for file in ended.manifest.files}
     ended.check_nothing_runs()
 
 
