@@ -36,7 +36,7 @@ from ..worlds.reuse import find_world_again
 from .run_records import find_records
 
 NO_SEED = "no seed is given, so each run draws its own"
-_NEW_WORLD = "its world is generated first"
+NEW_WORLD = "its world is generated first"
 _NEVER_RUN = "no job had these inputs yet"
 _RUNS_LOOKED_AT = 20
 _ROLES: Mapping[str, ApplicationRole] = {"CreateRobotApplication": "robot", "CreateSimulationApplication": "simulation"}
@@ -181,7 +181,7 @@ def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMem
     if seed_of(request) is None:
         return PlannedPart(part, reuse=False, why=NO_SEED)
     if world_arn(wire) in plan.new_worlds:
-        return PlannedPart(part, reuse=False, why=_NEW_WORLD)
+        return PlannedPart(part, reuse=False, why=NEW_WORLD)
     try:
         document = job_document(request, plan.service, applications=plan.applications)
         made_of = contents_of_request(wire, plan.service, plan.applications)

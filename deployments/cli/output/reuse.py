@@ -27,6 +27,21 @@ def reuse_total(parts: "Mapping[str, Sequence[PlannedPart]]") -> str:
     return f"{' and '.join(told)} are taken over" if told else "nothing here can be taken over"
 
 
+def why_nothing(parts: "Mapping[str, Sequence[PlannedPart]]") -> str | None:
+    """Says why a run would take over nothing, the first reason of each step; None: it would, or makes no such parts.
+
+    Jobs whose worlds are generated first have no reason of their own.
+    """
+    from ....tasks.inspection.reuse_plans import NEW_WORLD
+
+    if not parts or any(part.reuse for each in parts.values() for part in each):
+        return None
+    first = {step: each[0].why for step, each in parts.items() if each}
+    own = {step: why for step, why in first.items() if why != NEW_WORLD} or first
+    reasons = "; ".join(f"{step}: {why}" for step, why in own.items())
+    return f"--reuse takes nothing over: {reasons}"
+
+
 def _together(names: Sequence[str]) -> str:
     first, last = names[0], names[-1]
     if len(names) == 1:

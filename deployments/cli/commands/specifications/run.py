@@ -5,6 +5,7 @@ The exit code says how it ended; `robomaker --help` lists them.
 
 import argparse
 import dataclasses
+import sys
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
@@ -12,6 +13,7 @@ from ...arguments import add_backend, add_open, add_output, add_report, add_spec
 from ...inputs.output_files import output_file
 
 if TYPE_CHECKING:
+    from .....schemas.settings import Settings
     from .....schemas.specs.model import CheckedSpec
 
 
@@ -38,9 +40,25 @@ def execute(arguments: argparse.Namespace) -> int:
     spec = _chosen(arguments)
     settings = settings_of(arguments)
     report = output_file(arguments.report, "--report")
+    if arguments.reuse:
+        _say_why_nothing_is_reused(spec, settings)
     return carry_out(
         spec, settings, arguments, again(arguments), report=report, spec_path=arguments.spec, reuse=arguments.reuse
     )
+
+
+def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> None:
+    from .....schemas.wire.errors import RobomakerError
+    from .....tasks.inspection.reuse_plans import plan_reuse
+    from .....tasks.service.service import Service
+    from ...output.reuse import why_nothing
+
+    try:
+        line = why_nothing(plan_reuse(spec, Service.open(settings)))
+    except RobomakerError:
+        return  # the run says what is wrong, in its own words
+    if line is not None:
+        sys.stderr.write(f"{line}\n")
 
 
 def again(arguments: argparse.Namespace) -> list[str]:
