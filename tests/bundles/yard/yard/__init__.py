@@ -76,11 +76,11 @@ class Yard(dm_env.Environment):
         self.steps += 1
         if self.steps == 37:
             hang(self.context, "step")
-        if self.steps == int(self.variables.get("KILL_AT", "-1")) and not Path("killed").exists():
-            Path("killed").touch()
-            while not list(Path(self.variables["CHECKPOINTS"]).glob("checkpoint-*.bin")):
-                time.sleep(0.01)
-            os.kill(os.getpid(), signal.SIGKILL)
+        if self.steps >= int(self.variables.get("KILL_AT", "1000000")) and not Path("killed").exists():
+            if list(Path(self.variables["CHECKPOINTS"]).glob("checkpoint-*.bin")):
+                Path("killed").touch()
+                os.kill(os.getpid(), signal.SIGKILL)
+            time.sleep(1.0)  # checkpoints are a hundredth of the time: after a slow one the next is seconds away
         self.physics.data.ctrl[:] = action
         self.physics.step(2)
         is_over = self.physics.data.qpos[0] >= ARRIVED_M or self.physics.data.time >= END_S
