@@ -10,6 +10,7 @@ from prefect_robomaker.deployments.cli.output.comparison import comparison_lines
 from prefect_robomaker.schemas.reports.changes import Losses
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RerunOf, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.schemas.settings import NotifyWhen
 from prefect_robomaker.tasks.comparison.better_or_worse import compare
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_good_run, since_last_run
 from prefect_robomaker.tasks.comparison.nights import NightRun
@@ -183,8 +184,10 @@ def test_a_night_that_shrinks_is_not_good_again(now: str, title: str) -> None:
     assert "drive: request 3 scout, seed 3 (failed before" in message.body
     since = lost(records)
     assert is_due(USUAL, records[1], records[0], since)
-    assert is_due(frozenset({"change"}), records[1], records[0], since)
-    assert not is_due(frozenset({"recovery"}), records[1], records[0], since)
+    change: frozenset[NotifyWhen] = frozenset({"change"})
+    recovery: frozenset[NotifyWhen] = frozenset({"recovery"})
+    assert is_due(change, records[1], records[0], since)
+    assert not is_due(recovery, records[1], records[0], since)
 
 
 def test_what_was_lost_in_a_bad_night_keeps_the_next_from_being_good_again() -> None:
