@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.inspection.run_records import since_last_good
 from prefect_robomaker.tasks.notifications.messages import Message, is_due, message_of
 from prefect_robomaker.tasks.reporting.nights.changes import losses_in_words
 
-USUAL = frozenset({"failure", "recovery"})
+USUAL: frozenset[NotifyWhen] = frozenset({"failure", "recovery"})
 
 
 def night_of(number: int, *jobs: JobRecord, **members: Any) -> RunRecord:
