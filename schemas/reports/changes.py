@@ -71,7 +71,7 @@ class Loss(Model):
 
 
 class Losses(Model):
-    """What a run judges less than earlier ones: a run that passes since it judges less is no better."""
+    """Losses of a run against earlier ones: a run that passes since it judges less is no better."""
 
     gone: list[Loss] = Field(
         default=[], description="Jobs that an earlier run has, and this one lacks without a new job in their place."

@@ -1,4 +1,4 @@
-"""What runs judge less than earlier ones: jobs that are gone, that have no verdict any more, or fewer requirements.
+"""Losses between runs: jobs that are gone, that have no verdict any more, or that have fewer requirements.
 
 Each is told once, in the first run that lacks it. A job that a new one replaces is not gone: a specification that makes
 other worlds every night has other jobs every night.
@@ -52,7 +52,7 @@ class FoundLoss:
 
 
 def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:
-    """What earlier runs have and the last one lacks.
+    """Finds jobs and requirements that earlier runs have and the last one lacks.
 
     Args:
         runs: the runs, the oldest first.
@@ -112,7 +112,7 @@ def _not_replaced(vanished: Sequence[Sequence[Appearance]], new: Sequence[str]) 
 
 
 def _judged_less(appearances: Sequence[Appearance]) -> FoundLoss | None:
-    """What the last run of a job judges less than an earlier one; None if that is nothing.
+    """Finds the requirements that the last run of a job judges no more; None if there are none.
 
     Runs in which it broke without a verdict or was cancelled are passed over.
     """

@@ -80,7 +80,7 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
 
 
 def _own(job: JobRecord) -> frozenset[Asked]:
-    """What an environment asks for itself, whether it counts or not."""
+    """Names of an environment's own requirements, whether they count or not."""
     return frozenset((item.name, None, None) for item in job.requirements if item.kind is None)
 
 

@@ -1,4 +1,4 @@
-"""What watching the health of the physics costs beside a step; prints figures and asserts no time.
+"""Cost of watching the health of the physics beside a step; prints figures and asserts no time.
 
 The least of several rounds counts: what else happens on a machine only ever makes things slower.
 """

@@ -21,7 +21,7 @@ from prefect_robomaker.tasks.execution.run_watch import WATCH
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a command said and ended with."""
+    """Output and exit code of a command."""
 
     code: int
     out: str

@@ -42,7 +42,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Service:
 
 @pytest.fixture(scope="module")
 def served(service: Service, prefect_server: str) -> Iterator[Served]:
-    """What serves it; a server that is killed is a test's own."""
+    """Process that serves it; a server that is killed is a test's own."""
     home = service.settings.home
     with serving(home, home.parent, PREFECT_API_URL=prefect_server) as served:
         served.wait_until_ready()
@@ -190,7 +190,7 @@ def waits(served: Served, job: str) -> list[str]:
 
 
 def shown_in_prefect(state: str) -> int:
-    """How many flow runs have a state of that name."""
+    """Counts the flow runs that have a state of that name."""
     chosen = FlowRunFilter(state=FlowRunFilterState(name=FlowRunFilterStateName(any_=[state])))
     with get_client(sync_client=True) as client:
         return len(client.read_flow_runs(flow_run_filter=chosen))

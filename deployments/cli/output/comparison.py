@@ -78,7 +78,7 @@ def history_lines(history: History, page: Path) -> list[str]:
 
 
 def lost_lines(record: RunRecord) -> list[str]:
-    """What a run judges less than earlier ones of its specification; nothing of reruns and probes."""
+    """Losses of a run: jobs and requirements that it judges less than earlier runs; none for reruns and probes."""
     if not is_night(record):
         return []
     return losses_in_words(since_last(NightRun.of(record), record.run_dir.parent), _MOST_JOBS)

@@ -149,7 +149,7 @@ def result_difference(first: RunResult | None, again: RunResult | None) -> str |
 
 
 def _judged(requirement: Requirement | None) -> str:
-    """How a requirement was judged, with its margin; wall-clock words of its detail are left out."""
+    """Describes how a requirement was judged, with its margin and without words about wall-clock time."""
     if requirement is None:
         return "absent"
     judged = "met" if requirement.satisfied else "broken" if requirement.error is not None else "missed"

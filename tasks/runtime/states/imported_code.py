@@ -6,7 +6,7 @@ import site
 import sys
 import sysconfig
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from pathlib import Path
@@ -84,16 +84,19 @@ def _installed_places() -> frozenset[Path]:
 
 
 def _version(name: str, folder: Path) -> str | None:
-    version = _versions_in(folder).get(name.lower().replace("_", "-"))
+    version = _versions_in(folder, folder.stat().st_mtime_ns).get(name.lower().replace("_", "-"))
     return f"version {version}" if version else None
 
 
-@cache
-def _versions_in(folder: Path) -> Mapping[str, str]:
+@lru_cache(maxsize=8)
+def _versions_in(folder: Path, changed_ns: int) -> Mapping[str, str]:
     """Returns versions by name from the names of folders: reading all metadata takes 150 ms.
 
-    A process keeps them, as it keeps the code that it has imported.
+    Args:
+        folder: Where distributions are installed.
+        changed_ns: Its time of change: a process that runs for months sees what is installed meanwhile.
     """
+    del changed_ns
     matches = (_DIST_INFO.fullmatch(path.name) for path in folder.iterdir())
     return {match["name"].lower().replace("_", "-"): match["version"] for match in matches if match}
 

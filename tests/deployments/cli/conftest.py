@@ -1,4 +1,4 @@
-"""What tests of commands share; `helpers.command_here` runs the command."""
+"""Fixtures that tests of commands share; `helpers.command_here` runs the command."""
 
 from collections.abc import Callable
 from functools import partial

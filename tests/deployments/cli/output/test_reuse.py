@@ -1,4 +1,4 @@
-"""What a run with `--reuse` takes over, in words."""
+"""Words about results that a run with `--reuse` takes over."""
 
 from prefect_robomaker.deployments.cli.output.reuse import why_nothing
 from prefect_robomaker.tasks.inspection.reuse_plans import NEW_WORLD, NO_SEED, PlannedPart

@@ -68,7 +68,7 @@ CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
         "gone": "simulated",
     },
 }
-"""By kind, who catches which sabotage: the requirement itself, or what looks after the physics and the steps."""
+"""Catchers of each sabotage by kind of requirement: the requirement itself, or a watcher of physics and steps."""
 
 FAILS_THE_JOB: Mapping[str, tuple[str, ...]] = {
     "nan": ("mjWARN_BADCTRL", "the action is [nan, nan]; it has to be finite"),

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from prefect_robomaker.tasks.runtime.states import imported_code as imported_code_module
 from prefect_robomaker.tasks.runtime.states.imported_code import changed_code, imported_code
 
 
@@ -52,3 +53,15 @@ def test_files_of_applications_are_left_out(library: Path) -> None:
 
 def test_this_process_is_the_same_as_itself() -> None:
     assert changed_code(imported_code(sys.modules)) is None
+
+
+def test_a_process_that_runs_on_sees_what_is_installed_meanwhile(
+    library: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(imported_code_module, "_installed_places", lambda: frozenset({library}))
+    (library / "loose_module-1.0.dist-info").mkdir()
+    found = imported_code({"loose_module": importlib.import_module("loose_module")})
+    assert found == {"loose_module": "version 1.0"}
+    assert changed_code(found) is None
+    (library / "loose_module-1.0.dist-info").rename(library / "loose_module-1.1.dist-info")
+    assert changed_code(found) == "loose_module"
