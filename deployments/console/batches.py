@@ -13,10 +13,11 @@ from starlette.responses import Response
 
 from ...schemas.documents.simulation_job_batches import BatchInBrief, SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.summary import Share
 from ...tasks.catalog import Resource
 from .reading.job_lines import Known
 from .rendering import address, icon, render
-from .standing import JOB, RUNNING, WAITING, JobLine, Look, Rate, look_of_status, rate_of
+from .standing import JOB, RUNNING, WAITING, JobLine, Look, look_of_status, rate_of
 from .streams import Parts
 from .visit import Visit
 
@@ -83,7 +84,7 @@ class BatchView:
     batch: Resource
     look: Look
     tiles: Sequence[Tile]
-    rate: Rate | None
+    rate: Share | None
     left_s: float | None
     """How long it will take at the pace so far; `None`: it has ended, or no job has."""
     spec_run: str

@@ -8,8 +8,10 @@ from datetime import datetime
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.summary import Share
 from ...tasks.catalog import Resource
-from ...tasks.reporting import classify, wilson_interval
+from ...tasks.reporting import classify
+from ...tasks.results.rates import share_of
 
 JOB = "simulation-job"
 _ICONS = {"running": "unfinished", "waiting": "unjudged"}
@@ -90,23 +92,8 @@ def job_line(job: Resource) -> JobLine:
     )
 
 
-@dataclass(frozen=True)
-class Rate:
-    """How many of those that were judged passed, with its interval."""
-
-    passed: int
-    judged: int
-    low: float
-    high: float
-
-    @property
-    def rate(self) -> float:
-        """The share, 0 to 1."""
-        return self.passed / self.judged
-
-
-def rate_of(lines: Iterable[JobLine]) -> Rate | None:
+def rate_of(lines: Iterable[JobLine]) -> Share | None:
     """The success rate of jobs; `None` while none is judged."""
     counts = Counter(line.look.key for line in lines)
-    judged = counts["passed"] + counts["failed"]
-    return Rate(counts["passed"], judged, *wilson_interval(counts["passed"], judged)) if judged else None
+    share = share_of("", counts["passed"], counts["failed"])
+    return None if share.rate is None else share

@@ -50,6 +50,30 @@ class FailureStart(Model):
     changed: list[ChangedInput] = Field(default=[], description="What changed between those two runs.")
 
 
+class NewlyMissed(Model):
+    """A trial that misses a requirement which it met before."""
+
+    cell: CellName = Field(description="The job that it is a trial of.")
+    job: str = Field(description="Id of the job in the last run.")
+    trial: int | None = Field(default=None, description="Its number; absent: the job has no trials.")
+    detail: str = Field(default="", description="Value found and value asked for, in words.")
+    certain: bool = Field(
+        description="Whether it is no chance: same world, same seed, and programs that do the same every time."
+    )
+
+
+class RequirementChange(Model):
+    """A requirement that some trials newly miss, or newly meet."""
+
+    name: str = Field(description="The requirement.")
+    pairs: int = Field(description="Trials in which it was judged both times.")
+    newly_missed: int = Field(description="How many of them met it before, and miss it now.")
+    newly_met: int = Field(description="How many of them missed it before, and meet it now.")
+    places: list[NewlyMissed] = Field(
+        default=[], description="Those that newly miss it, at most 10, one of each job before a second of any."
+    )
+
+
 class CellChange(Model):
     """A job of the last run that fails, or stopped failing."""
 
@@ -58,6 +82,9 @@ class CellChange(Model):
     outcome: CaseOutcome = Field(description="Its outcome in the last run.")
     reason: str = Field(default="", description="Why it does not pass.")
     since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it passes.")
+    newly_missed: list[str] = Field(
+        default=[], description="Requirements that it met when it ran last, and misses now: another way of failing."
+    )
 
 
 class Loss(Model):
@@ -100,6 +127,9 @@ class SinceLastRun(Losses):
         default=0,
         description="Jobs that were judged by other requirements than when they ran last; those in `asked_less` are "
         "not counted again.",
+    )
+    requirements: list[RequirementChange] = Field(
+        default=[], description="Requirements that trials newly miss, the most frequent first, or newly meet."
     )
     newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
     newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model
-from .changes import CellName, Losses
+from .changes import CellName, Losses, RequirementChange
 from .inputs import SourceCommit
 from .states import CaseOutcome
 
@@ -41,22 +41,34 @@ class PairedJob(Model):
     before_job: str = Field(description="Id of the job in the first run.")
     after_job: str = Field(description="Id of the job in the second run.")
     reason: str = Field(default="", description="Why it did not pass, in the run in which it did not.")
+    newly_missed: list[str] = Field(default=[], description="Requirements that it met before, and misses after.")
+
+
+Test = Literal["exact McNemar", "sign flip of worlds"]
 
 
 class RateChange(Model):
-    """Pass rates of the pairs that were judged in both runs."""
+    """Pass rates of the pairs of trials that were judged in both runs; a job without trials is one."""
 
     pairs: int = Field(description="How many pairs those are.")
+    worlds: int = Field(description="In how many worlds they are; jobs without a world count as one.")
     before: float = Field(description="Share of them that passed in the first run.")
     after: float = Field(description="Share of them that passed in the second run.")
     difference: float = Field(description="`after - before`.")
-    low: float = Field(description="Lower end of the difference's interval (Newcombe's method 10).")
+    low: float = Field(
+        description="Lower end of the difference's interval: by Newcombe's method 10, or where whole worlds are "
+        "flipped by the spread between worlds."
+    )
     high: float = Field(description="Upper end of it.")
-    p_value: float = Field(description="Two-sided p-value of the exact McNemar test.")
+    test: Test = Field(
+        description="The test that decides. Trials of one world are alike: where six worlds or more have several, "
+        "whole worlds are flipped."
+    )
+    p_value: float = Field(description="Its two-sided p-value.")
 
 
 class NeededPairs(Model):
-    """How many pairs would show a difference, by Connor's formula."""
+    """How many pairs of trials would show a difference, by the power of the test that decides."""
 
     difference: float = Field(description="Difference of the pass rates that is to be shown, positive.")
     basis: Literal["asked for", "as found", "10 points"] = Field(
@@ -67,10 +79,13 @@ class NeededPairs(Model):
     power: float = Field(description="Probability with which it would be shown.")
     pairs: int = Field(description="Pairs needed in all.")
     more: int = Field(description="How many more than there are.")
+    worlds: int | None = Field(
+        default=None, description="Worlds needed in all, where whole worlds are flipped, with as many trials as now."
+    )
 
 
 class MetricChange(Model):
-    """One metric of the jobs that ended in both runs."""
+    """One metric, or the margin of a requirement, of the trials that ended in both runs."""
 
     name: str = Field(description="The metric, with its unit.")
     pairs: int = Field(description="Pairs that have it.")
@@ -95,12 +110,24 @@ class Comparison(Losses):
     pairs: int = Field(description="Jobs that both runs have.")
     only_before: int = Field(description="Jobs that only the first run has.")
     only_after: int = Field(description="Jobs that only the second run has.")
-    unjudged: int = Field(description="Pairs of which one has no verdict: it broke, was canceled or was not judged.")
+    unjudged: int = Field(
+        description="Pairs of trials of which one has no verdict: it broke, was canceled or was not judged."
+    )
     other_requirements: int = Field(description="Pairs that were judged by different requirements; they do not count.")
     other_requests: int = Field(description="Pairs whose requests differ in more than seed, tags and ARNs.")
+    trials: int = Field(description="Trials that both runs have, of these jobs; a job without trials is one.")
+    trials_only_before: int = Field(description="Trials that only the first run has.")
+    trials_only_after: int = Field(description="Trials that only the second run has.")
+    troubles: list[str] = Field(default=[], description="Tables of results that cannot be read, and what mends them.")
+    requirements: list[RequirementChange] = Field(
+        default=[], description="Requirements that trials newly miss, the most frequent first, or newly meet."
+    )
     newly_failing: list[PairedJob] = Field(description="Passed before, failed or broke after.")
     newly_passing: list[PairedJob] = Field(description="Failed or broke before, passed after.")
     still_failing: list[PairedJob] = Field(description="Failed or broke in both.")
     rate: RateChange | None = Field(default=None, description="Pass rates; absent when no pair was judged in both.")
     needed: NeededPairs | None = Field(default=None, description="Present when no difference was shown.")
     metrics: list[MetricChange] = Field(description="Metrics, those that changed first.")
+    margins: list[MetricChange] = Field(
+        default=[], description="Margins of requirements, those that moved first; an interval holds for all of them."
+    )

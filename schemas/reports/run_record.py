@@ -73,6 +73,11 @@ class JobRecord(Model):
     )
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
+    runs_free: bool = Field(
+        default=False,
+        description="Whether its robot application is a program that the simulation did not wait for, so that what it "
+        "did depends on the machine's clock.",
+    )
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
     output_uri: str | None = Field(default=None, description="Where its outputs are.")
     step: str | None = Field(default=None, description="The step that made it; absent in records of version 1.")

@@ -89,10 +89,11 @@ class ReportSummary(Model):
     started_at: datetime = Field(description="Start, UTC.")
     time_s: float = Field(description="Wall-clock time.")
     counts: dict[CaseOutcome, int] = Field(description="Jobs by outcome.")
-    success: Share = Field(description="All jobs that were judged.")
+    trials: int = Field(description="How many trials they had; a job without trials is one.")
+    success: Share = Field(description="All trials that were judged.")
     success_with_errors: Share = Field(description="The same if what broke counted as failed.")
     requirements: list[Share] = Field(description="By requirement, the worst first.")
-    worlds: list[Share] = Field(description="Jobs by world, the worst first.")
+    worlds: list[Share] = Field(description="Trials by world, the worst first.")
     rooms: list[Share] = Field(description="Visits by name of the room, the worst first.")
     steps: list[StepSuite] = Field(description="Steps that made jobs or failed, in order.")
     since_last: SinceLastRun | None = Field(

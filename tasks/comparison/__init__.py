@@ -1,13 +1,13 @@
-"""Comparing runs of specifications: pairs of jobs, statistics, history; pure functions of runs' records.
+"""Comparing runs of specifications: pairs of trials, statistics, history; functions of runs' records and tables of results.
 
 ```
 comparison = compare(before, after, alpha=0.05)
 print(comparison.answer, comparison.why)
 ```
 
-Only `statistics` imports scipy, and only `better_or_worse` imports `statistics`; the rest is quick to import.
+Only `statistics` and `power` import scipy, for `decisions`, which only `better_or_worse` imports; the rest is quick.
 
-May import: `schemas`, `tasks.reporting`.
+May import: `schemas`, `tasks.reporting`, `tasks.results`.
 """
 
 __all__ = ["better_or_worse", "history", "nights", "pairing"]

@@ -1,10 +1,11 @@
 """Comparing two runs: is the second one better, worse, no different as far as can be told, or not to be compared?
 
-The answer is about verdicts. Whether a metric that rose is good news only its user knows.
+The answer is about verdicts of trials; a job without trials is one. Whether a metric that rose is good news only its
+user knows.
 """
 
-import math
-from collections.abc import Sequence
+import numpy as np
+from numpy.typing import NDArray
 
 from ...schemas.reports.comparison import (
     ANSWER_EXIT_CODES,
@@ -12,28 +13,25 @@ from ...schemas.reports.comparison import (
     ComparedRun,
     Comparison,
     MetricChange,
-    NeededPairs,
+    PairedJob,
     RateChange,
 )
 from ..reporting import Outcome
+from .decisions import JudgedTrials, mean_change, needed_pairs, rate_change
 from .failures import appearances_of
 from .losses import losses_of, told_losses
-from .nights import JUDGED, NightRun, outcome_of
+from .nights import NightRun, outcome_of
 from .pairing import Pair, Pairing, pair_jobs
-from .statistics import mcnemar_p_value, mean_difference, paired_rate_difference, pairs_needed
-
-POWER = 0.8
-"""The probability with which the pairs that are said to be needed would show the difference."""
-
-_USUAL_DIFFERENCE = 0.1
-_ENDED = (*JUDGED, Outcome.UNJUDGED)
+from .requirement_changes import RequirementChanges, requirement_changes
+from .trial_pairs import ENDED, PASSED, TrialPairs, pair_trials
 
 
 def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, difference: float | None = None) -> Comparison:
-    """Compares two runs job by job.
+    """Compares two runs, job by job and trial by trial.
 
-    The answer is that of the exact McNemar test of the pairs that were judged in both runs. Jobs that broke are not
-    judged; where counting them as failed would change the answer, the runs are not comparable.
+    The answer is that of a test of the trials that were judged in both runs: the exact McNemar test, or where six
+    worlds or more have several trials, the test that flips whole worlds. Trials that broke are not judged; where
+    counting them as failed would change the answer, the runs are not comparable.
 
     Args:
         before: the first run.
@@ -45,13 +43,14 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         The answer, with what it rests on.
     """
     pairing = pair_jobs(before.jobs, after.jobs)
-    fair = [pair for pair in pairing.pairs if pair.has_same_requirements]
-    judged = [pair for pair in fair if pair.is_judged]
-    rate = _rate(judged, alpha) if judged else None
-    answer, why = _answer(before, after, pairing, fair, rate, alpha)
-    needed = _needed(judged, alpha, difference) if answer == "no difference shown" else None
-    lost = told_losses(losses_of([before, after], appearances_of([before, after])))
-    told = [(pair, pair.outcomes) for pair in pairing.pairs]
+    trials = pair_trials(pairing.pairs, before, after)
+    is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
+    fair = trials.only(is_fair[trials.jobs])
+    judged = _judged(fair.only(fair.judged))
+    rate = rate_change(judged, alpha) if len(judged) else None
+    answer, why = _answer(before, after, pairing, fair, judged, rate, alpha)
+    requirements = requirement_changes(trials, pairing.pairs)
+    told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
     return Comparison(
         before=_compared(before),
         after=_compared(after),
@@ -62,19 +61,33 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         pairs=len(pairing.pairs),
         only_before=len(pairing.only_before),
         only_after=len(pairing.only_after),
-        unjudged=sum(not pair.is_judged for pair in pairing.pairs),
-        other_requirements=len(pairing.pairs) - len(fair),
+        trials=len(trials),
+        trials_only_before=len(before.results) - len(trials),
+        trials_only_after=len(after.results) - len(trials),
+        unjudged=int((~trials.judged).sum()),
+        other_requirements=int((~is_fair).sum()),
         other_requests=sum(not pair.has_same_request for pair in pairing.pairs),
-        newly_failing=[pair.told() for pair, (old, new) in told if old is Outcome.PASSED and new.is_failure],
-        newly_passing=[pair.told() for pair, (old, new) in told if old.is_failure and new is Outcome.PASSED],
-        still_failing=[pair.told() for pair, (old, new) in told if old.is_failure and new.is_failure],
+        troubles=[run.trouble for run in (before, after) if run.trouble],
+        requirements=requirements.changes,
+        newly_failing=[pair for pair, (old, new) in told if old is Outcome.PASSED and new.is_failure],
+        newly_passing=[pair for pair, (old, new) in told if old.is_failure and new is Outcome.PASSED],
+        still_failing=[pair for pair, (old, new) in told if old.is_failure and new.is_failure],
         rate=rate,
-        needed=needed,
-        metrics=_metrics(pairing.pairs, alpha),
-        gone=lost.gone,
-        no_longer_judged=lost.no_longer_judged,
-        asked_less=lost.asked_less,
+        needed=needed_pairs(judged, alpha, difference) if answer == "no difference shown" else None,
+        metrics=_changes("metric", trials, alpha),
+        margins=_changes("margin", trials, alpha),
+        **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
+
+
+def _told(pair: Pair, requirements: RequirementChanges) -> PairedJob:
+    return pair.told().model_copy(update={"newly_missed": requirements.missed_by(pair.after)})
+
+
+def _judged(trials: TrialPairs) -> JudgedTrials:
+    """Pairs with what passed; all that did not is failed."""
+    old, new = trials.outcomes
+    return JudgedTrials(old == PASSED, new == PASSED, trials.worlds)
 
 
 def _compared(run: NightRun) -> ComparedRun:
@@ -84,12 +97,20 @@ def _compared(run: NightRun) -> ComparedRun:
 
 
 def _answer(
-    before: NightRun, after: NightRun, pairing: Pairing, fair: Sequence[Pair], rate: RateChange | None, alpha: float
+    before: NightRun,
+    after: NightRun,
+    pairing: Pairing,
+    fair: TrialPairs,
+    judged: JudgedTrials,
+    rate: RateChange | None,
+    alpha: float,
 ) -> tuple[Answer, str]:
     """The answer and why it is that."""
     if not pairing.pairs:
         return "not comparable", _why_unpaired(before, after)
-    if not fair:
+    if not len(fair):
+        if any(pair.has_same_requirements for pair in pairing.pairs):
+            return "not comparable", "no trial of one run has the seed and the parameters of one of the other run"
         return "not comparable", (
             f"the {_counted(len(pairing.pairs), 'pair')} were judged by different requirements: a verdict says whether "
             "they were met, so that one of other requirements says something else"
@@ -99,15 +120,28 @@ def _answer(
             f"none of the {_counted(len(fair), 'pair')} was judged in both runs: {_without_verdicts(before, after)}"
         )
     answer = _tested(rate, alpha)
-    told = [pair for pair in fair if all(outcome in JUDGED or outcome.is_failure for outcome in pair.outcomes)]
+    told = _judged(fair.only(fair.told))
     broken = len(told) - rate.pairs
-    if broken and (strict := _tested(_rate(told, alpha), alpha)) != answer:
+    if broken and (strict := _tested(rate_change(told, alpha), alpha)) != answer:
         return "not comparable", (
-            f"the answer depends on the {_counted(broken, 'pair')} of which a job broke: {answer} when they are left "
+            f"the answer depends on the {_counted(broken, 'pair')} of which a side broke: {answer} when they are left "
             f"out, {strict} when what broke counts as failed; repair that and run it again"
         )
-    words = f"{_counted(rate.pairs, 'pair')} judged in both runs, p = {rate.p_value:.2g} (exact McNemar test, "
-    return answer, f"{words}alpha {alpha:g})"
+    scope = _scope(judged, fair) if answer != "no difference shown" else ""
+    return answer, f"{_judged_in_words(judged)}, p = {rate.p_value:.2g} ({rate.test} test, alpha {alpha:g}){scope}"
+
+
+def _judged_in_words(judged: JudgedTrials) -> str:
+    words = f"{_counted(len(judged), 'pair')} judged in both runs"
+    return f"{words}, in {_counted(judged.world_count, 'world')}" if judged.has_repeated_worlds else words
+
+
+def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
+    """Says where an answer holds, if there are too few worlds to tell of others; jobs without worlds have none."""
+    if not judged.is_of_few_worlds or not fair.has_worlds:
+        return ""
+    these = "this world" if judged.world_count == 1 else "these worlds"
+    return f", in {these}; other worlds were not tried"
 
 
 def _tested(rate: RateChange, alpha: float) -> Answer:
@@ -116,69 +150,34 @@ def _tested(rate: RateChange, alpha: float) -> Answer:
     return "better" if rate.difference > 0 else "worse"
 
 
-def _rate(pairs: Sequence[Pair], alpha: float) -> RateChange:
-    """Pass rates of pairs; all that is not passed is failed."""
-    counts = {(old, new): 0 for old in (True, False) for new in (True, False)}
-    for pair in pairs:
-        old, new = pair.outcomes
-        counts[old is Outcome.PASSED, new is Outcome.PASSED] += 1
-    both, worse, better, neither = (
-        counts[key] for key in ((True, True), (True, False), (False, True), (False, False))
-    )  # fmt: skip
-    found = paired_rate_difference(both, worse, better, neither, alpha)
-    return RateChange(
-        pairs=len(pairs),
-        before=(both + worse) / len(pairs),
-        after=(both + better) / len(pairs),
-        difference=found.value,
-        low=found.low,
-        high=found.high,
-        p_value=mcnemar_p_value(worse, better),
-    )
-
-
-def _needed(pairs: Sequence[Pair], alpha: float, asked: float | None) -> NeededPairs:
-    """How many pairs would show the difference that was asked for, that was found, or one of 10 points."""
-    differ = [pair for pair in pairs if pair.outcomes[0] is not pair.outcomes[1]]
-    rise = sum(1 if pair.outcomes[1] is Outcome.PASSED else -1 for pair in differ)
-    found = abs(rise) / len(pairs)
-    difference = asked or found or _USUAL_DIFFERENCE
-    discordant = max(len(differ) / len(pairs), difference)
-    needed = pairs_needed(discordant, difference, alpha, POWER)
-    return NeededPairs(
-        difference=difference,
-        basis="asked for" if asked else "as found" if found else "10 points",
-        discordant=discordant,
-        power=POWER,
-        pairs=needed,
-        more=max(0, needed - len(pairs)),
-    )
-
-
-def _metrics(pairs: Sequence[Pair], alpha: float) -> list[MetricChange]:
-    """Metrics of the pairs that ended by themselves in both runs; all intervals together hold with 1 - alpha."""
-    values: dict[str, list[tuple[float, float]]] = {}
-    for pair in pairs:
-        if all(outcome_of(job) in _ENDED for job in (pair.before, pair.after)):
-            for name, old in pair.before.metrics.items():
-                new = pair.after.metrics.get(name)
-                if new is not None and math.isfinite(old) and math.isfinite(new):
-                    values.setdefault(name, []).append((old, new))
-    tested = sum(len(found) > 1 for found in values.values())
-    changes = [_metric(name, found, alpha / max(tested, 1)) for name, found in sorted(values.items())]
+def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
+    """Metrics or margins of the trials that ended by themselves in both runs; all intervals hold with 1 - alpha."""
+    old, new = trials.outcomes
+    ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
+    found = {}
+    names = trials.after.metrics if kind == "metric" else trials.after.requirements
+    for name in sorted(names):
+        values = ended.numbers(f"{kind}.{name}")
+        finite = np.isfinite(values[0]) & np.isfinite(values[1])
+        if finite.any():
+            found[name] = (values[0][finite], values[1][finite], ended.only(finite))
+    tested = sum(len(pairs) > 1 for _, _, pairs in found.values())
+    share = alpha / max(tested, 1)
+    changes = [_metric(name, old, new, pairs, share) for name, (old, new, pairs) in found.items()]
     return sorted(changes, key=lambda change: not change.changed)
 
 
-def _metric(name: str, values: Sequence[tuple[float, float]], alpha: float) -> MetricChange:
-    count = len(values)
-    differences = [new - old for old, new in values]
-    interval = mean_difference(differences, alpha) if count > 1 else None
+def _metric(
+    name: str, before: NDArray[np.float64], after: NDArray[np.float64], pairs: TrialPairs, alpha: float
+) -> MetricChange:
+    differences = after - before
+    interval = mean_change(_judged(pairs), differences, alpha) if len(differences) > 1 else None
     return MetricChange(
         name=name,
-        pairs=count,
-        before=math.fsum(old for old, _ in values) / count,
-        after=math.fsum(new for _, new in values) / count,
-        difference=interval.value if interval else differences[0],
+        pairs=len(differences),
+        before=float(before.mean()),
+        after=float(after.mean()),
+        difference=interval.value if interval else float(differences[0]),
         low=interval.low if interval else None,
         high=interval.high if interval else None,
         changed=interval is not None and interval.leaves_out_zero,

@@ -1,13 +1,13 @@
 """The runs of one specification: cells through the nights, and what changed since the last run."""
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Mapping, Sequence
 
 from ...schemas.reports.changes import CellChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
-from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.states import CaseOutcome
-from ..reporting import Outcome, of_outcomes
+from ..reporting import Outcome
+from ..results import rates
 from .failures import (
     Appearance,
     appearances_of,
@@ -20,9 +20,8 @@ from .failures import (
 from .losses import losses_of, told_losses
 from .nights import TOLD, NightRun, name_of, outcome_of, reason_of
 from .pairing import Pair
-
-Named = Callable[[JobRecord], Iterable[tuple[str, Outcome]]]
-"""Names under which a job counts, with how it ended under each."""
+from .requirement_changes import RequirementChanges, requirement_changes
+from .trial_pairs import pair_trials
 
 
 def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> History:
@@ -36,6 +35,7 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
     cells = appearances_of(runs)
     # A cell that only one run of long ago has, as of worlds that are other ones every night, tells nothing.
     kept = [each for each in cells if len(each) > 1 or each[-1].night == len(runs) - 1]
+    names = _names_of_worlds(kept)
     histories = [_cell_history(each, len(runs)) for each in kept]
     return History(
         name=name,
@@ -44,8 +44,8 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
         since_last=_since_last(runs, cells),
         cells=sorted(histories, key=_urgency),
         cells_left_out=len(cells) - len(kept),
-        worlds=_by_night(runs, _worlds_named(kept)),
-        requirements=_by_night(runs, _requirements),
+        worlds=_by_night([_by_world(run, names) for run in runs]),
+        requirements=_by_night([rates.requirement_counts(run.results) for run in runs]),
     )
 
 
@@ -78,28 +78,34 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
     asked_less, lost = {id(each.appearances) for each in losses if each.kind == "asked_less"}, told_losses(losses)
     previous = next((run for run in reversed(runs[:last]) if _has_results(run)), None)
     found: dict[str, list[CellChange]] = defaultdict(list)
-    counts, otherwise = {True: 0, False: 0}, 0
-    for appearances in cells:
-        now = appearances[-1]
-        if now.night != last or now.outcome not in TOLD:
-            continue
-        earlier = next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
-        counts[earlier is not None] += 1
-        if earlier is not None and id(appearances) not in asked_less:
-            otherwise += not Pair(earlier.job, now.job).has_same_requirements
-        if kind := _kind_of_change(earlier and earlier.outcome, now.outcome):
-            found[kind].append(_change(appearances))
+    told = [(each, _told_before(each)) for each in cells if each[-1].night == last and each[-1].outcome in TOLD]
+    paired = [(earlier, each[-1]) for each, earlier in told if earlier is not None]
+    requirements = _changed_requirements(runs, paired)
+    otherwise = sum(
+        not Pair(earlier.job, each[-1].job).has_same_requirements
+        for each, earlier in told
+        if earlier is not None and id(each) not in asked_less
+    )
+    for each, earlier in told:
+        if kind := _kind_of_change(earlier and earlier.outcome, each[-1].outcome):
+            found[kind].append(_change(each, requirements))
     return SinceLastRun(
         previous_run_id=previous.run_id if previous else None,
         previous_started_at=previous.started_at if previous else None,
-        paired=counts[True],
-        unpaired=counts[False],
+        paired=len(paired),
+        unpaired=len(told) - len(paired),
         other_requirements=otherwise,
+        requirements=requirements.changes,
         **found,
         gone=lost.gone,
         no_longer_judged=lost.no_longer_judged,
         asked_less=lost.asked_less,
     )
+
+
+def _told_before(appearances: Sequence[Appearance]) -> Appearance | None:
+    """When a job was last judged or broke, before its last run."""
+    return next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
 
 
 def _has_results(run: NightRun) -> bool:
@@ -115,7 +121,7 @@ def _kind_of_change(before: Outcome | None, now: Outcome) -> str | None:
     return "newly_failing" if now.is_failure else None
 
 
-def _change(appearances: Sequence[Appearance]) -> CellChange:
+def _change(appearances: Sequence[Appearance], requirements: RequirementChanges) -> CellChange:
     job = appearances[-1].job
     return CellChange(
         cell=name_of(job),
@@ -123,6 +129,7 @@ def _change(appearances: Sequence[Appearance]) -> CellChange:
         outcome=outcome_of(job).value,
         reason=reason_of(job),
         since=failure_start(appearances),
+        newly_missed=requirements.missed_by(job),
     )
 
 
@@ -131,7 +138,7 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         run_id=run.run_id,
         started_at=run.started_at,
         state=run.state,
-        success=of_outcomes("", [outcome_of(job) for job in run.jobs]),
+        success=rates.of_table("", run.results),
         source=run.source,
         changed=changed_nights(before, run) if before else [],
         report_path=run.report_path,
@@ -147,7 +154,7 @@ def _cell_history(appearances: Sequence[Appearance], nights: int) -> CellHistory
     return CellHistory(
         cell=cell,
         outcomes=outcomes,
-        success=of_outcomes(cell.title, [each.outcome for each in appearances]),
+        success=rates.of_outcomes(cell.title, [each.outcome.value for each in appearances]),
         changes=changes,
         unsteady=is_unsteady(changes, same_inputs),
         same_inputs=same_inputs,
@@ -160,40 +167,43 @@ def _urgency(history: CellHistory) -> tuple[bool, bool, float]:
     return history.since is None, not history.unsteady, 1.0 if rate is None else rate
 
 
-def _by_night(runs: Sequence[NightRun], named: Named) -> list[SharesByNight]:
-    """Shares of what jobs count under, night by night, the worst first."""
-    found: dict[str, list[list[Outcome]]] = {}
-    for night, run in enumerate(runs):
-        for job in run.jobs:
-            for name, outcome in named(job):
-                found.setdefault(name, [[] for _ in runs])[night].append(outcome)
+def _by_night(nights: Sequence[Mapping[str, rates.Counts]]) -> list[SharesByNight]:
+    """Shares of trials by what they have in common, night by night, the worst first."""
+    names = dict.fromkeys(name for night in nights for name in night)
     shares = [
         SharesByNight(
-            total=of_outcomes(name, [outcome for night in nights for outcome in night]),
-            nights=[of_outcomes("", night) if night else None for night in nights],
+            total=sum((night[name] for night in nights if name in night), rates.Counts()).share(name),
+            nights=[night[name].share("") if name in night else None for night in nights],
         )
-        for name, nights in found.items()
+        for name in names
     ]
     return sorted(shares, key=lambda each: 1.0 if each.total.rate is None else each.total.rate)
 
 
-def _requirements(job: JobRecord) -> Iterable[tuple[str, Outcome]]:
-    for item in job.requirements:
-        if item.counts:
-            judged = Outcome.PASSED if item.satisfied else Outcome.FAILED
-            yield item.name, Outcome.BROKEN if item.error is not None else judged
+def _by_world(run: NightRun, names: Mapping[str, str]) -> dict[str, rates.Counts]:
+    """The trials of a run by the name of their world."""
+    found = rates.counts_by(run.results, "world")
+    return {names[world]: counts for world, counts in found.items() if world in names}
 
 
-def _worlds_named(cells: Sequence[Sequence[Appearance]]) -> Named:
-    """Jobs by the content of their world, which is called what its last run calls it."""
+def _names_of_worlds(cells: Sequence[Sequence[Appearance]]) -> dict[str, str]:
+    """Worlds by their content, which are called what their last run calls them."""
     names: dict[str, str] = {}
     for appearances in cells:
         job = appearances[-1].job
         if job.inputs and job.inputs.world:
             names[job.inputs.world] = f"{(job.world or '').rpartition('/')[2]} ({job.inputs.world[:8]})"
+    return names
 
-    def named(job: JobRecord) -> Iterable[tuple[str, Outcome]]:
-        if job.inputs and job.inputs.world in names:
-            yield names[job.inputs.world], outcome_of(job)
 
-    return named
+def _changed_requirements(
+    runs: Sequence[NightRun], paired: Sequence[tuple[Appearance, Appearance]]
+) -> RequirementChanges:
+    """What jobs miss that they met when they ran last; jobs may have run last in different runs."""
+    by_night: dict[int, list[Pair]] = defaultdict(list)
+    for earlier, now in paired:
+        by_night[earlier.night].append(Pair(earlier.job, now.job))
+    found = RequirementChanges()
+    for night, pairs in by_night.items():
+        found += requirement_changes(pair_trials(pairs, runs[night], runs[-1]), pairs)
+    return found

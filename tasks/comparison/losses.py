@@ -13,16 +13,13 @@ from ...schemas.reports.changes import Loss, Losses
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
 from .failures import Appearance
-from .nights import HEALTH, JUDGED, TOLD, NightRun, name_of
+from .nights import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 
 LossKind = Literal["gone", "no_longer_judged", "asked_less"]
 """The lists of `Losses`."""
 
 _SEEN_TO = ("succeeded", "failed")
 """States of runs whose steps all came to their end."""
-
-_TRIALS = "trials"
-"""The requirement of a job with trials that counts instead of those of its trials."""
 
 
 @dataclass(frozen=True)
@@ -162,7 +159,7 @@ def _has_verdict(appearance: Appearance) -> bool:
 
 def _asked(job: JobRecord) -> frozenset[str]:
     """Names of what a job is judged by; with trials, of what each of them is."""
-    if any(item.counts and item.name == _TRIALS for item in job.requirements):
+    if any(item.counts and item.name == TRIALS for item in job.requirements):
         return _listed(job)
     return _listed(job) & {item.name for item in job.requirements if item.counts}
 

@@ -4,6 +4,7 @@ from collections import defaultdict, deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from functools import cached_property
 from pathlib import Path
 
 from ...schemas.reports.changes import CellName
@@ -11,6 +12,7 @@ from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.run_record import JobRecord, RunRecord
 from ...schemas.reports.states import RunState
 from ..reporting import Outcome, classify
+from ..results.table import RESULTS_FILE, ResultTable
 
 JUDGED = (Outcome.PASSED, Outcome.FAILED)
 TOLD = (*JUDGED, Outcome.BROKEN)
@@ -18,6 +20,9 @@ TOLD = (*JUDGED, Outcome.BROKEN)
 
 HEALTH = "health"
 """Kind of requirements that are never asked for: a result has them only where they were missed, as `above_floor`."""
+
+TRIALS = "trials"
+"""The requirement of a job with trials that counts instead of those of its trials."""
 
 GroupKey = tuple[str, str, int | None]
 
@@ -34,6 +39,8 @@ class NightRun:
     versions: dict[str, str] = field(default_factory=dict)
     source: SourceCommit | None = None
     report_path: Path | None = None
+    results_path: Path | None = None
+    """The table of its results; None: each job is one trial."""
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":
@@ -47,7 +54,32 @@ class NightRun:
             versions=record.versions,
             source=record.source,
             report_path=record.report_path,
+            results_path=record.run_dir / RESULTS_FILE,
         )
+
+    @property
+    def results(self) -> ResultTable:
+        """The results of its trials; where they cannot be read, each job is one trial."""
+        return self._read[0]
+
+    @property
+    def trouble(self) -> str:
+        """Why the results of its trials cannot be read, and the command that mends it; empty: they can."""
+        return self._read[1]
+
+    @cached_property
+    def _read(self) -> tuple[ResultTable, str]:
+        trouble = ""
+        if self.results_path is not None:
+            try:
+                return ResultTable.read(self.results_path), ""
+            except FileNotFoundError:
+                if any(item.name == TRIALS for job in self.jobs for item in job.requirements):
+                    trouble = f"{self.results_path} is not there"
+            except (OSError, ValueError) as error:
+                trouble = str(error)
+        mend = f"{trouble}: each job of it counts as one trial; `robomaker report {self.run_id}` writes it again"
+        return ResultTable.of(self.jobs), mend if trouble else ""
 
     @property
     def has_inputs(self) -> bool:

@@ -1,4 +1,4 @@
-"""The statistics of pairs: the exact McNemar test, intervals of differences, and how many pairs it takes.
+"""The statistics of pairs: the exact McNemar test, the test that flips worlds, and intervals of differences.
 
 Pure functions. Of scipy only the distributions in `scipy.special` are used: `scipy.stats` takes a second to import.
 """
@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import bdtr, ndtri, stdtrit
 
-from ..reporting import wilson_interval
+from ..results.intervals import wilson_interval
 
 
 @dataclass(frozen=True)
@@ -93,28 +94,58 @@ def _correlation(both: int, worse: int, better: int, neither: int) -> float:
     return (max(product - half, 0.0) if product > 0 else product) / math.sqrt(margins)
 
 
-def pairs_needed(discordant: float, difference: float, alpha: float = 0.05, power: float = 0.8) -> int:
-    """How many pairs show a difference of pass rates, by the formula of Connor.
+def sign_flip_p_value(differences: Sequence[int]) -> float:
+    """The two-sided p-value of the test that flips the sign of whole worlds.
 
-    n = (z_(1-alpha/2) √ψ + z_power √(ψ - δ²))² / δ², with ψ the share of pairs that differ and δ the difference of the
-    rates; Connor, "Sample size for testing differences in proportions for the paired-sample design", Biometrics 43
-    (1987). It is an approximation: the exact test asks for somewhat more where few pairs differ.
+    Where the runs do not differ, each world's difference is as likely with the other sign. All 2**worlds signs are
+    counted, by the characteristic function of their sum, which is a product of cosines; right to 1e-12.
 
     Args:
-        discordant: share of pairs whose verdicts differ, ψ; at least the difference.
-        difference: difference of the pass rates, δ, of either sign.
-        alpha: error probability of the two-sided test.
-        power: probability with which the difference is to be shown.
+        differences: of each world, how many trials became better, minus how many became worse.
 
-    Raises:
-        ValueError: the difference is 0 or larger than the share of pairs that differ, or that is larger than 1.
+    Returns:
+        The share of signs with which the sum is at least as far from 0; 1 when no world differs.
     """
-    if not 0 < abs(difference) <= discordant <= 1:
-        raise ValueError(f"a difference of {difference} with {discordant} of pairs that differ cannot be")
-    spread = math.sqrt(max(0.0, discordant - difference**2))
-    root = float(ndtri(1 - alpha / 2)) * math.sqrt(discordant) + float(ndtri(power)) * spread
-    # Without the last digits, which are rounding, 100 would become 101.
-    return math.ceil(round((root / difference) ** 2, 9))
+    sizes = np.abs(np.asarray([each for each in differences if each], dtype=np.int64))
+    reach, found = int(sizes.sum()), abs(int(sum(differences)))
+    if not found:
+        return 1.0
+    points = 1 << (2 * reach + 1).bit_length()  # a power of two is quickly transformed
+    angles = 2 * np.pi / points * np.arange(points // 2 + 1)
+    sums = np.ones(len(angles))
+    for size, count in zip(*np.unique(sizes, return_counts=True), strict=True):
+        sums *= _power(np.cos(size * angles), int(count))
+        sums[np.abs(sums) < 1e-100] = 0.0  # numbers near the smallest ones take a hundred times as long
+    chances = np.fft.irfft(sums, points)
+    return float(min(1.0, max(round(2 * chances[found : reach + 1].sum(), 12), 0.0)))
+
+
+def _power(values: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
+    """Powers by squaring, which is 50 times as fast as those of floats."""
+    found = np.ones_like(values)
+    while exponent:
+        if exponent & 1:
+            found *= values
+        values = values * values
+        exponent >>= 1
+    return found
+
+
+def clustered_mean(sums: NDArray[np.float64], counts: NDArray[np.float64], alpha: float = 0.05) -> Interval:
+    """The mean of trials in several worlds, with an interval that knows that trials of one world are alike.
+
+    The variance is that of a ratio estimator between worlds, with a t distribution of worlds - 1 degrees of freedom.
+
+    Args:
+        sums: sum of the values in each of at least two worlds.
+        counts: how many trials each of them has.
+        alpha: 1 minus the confidence level.
+    """
+    worlds, total = len(sums), float(counts.sum())
+    mean = float(sums.sum()) / total
+    variance = worlds / (worlds - 1) * float(((sums - mean * counts) ** 2).sum()) / total**2
+    reach = float(stdtrit(worlds - 1, 1 - alpha / 2)) * math.sqrt(variance)
+    return Interval(mean, mean - reach, mean + reach)
 
 
 def mean_difference(differences: Sequence[float], alpha: float = 0.05) -> Interval:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
@@ -22,6 +22,7 @@ from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
+from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
     InvalidParameterException,
@@ -30,11 +31,13 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import Resource
-from ..comparison.nights import NightRun
+from ..comparison.nights import TRIALS, NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
+from ..results.columns import read_trials
+from ..results.table import RESULTS_FILE, ResultTable
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
@@ -42,6 +45,9 @@ from ..storage import read_manifest, removed_before
 from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
 from .run_records import is_night, since_last, write_record
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 REPORT_NAME = "report.html"
 _MOST_LOST = 10
@@ -72,9 +78,11 @@ def publish_report(
         The run's simulation jobs in short, and the report's path.
     """
     reported = jobs_of(steps, service, rerun_of)
-    records = _job_records(reported, service)
+    places = _places(reported, service)
+    records = _job_records(reported, places, service)
+    results = _write_results(records, places, service, folder)
     state = state_of(records)
-    run = NightRun(run_id, name, started_at, state, records, dict(versions), source)
+    run = NightRun(run_id, name, started_at, state, records, dict(versions), source, results_path=folder / RESULTS_FILE)
     report = Report(
         name=name,
         run_id=run_id,
@@ -90,7 +98,7 @@ def publish_report(
         versions=dict(versions),
         since_last=None if rerun_of or probe else since_last(run, folder.parent),
     )
-    return records, _publish(report, records, folder)
+    return records, _publish(report, records, results, folder)
 
 
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
@@ -110,14 +118,16 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
         OSError: a file cannot be written.
     """
     report = report_of(record, service)
-    jobs = _job_records(report.jobs, service)
+    places = _places(report.jobs, service)
+    jobs = _job_records(report.jobs, places, service)
+    results = _write_results(jobs, places, service, record.run_dir)
     if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
         record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
         write_record(record)
     if is_night(record):  # a rerun says of each job how it ended before
         report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
-    path = _publish(report, jobs, record.run_dir)
-    summary = summarize(report)
+    path = _publish(report, jobs, results, record.run_dir)
+    summary = summarize(report, results)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
     return summary.model_copy(update={"report_path": path, "junit_path": junit})
@@ -192,8 +202,29 @@ def report_of_world(arn: str, service: Service) -> Report:
     )
 
 
-def _publish(report: Report, records: Sequence[JobRecord], folder: Path) -> Path:
-    path = write_report(report, folder / REPORT_NAME)
+def _write_results(
+    jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
+) -> ResultTable:
+    """Writes the table of results of a run, with the trials of its jobs as far as they are stored."""
+    results = ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
+    folder.mkdir(parents=True, exist_ok=True)
+    results.write(folder / RESULTS_FILE)
+    return results
+
+
+def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Service) -> "pa.Table | None":
+    """The table of a job's trials; None: it has none, or it is not stored any more."""
+    place = places.get(job.arn or "")
+    if place is None or not any(item.name == TRIALS for item in job.requirements):
+        return None
+    try:
+        return read_trials(service.store.get_bytes(place.bucket, f"{place.prefix}/{TRIALS_FILE}"))
+    except (StorageError, ValueError):
+        return None
+
+
+def _publish(report: Report, records: Sequence[JobRecord], results: ResultTable, folder: Path) -> Path:
+    path = write_report(report, folder / REPORT_NAME, results)
     _show(report, records, path)
     return path
 
@@ -380,9 +411,14 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
         return []
 
 
-def _job_records(jobs: Sequence[ReportedJob], service: Service) -> list[JobRecord]:
+def _places(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
+    """Where the outputs of jobs are, by their ARNs."""
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
-    places = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
+    found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
+    return {arn: place for arn, place in found.items() if place is not None}
+
+
+def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
     return [
         _job_record(job, name, places.get(job.arn or ""), service)
         for job, name in zip(jobs, case_names(jobs), strict=True)
@@ -405,6 +441,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,
         remarks=result.remarks if result else [],
+        runs_free=_runs_free(result),
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
         step=job.step,
@@ -414,6 +451,12 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         reused_from=job.reused_from,
         earlier=job.earlier,
     )
+
+
+def _runs_free(result: RunResult | None) -> bool:
+    """Whether the simulation did not wait for the robot application, as its agent reports."""
+    about = result.extra.get("agent") if result else None
+    return isinstance(about, dict) and about.get("mode") == "free"
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:

@@ -9,7 +9,12 @@ from ...schemas.reports.run_states import case_outcome, count_outcomes
 from ...schemas.reports.states import CaseOutcome
 from ...schemas.runs.plan import Requirement
 from ...schemas.settings import NotifyWhen
-from ..reporting.nights.changes import judged_otherwise_in_words, losses_in_words
+from ..reporting.nights.changes import (
+    judged_otherwise_in_words,
+    losses_in_words,
+    newly_missed_briefly,
+    requirement_in_words,
+)
 
 WORST = 3
 """How many failures a message has."""
@@ -78,6 +83,8 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
     nothing = "It made no simulation jobs." if record.report_path else "Its report could not be written."
     lines = [f"{counts}." if counts else nothing, ""]
     lines += [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
+    if since is not None:
+        lines += [requirement_in_words(each) for each in since.requirements[:WORST]]
     lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
@@ -90,7 +97,9 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
         lines.append(f"Report: {record.report_path}")
     if failures:
         lines.append(f"Run these again: robomaker rerun {record.run_id} --failed")
-    title = ", ".join(filter(None, (f"{record.name}: {record.state}{again}", counts, _lost_briefly(since))))
+    missed = newly_missed_briefly(since.requirements) if since is not None else ""
+    told = (f"{record.name}: {record.state}{again}", counts, missed, _lost_briefly(since))
+    title = ", ".join(filter(None, told))
     return Message(title, "\n".join(lines), good)
 
 

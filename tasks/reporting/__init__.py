@@ -1,6 +1,7 @@
 """Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers.
 
-May import: `schemas`, `tasks.reporting.drawings`, `tasks.reporting.nights`, `tasks.reporting.rollouts`.
+May import: `schemas`, `tasks.results`, `tasks.reporting.drawings`, `tasks.reporting.nights`,
+`tasks.reporting.rollouts`.
 """
 
 from .drawings.plan import draw_open_plan
@@ -20,8 +21,6 @@ from .render import (
     write_report,
 )
 from .rollouts.view import view_rollout
-from .shares import of_outcomes
-from .statistics import wilson_interval
 from .summaries import case_names, summarize
 from .view import view_report
 from .worlds import WorldView, view_worlds
@@ -35,7 +34,6 @@ __all__ = [
     "draw_drive",
     "draw_open_plan",
     "junit_xml",
-    "of_outcomes",
     "outcomes",
     "page_environment",
     "page_styles",
@@ -48,7 +46,6 @@ __all__ = [
     "view_report",
     "view_rollout",
     "view_worlds",
-    "wilson_interval",
     "wording",
     "write_deployment",
     "write_history",

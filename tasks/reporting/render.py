@@ -13,8 +13,17 @@ from markupsafe import Markup
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
 from ...schemas.rollouts.report import DeploymentReport
+from ..results.table import ResultTable
 from . import wording
-from .nights.changes import change_in_words, judged_otherwise_in_words, loss_in_words, shared_since, since_in_words
+from .nights.changes import (
+    change_in_words,
+    judged_otherwise_in_words,
+    loss_in_words,
+    place_in_words,
+    requirement_in_words,
+    shared_since,
+    since_in_words,
+)
 from .nights.view import view_history
 from .rollouts.view import view_rollout
 from .view import view_report
@@ -22,7 +31,7 @@ from .view import view_report
 _FOLDER = Path(__file__).parent
 
 
-def render_report(report: Report) -> str:
+def render_report(report: Report, results: ResultTable | None = None) -> str:
     """Renders a report as one HTML document that loads nothing from anywhere.
 
     Reads the `world.json` files the report names; a world that cannot be read is shown as such.
@@ -30,11 +39,12 @@ def render_report(report: Report) -> str:
 
     Args:
         report: what to show.
+        results: the results of its trials; None: each job is one trial.
 
     Returns:
         The document.
     """
-    return _page("report.html.j2", ("report.css",), view_report(report))
+    return _page("report.html.j2", ("report.css",), view_report(report, results))
 
 
 def render_history(history: History, folder: Path) -> str:
@@ -67,17 +77,18 @@ def _page(template: str, styles: Sequence[str], page: object) -> str:
     return filled.render(page=page, policy=policy, style=Markup(style), script=Markup(script))  # noqa: S704
 
 
-def write_report(report: Report, path: Path) -> Path:
+def write_report(report: Report, path: Path, results: ResultTable | None = None) -> Path:
     """Renders a report into a file, which appears only when it is whole.
 
     Args:
         report: what to show.
         path: the file; its folder is made if needed.
+        results: the results of its trials; None: each job is one trial.
 
     Returns:
         The path.
     """
-    return _write(render_report(report), path)
+    return _write(render_report(report, results), path)
 
 
 def write_history(history: History, path: Path) -> Path:
@@ -168,5 +179,7 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         shared_since=shared_since,
         judged_otherwise=judged_otherwise_in_words,
         loss=loss_in_words,
+        place=place_in_words,
+        requirement=requirement_in_words,
     )
     return environment

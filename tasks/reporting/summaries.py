@@ -4,15 +4,23 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep
+from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
+from ..results import rates
+from ..results.table import ResultTable
 from . import wording
 from .outcomes import Outcome, count_outcomes, outcome_of
-from .shares import by_requirement, by_room, by_world, of_jobs
 from .trials import trials_share
 
 
-def summarize(report: Report) -> ReportSummary:
-    """Computes the numbers of a report; reads nothing."""
+def summarize(report: Report, results: ResultTable | None = None) -> ReportSummary:
+    """Computes the numbers of a report.
+
+    Args:
+        report: its jobs and steps.
+        results: the results of its trials; None: each job is one trial.
+    """
+    results = results or _results_of(report)
     labels = {world.arn: world.label for world in report.worlds}
     return ReportSummary(
         name=report.name,
@@ -21,15 +29,35 @@ def summarize(report: Report) -> ReportSummary:
         started_at=report.started_at,
         time_s=(report.ended_at - report.started_at).total_seconds(),
         counts={outcome.value: count for outcome, count in count_outcomes(report.jobs).items()},
-        success=of_jobs("", report.jobs),
-        success_with_errors=of_jobs("", report.jobs, errors_fail=True),
-        requirements=by_requirement(report.jobs),
-        worlds=by_world(report.jobs, labels),
-        rooms=by_room(report.jobs),
+        trials=len(results),
+        success=rates.of_table("", results),
+        success_with_errors=rates.of_table("", results, errors_fail=True),
+        requirements=rates.by_requirement(results),
+        worlds=rates.by_world(results),
+        rooms=rates.by_room(report.jobs),
         since_last=report.since_last,
         rerun_of=report.rerun_of,
         forecast=report.forecast,
         steps=[suite for step in report.steps if (suite := _suite(step, report, labels)).jobs or suite.error],
+    )
+
+
+def _results_of(report: Report) -> ResultTable:
+    """The jobs of a report, each as one trial."""
+    labels = {world.arn: world.label for world in report.worlds}
+    return ResultTable.of(
+        [
+            JobRecord(
+                label=job.label,
+                status=job.status,
+                verdict=job.result.verdict if job.result else None,
+                failure_code=job.failure_code,
+                world=labels.get(job.world_arn, job.world_arn) if job.world_arn else None,
+                requirements=job.result.requirements if job.result else [],
+                inputs=job.inputs,
+            )
+            for job in report.jobs
+        ]
     )
 
 

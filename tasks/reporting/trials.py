@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.summary import Share
 from ...schemas.runs.trial_rows import FailingTrial, TrialCounts, TrialsSummary
-from .shares import share_of
+from ..results.rates import share_of
 
 MOST_SHOWN = 20
 """How many trials, and how many combinations of parameters, a job's card shows."""

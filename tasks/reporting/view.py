@@ -9,6 +9,7 @@ from ...schemas.reports.report import Report, ReportedFile, ReportedJob
 from ...schemas.reports.summary import ReportSummary, Share
 from ...schemas.runs.machine_waits import WAITS_FOR
 from ...schemas.runs.plan import RunResult
+from ..results.table import ResultTable
 from . import wording
 from .drawings import plan
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
@@ -158,8 +159,13 @@ class Page:
         return sorted((job for job in self.jobs if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
 
 
-def view_report(report: Report) -> Page:
-    """Computes the page; reads the worlds' `world.json` from disk and nothing else."""
+def view_report(report: Report, results: ResultTable | None = None) -> Page:
+    """Computes the page; reads the worlds' `world.json` from disk and nothing else.
+
+    Args:
+        report: what to show.
+        results: the results of its trials; None: each job is one trial.
+    """
     pictures = sum(bool(world.preview_png) for world in report.worlds) + sum(
         bool(job.poster_png) for job in report.jobs
     )
@@ -170,7 +176,7 @@ def view_report(report: Report) -> Page:
         report=report,
         headline=headline(report),
         counts=count_outcomes(report.jobs),
-        numbers=summarize(report),
+        numbers=summarize(report, results),
         duration=wording.duration((report.ended_at - report.started_at).total_seconds()),
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
         jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],

@@ -6,10 +6,15 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from prefect_robomaker.schemas.reports.inputs import JobInputs, SourceCommit, UsedApplication
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.tasks.inspection.run_records import write_record
+from prefect_robomaker.tasks.results.columns import Names, columns_of, schema_of
+from prefect_robomaker.tasks.results.table import RESULTS_FILE, ResultTable
 
 FIRST_NIGHT = datetime(2026, 3, 1, 2, tzinfo=UTC)
 VERDICTS: dict[str, dict[str, Any]] = {
@@ -105,3 +110,37 @@ def store_night(record: RunRecord) -> Path:
     record.run_dir.mkdir(parents=True)
     write_record(record)
     return record.run_dir
+
+
+def trials_of(letters: str, *, parameters: Mapping[str, str] | None = None) -> pa.Table:
+    """The table of a job's trials, one a letter, with seeds from 100; each is judged by `gentle`."""
+    rows = [
+        TrialRow(
+            trial=number,
+            seed=100 + number,
+            parameters=dict(parameters or {}),
+            verdict={"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}[letter],
+            requirements=make_job(0, letter).requirements,
+            metrics={"distance_m": float(number)} if letter in "PF" else {},
+        )
+        for number, letter in enumerate(letters)
+    ]
+    names = Names.of(rows)
+    return pa.Table.from_pylist([columns_of(row, names) for row in rows], schema_of(parameters or (), names))
+
+
+def make_trials_night(
+    trials: Sequence[str], night: int = 0, *, runs: Path, worlds: Sequence[str | None] | None = None, **more: Any
+) -> RunRecord:
+    """A stored run of jobs with trials: a text of letters for each job, and its world (else one of its own each)."""
+    jobs = []
+    for index, letters in enumerate(trials):
+        verdict = "E" if "E" in letters else "F" if "F" in letters else "P"
+        job = make_job(index, "F" if verdict == "E" else verdict, night=night, world=worlds[index] if worlds else "")
+        own = Requirement(name="trials", satisfied=verdict == "P", detail=letters)
+        jobs.append(job.model_copy(update={"requirements": [own]}))
+    record = make_night(jobs, night, runs=runs, **more)
+    folder = store_night(record)
+    tables = {job.label: trials_of(letters) for job, letters in zip(jobs, trials, strict=True)}
+    ResultTable.of(jobs, lambda job: tables[job.label]).write(folder / RESULTS_FILE)
+    return record

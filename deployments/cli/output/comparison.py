@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ....schemas.reports.changes import CellChange
+from ....schemas.reports.changes import CellChange, RequirementChange
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, Night
 from ....schemas.reports.run_record import RunRecord
@@ -14,12 +14,15 @@ from ....tasks.reporting.nights.changes import (
     change_in_words,
     judged_otherwise_in_words,
     losses_in_words,
+    place_in_words,
+    requirement_in_words,
     shared_since,
     since_in_words,
 )
 
 _MOST_JOBS = 10
 """Jobs of a list that are printed; JSON and pages have them all."""
+_MOST_PLACES = 3
 _MOST_NIGHTS = 14
 
 
@@ -31,6 +34,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
         f"{comparison.answer.capitalize()}: {comparison.why}",
         "",
     ]
+    lines += [f"  {line}" for line in requirement_lines(comparison.requirements)]
     if rate := comparison.rate:
         lines.append(
             f"  pass rate     {rate.before:.1%} → {rate.after:.1%}, {_points(rate.difference)} points "
@@ -39,6 +43,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     if comparison.needed:
         lines.append(f"  needed        {_needed(comparison.needed)}")
     lines.append(f"  pairs         {_pairs(comparison)}")
+    lines += [f"  note          {each}" for each in comparison.troubles]
     for title, jobs in (
         ("newly failing", comparison.newly_failing),
         ("newly passing", comparison.newly_passing),
@@ -46,7 +51,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
     ):
         lines += _paired(title, jobs)
     lines += [f"  {line}" for line in losses_in_words(comparison, _MOST_JOBS)]
-    return lines + _metrics(comparison)
+    return lines + _changes("margins", comparison.margins) + _changes("metrics", comparison.metrics)
 
 
 def history_lines(history: History, page: Path) -> list[str]:
@@ -61,6 +66,8 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
     if lost := losses_in_words(since, _MOST_JOBS):
         lines += [*(f"  {line}" for line in lost), ""]
+    if changed := requirement_lines(since.requirements):
+        lines += [*(f"  {line}" for line in changed), ""]
     for title, changes in (
         ("newly failing", since.newly_failing),
         ("newly passing", since.newly_passing),
@@ -77,6 +84,15 @@ def history_lines(history: History, page: Path) -> list[str]:
     return lines
 
 
+def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
+    """Requirements that are newly missed or met, each with some of the trials that newly miss it."""
+    lines = []
+    for change in changes[:_MOST_JOBS]:
+        lines.append(requirement_in_words(change))
+        lines += [f"  {place_in_words(place)}" for place in change.places[:_MOST_PLACES]]
+    return lines + ([f"… and {len(changes) - _MOST_JOBS} more"] if len(changes) > _MOST_JOBS else [])
+
+
 def lost_lines(record: RunRecord) -> list[str]:
     """Losses of a run: jobs and requirements that it judges less than earlier runs; none for reruns and probes."""
     if not is_night(record):
@@ -86,6 +102,8 @@ def lost_lines(record: RunRecord) -> list[str]:
 
 def _pairs(comparison: Comparison) -> str:
     told = [_counted(comparison.pairs, "job") + " of both runs"]
+    has_trials = comparison.trials != comparison.pairs
+    told += [f"{_counted(comparison.trials, 'trial')} of both"] if has_trials else []
     told += [f"{comparison.unjudged} without a verdict in one"] if comparison.unjudged else []
     if comparison.other_requirements:
         told.append(f"{comparison.other_requirements} judged by other requirements, which do not count")
@@ -105,7 +123,8 @@ def _needed(needed: NeededPairs) -> str:
     of = f"{basis} of {needed.difference * 100:.3g} points"
     if not needed.more:
         return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
-    return f"{needed.more} more pairs, {needed.pairs} in all, to show {of} with a {chance}"
+    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, to show {of} with a {chance}"
 
 
 def _paired(title: str, jobs: Sequence[PairedJob]) -> list[str]:
@@ -134,11 +153,11 @@ def _more(count: int) -> list[str]:
     return [f"    … and {count - _MOST_JOBS} more"] if count > _MOST_JOBS else []
 
 
-def _metrics(comparison: Comparison) -> list[str]:
-    """The metrics that changed; all others are only counted."""
-    changed = [each for each in comparison.metrics if each.changed]
-    others = len(comparison.metrics) - len(changed)
-    lines = [f"  metrics       {len(changed)} changed, {others} show no change"] if comparison.metrics else []
+def _changes(kind: str, changes: Sequence[MetricChange]) -> list[str]:
+    """The metrics or margins that changed; all others are only counted."""
+    changed = [each for each in changes if each.changed]
+    others = len(changes) - len(changed)
+    lines = [f"  {kind:<13} {len(changed)} changed, {others} show no change"] if changes else []
     width = max((len(each.name) for each in changed), default=0)
     return lines + [f"    {each.name.ljust(width)}  {_metric(each)}" for each in changed]
 

@@ -3,9 +3,19 @@
 import re
 from collections.abc import Sequence
 
-from ....schemas.reports.changes import CellChange, ChangedInput, FailureStart, Loss, Losses
+from ....schemas.reports.changes import (
+    CellChange,
+    ChangedInput,
+    FailureStart,
+    Loss,
+    Losses,
+    NewlyMissed,
+    RequirementChange,
+)
 from .. import wording
 
+_MOST_NAMED = 4
+"""Requirements that a title names."""
 _SHOWN = 8
 """Characters of a hash that people compare."""
 
@@ -31,6 +41,28 @@ def since_in_words(since: FailureStart) -> str:
     if not since.changed:
         return f"{began}; nothing that is recorded changed then"
     return f"{began}; changed then: {', '.join(map(change_in_words, since.changed))}"
+
+
+def newly_missed_briefly(changes: Sequence[RequirementChange]) -> str:
+    """`newly missed: upright, gentle`; empty where nothing is."""
+    names = [each.name for each in changes if each.newly_missed]
+    more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+    return f"newly missed: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
+
+
+def requirement_in_words(change: RequirementChange) -> str:
+    """`gentle: newly missed in 2 of 9 trials`: without the trials themselves."""
+    of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
+    told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
+    told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
+    return f"{change.name}: {', '.join(told)}"
+
+
+def place_in_words(place: NewlyMissed) -> str:
+    """`drive: world-1 scout, seed 7, trial 12: 9 N, at most 5 N asked (same world, seed and programs: no chance)`."""
+    where = place.cell.title if place.trial is None else f"{place.cell.title}, trial {place.trial}"
+    certain = " (same world and seed, so this is no chance)" if place.certain else ""
+    return f"{where}: {place.detail}{certain}" if place.detail else f"{where}{certain}"
 
 
 def judged_otherwise_in_words(jobs: int) -> str:

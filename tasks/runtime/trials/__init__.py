@@ -1,6 +1,6 @@
 """What is kept of a job's trials: the journal, the tally, the table.
 
-May import: `schemas`, `tasks.runtime.episode`, `tasks.runtime.limits`.
+May import: `schemas`, `tasks.results`, `tasks.runtime.episode`, `tasks.runtime.limits`.
 """
 
 __all__ = ["completion", "journal", "table", "tally"]

@@ -56,15 +56,15 @@ def test_a_stricter_alpha_asks_for_more() -> None:
 
 
 def test_needed_pairs_are_for_the_difference_found_asked_for_or_ten_points() -> None:
-    # One of four got worse: Connor's formula for 25 of 100 that differ, all in one direction.
+    # One of four got worse: 25 of 100 differ, all in one direction.
     found = compared("PPPP", "FPPP").needed
     assert found is not None
     assert (found.basis, found.difference, found.discordant, found.pairs, found.more) == (
         "as found",
         0.25,
         0.25,
-        29,
-        25,
+        31,
+        27,
     )
     asked = compared("PPPP", "FPPP", difference=0.1).needed
     assert asked is not None
@@ -80,7 +80,7 @@ def test_needed_pairs_are_for_the_difference_found_asked_for_or_ten_points() -> 
 def test_runs_that_differ_in_what_broke_are_compared_only_where_that_does_not_matter() -> None:
     undecided = compared("PPPPPPPPPP", "EEEEEEPPPP")
     assert (undecided.answer, undecided.exit_code) == ("not comparable", 7)
-    assert "the answer depends on the 6 pairs of which a job broke" in undecided.why
+    assert "the answer depends on the 6 pairs of which a side broke" in undecided.why
     assert "no difference shown when they are left out, worse when what broke counts as failed" in undecided.why
     assert compared("PPPPPPPPPP", "EFFFFFFPPP").answer == "worse"
     assert compared("PPPPPPPPPP", "EPPPPPPPPP").answer == "no difference shown"

@@ -1,6 +1,7 @@
 """Statistics of pairs, against published numbers, other programs' functions and simulation."""
 
 import math
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from prefect_robomaker.tasks.comparison.statistics import (
+    clustered_mean,
     mcnemar_p_value,
     mean_difference,
     paired_rate_difference,
-    pairs_needed,
+    sign_flip_p_value,
 )
 
 COUNTS = st.integers(0, 60)
@@ -89,41 +91,45 @@ def test_about_95_of_100_intervals_of_paired_rates_hold_the_truth() -> None:
     assert 0.935 <= held / len(tables) <= 0.97
 
 
-@pytest.mark.parametrize(
-    ("worse", "better", "power", "pairs"),
-    [
-        # powerandsamplesize.com, "Compare Paired Proportions: McNemar's Z-test, 2-Sided Equality", after Connor,
-        # Biometrics 43:207-211 (1987).
-        (0.05, 0.45, 0.8, 23),
-        # A discordant share of 0.45 with an odds ratio of 2, after Connor and Lachin, Statistics in Medicine 11 (1992).
-        (0.15, 0.30, 0.8, 155),
-    ],
-)
-def test_needed_pairs_are_connors(worse: float, better: float, power: float, pairs: int) -> None:
-    assert pairs_needed(worse + better, better - worse, power=power) == pairs
-    assert pairs_needed(worse + better, worse - better, power=power) == pairs
+@given(st.lists(st.integers(-30, 30), max_size=9))
+def test_the_test_that_flips_worlds_counts_all_signs(differences: list[int]) -> None:
+    found = abs(sum(differences))
+    sums = [abs(sum(sign * each for sign, each in zip(signs, differences, strict=True)))
+            for signs in product((-1, 1), repeat=len(differences))]  # fmt: skip
+    expected = sum(each >= found for each in sums) / len(sums)
+    assert sign_flip_p_value(differences) == pytest.approx(expected, abs=1e-11)
 
 
-@pytest.mark.parametrize(("worse", "better"), [(0.05, 0.45), (0.15, 0.3), (0.02, 0.1), (0.2, 0.3)])
-def test_needed_pairs_have_about_the_power_that_is_said(worse: float, better: float) -> None:
-    """The exact test asks for somewhat more than the formula."""
-    pairs = pairs_needed(worse + better, better - worse)
-    chance = np.random.default_rng(11)
-    tables = chance.multinomial(pairs, [worse, better, 1 - worse - better], size=4000)
-    shown = sum(mcnemar_p_value(int(table[0]), int(table[1])) <= 0.05 and table[1] > table[0] for table in tables)
-    assert 0.66 <= shown / len(tables) <= 0.85
+@given(COUNTS, COUNTS)
+def test_the_test_that_flips_worlds_of_one_trial_is_mcnemars(worse: int, better: int) -> None:
+    assert sign_flip_p_value([-1] * worse + [1] * better) == pytest.approx(mcnemar_p_value(worse, better), abs=1e-11)
 
 
-@given(st.floats(0.01, 1), st.floats(0.01, 1))
-def test_a_smaller_difference_needs_more_pairs(first: float, second: float) -> None:
-    small, large = sorted((first, second))
-    assert pairs_needed(1.0, small) >= pairs_needed(1.0, large)
+def test_the_test_that_flips_worlds_takes_many_large_ones() -> None:
+    chance = np.random.default_rng(3)
+    sizes = chance.integers(-100, 101, 1000)
+    deviation = math.sqrt(float((sizes**2).sum()))
+    normal = 2 * stats.norm.sf(abs(int(sizes.sum())) / deviation)
+    assert sign_flip_p_value(sizes.tolist()) == pytest.approx(normal, abs=2e-3)
+    assert sign_flip_p_value([100] * 1000) == 0
 
 
-@pytest.mark.parametrize(("discordant", "difference"), [(0.1, 0), (0.1, 0.2), (1.2, 0.1), (0, 0)])
-def test_a_difference_that_cannot_be_needs_no_pairs(discordant: float, difference: float) -> None:
-    with pytest.raises(ValueError, match="cannot be"):
-        pairs_needed(discordant, difference)
+@given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=20))
+def test_intervals_of_worlds_of_one_trial_are_students(values: list[float]) -> None:
+    """One trial in each world: the spread between worlds is that between trials."""
+    found, expected = clustered_mean(np.array(values), np.ones(len(values))), mean_difference(values)
+    assert (found.value, found.low, found.high) == pytest.approx(
+        (expected.value, expected.low, expected.high), abs=1e-6
+    )
+
+
+def test_intervals_of_worlds_know_that_their_trials_are_alike() -> None:
+    """Ten worlds of 20 trials each; all trials of one world are the same: 10 numbers, not 200."""
+    chance = np.random.default_rng(4)
+    values = chance.normal(size=10)
+    found = clustered_mean(values * 20, np.full(10, 20.0))
+    expected = mean_difference(values.tolist())
+    assert (found.low, found.high) == (pytest.approx(expected.low), pytest.approx(expected.high))
 
 
 # Student, "The probable error of a mean", Biometrika 6 (1908): hours of sleep gained by two drugs, of ten patients.

@@ -9,8 +9,9 @@ from prefect_robomaker.schemas.reports.report import Report, ReportedJob, Report
 from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.schemas.runs.trials import Trials
-from prefect_robomaker.tasks.reporting import render_report, summarize, wilson_interval
+from prefect_robomaker.tasks.reporting import render_report, summarize
 from prefect_robomaker.tasks.reporting.trials import MOST_SHOWN
+from prefect_robomaker.tasks.results.intervals import wilson_interval
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
 START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)

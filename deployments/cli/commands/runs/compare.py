@@ -1,7 +1,8 @@
-"""Compare two runs job by job: is the second one better or worse?
+"""Compare two runs trial by trial: is the second one better or worse?
 
-Jobs are paired by step, world and seed. The answer is that of the exact McNemar test of the verdicts of pairs
-that were judged in both runs. It is also the exit code: 0 better, 1 worse, 6 no difference shown, 7 not
+Jobs are paired by step, world and seed, and their trials by seed and parameters. The answer is that of the exact
+McNemar test of the pairs that were judged in both runs, or where six worlds or more have several trials, of a test
+that flips whole worlds. It is also the exit code: 0 better, 1 worse, 6 no difference shown, 7 not
 comparable.
 """
 

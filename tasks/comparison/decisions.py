@@ -1,0 +1,146 @@
+"""The test that decides whether two runs differ: it knows that trials of one world are alike."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.comparison import NeededPairs, RateChange
+from .power import mcnemar_pairs_needed, worlds_needed
+from .statistics import (
+    Interval,
+    clustered_mean,
+    mcnemar_p_value,
+    mean_difference,
+    paired_rate_difference,
+    sign_flip_p_value,
+)
+
+POWER = 0.8
+"""The probability with which the pairs that are said to be needed would show the difference."""
+
+FEWEST_WORLDS = 6
+"""Flipping the signs of fewer worlds shows nothing at 5 %: five of five that got worse have p = 2 / 2**5 = 0.0625."""
+
+_USUAL_DIFFERENCE = 0.1
+_SEED = 20  # of simulated comparisons: the same runs get the same answer
+
+
+@dataclass(frozen=True)
+class JudgedTrials:
+    """Pairs of trials that were judged in both runs; arrays with one entry a pair."""
+
+    before: NDArray[np.bool_]
+    """Whether it passed in the first run."""
+    after: NDArray[np.bool_]
+    """Whether it passed in the second run."""
+    worlds: NDArray[np.int64]
+    """Number of its world."""
+
+    def __len__(self) -> int:
+        return len(self.before)
+
+    @property
+    def change(self) -> NDArray[np.int64]:
+        """Of each pair 1 where it became better, -1 where it became worse, else 0."""
+        return self.after.astype(np.int64) - self.before.astype(np.int64)
+
+    @property
+    def world_count(self) -> int:
+        """How many worlds there are."""
+        return len(np.unique(self.worlds))
+
+    @property
+    def has_repeated_worlds(self) -> bool:
+        """Whether some world has several trials."""
+        return self.world_count < len(self)
+
+    @property
+    def flips_worlds(self) -> bool:
+        """Whether the test that flips whole worlds decides; the exact McNemar test does otherwise."""
+        return self.has_repeated_worlds and self.world_count >= FEWEST_WORLDS
+
+    @property
+    def is_of_few_worlds(self) -> bool:
+        """Whether an answer holds in these worlds only, since there are too few of them to tell of others."""
+        return self.has_repeated_worlds and self.world_count < FEWEST_WORLDS
+
+    def by_world(self, values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Sums of values in each world, and how many pairs it has."""
+        _, numbers = np.unique(self.worlds, return_inverse=True)
+        sums = np.bincount(numbers, weights=values.astype(np.float64))
+        return sums.astype(np.float64), np.bincount(numbers).astype(np.float64)
+
+
+def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
+    """Pass rates of pairs, how they differ, and whether that may be chance.
+
+    Args:
+        trials: at least one pair.
+        alpha: 1 minus the confidence level of the interval.
+    """
+    counts = [int((trials.before == old)[trials.after == new].sum()) for old in (True, False) for new in (True, False)]
+    both, worse, better, neither = counts
+    if trials.flips_worlds:
+        sums, sizes = trials.by_world(trials.change)
+        found, test = clustered_mean(sums, sizes, alpha), "sign flip of worlds"
+        p_value = sign_flip_p_value([round(each) for each in sums])
+    else:
+        found, test = paired_rate_difference(both, worse, better, neither, alpha), "exact McNemar"
+        p_value = mcnemar_p_value(worse, better)
+    return RateChange(
+        pairs=len(trials),
+        worlds=trials.world_count,
+        before=(both + worse) / len(trials),
+        after=(both + better) / len(trials),
+        difference=found.value,
+        low=max(found.low, -1.0),
+        high=min(found.high, 1.0),
+        test=test,
+        p_value=p_value,
+    )
+
+
+def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None) -> NeededPairs:
+    """How many pairs would show the difference that was asked for, that was found, or one of 10 points.
+
+    Args:
+        trials: at least one pair.
+        alpha: error probability of the test that decides.
+        asked: the difference that was asked for, above 0; None: none was.
+    """
+    change, pairs = trials.change, len(trials)
+    found = abs(int(change.sum())) / pairs
+    difference = asked or found or _USUAL_DIFFERENCE
+    discordant = max(int((change != 0).sum()) / pairs, difference)
+    worlds = None
+    if trials.flips_worlds:
+        sums, sizes = trials.by_world(change * (1 if change.sum() >= 0 else -1))
+        chance = np.random.default_rng(_SEED)
+        worlds = worlds_needed(sums / sizes, pairs / len(sizes), difference, chance, alpha=alpha, power=POWER)
+        needed = max(worlds, round(worlds * pairs / len(sizes)))
+    else:
+        needed = mcnemar_pairs_needed(discordant, difference, alpha, POWER)
+    return NeededPairs(
+        difference=difference,
+        basis="asked for" if asked else "as found" if found else "10 points",
+        discordant=discordant,
+        power=POWER,
+        pairs=needed,
+        more=max(0, needed - pairs),
+        worlds=worlds,
+    )
+
+
+def mean_change(trials: JudgedTrials, differences: NDArray[np.float64], alpha: float) -> Interval:
+    """The mean of paired differences with its interval, by worlds where whole worlds are flipped.
+
+    Args:
+        trials: at least two pairs.
+        differences: of each pair.
+        alpha: 1 minus the confidence level.
+    """
+    if trials.flips_worlds and differences.min() != differences.max():
+        return clustered_mean(*trials.by_world(differences), alpha)
+    return mean_difference(differences.tolist(), alpha)

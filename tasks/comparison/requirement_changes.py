@@ -1,0 +1,121 @@
+"""Requirements that are newly missed or newly met, and margins that moved: how the ways of failing changed."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...schemas.reports.changes import NewlyMissed, RequirementChange
+from ...schemas.reports.run_record import JobRecord
+from .nights import HEALTH, name_of
+from .pairing import Pair
+from .trial_pairs import FAILED, TrialPairs
+
+_MOST_PLACES = 10
+"""Trials that a change names."""
+
+
+@dataclass
+class RequirementChanges:
+    """Changes of requirements between runs."""
+
+    changes: list[RequirementChange] = field(default_factory=list)
+    """The most frequently missed first; then those that some trial newly meets."""
+    jobs: dict[tuple[str, str], list[str]] = field(default_factory=dict)
+    """Requirements that a job newly misses, by its step and its id."""
+
+    def missed_by(self, job: JobRecord) -> list[str]:
+        """The requirements that a job newly misses."""
+        return self.jobs.get((job.step or "", job.label), [])
+
+    def __add__(self, other: "RequirementChanges") -> "RequirementChanges":
+        found = {each.name: each for each in self.changes}
+        for each in other.changes:
+            found[each.name] = _together(found[each.name], each) if each.name in found else each
+        return RequirementChanges(_worst_first(found.values()), self.jobs | other.jobs)
+
+
+def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> RequirementChanges:
+    """Compares what was missed, requirement by requirement.
+
+    Args:
+        trials: the trials of both runs.
+        pairs: the jobs of both runs that they belong to.
+    """
+    found = RequirementChanges()
+    for name in dict.fromkeys((*trials.after.requirements, *trials.before.requirements)):
+        before, after = trials.met(name)
+        before = np.where(_only_told_when_missed(name, before, after, trials), np.int8(1), before)
+        newly_missed, newly_met = (before == 1) & (after == 0), (before == 0) & (after == 1)
+        if not newly_missed.any() and not newly_met.any():
+            continue
+        for index in np.unique(trials.jobs[newly_missed]).tolist():
+            job = pairs[index].after
+            found.jobs.setdefault((job.step or "", job.label), []).append(name)
+        found.changes.append(
+            RequirementChange(
+                name=name,
+                pairs=int(((before >= 0) & (after >= 0)).sum()),
+                newly_missed=int(newly_missed.sum()),
+                newly_met=int(newly_met.sum()),
+                places=[_place(name, index, trials, pairs) for index in _spread(newly_missed, trials.jobs)],
+            )
+        )
+    return RequirementChanges(_worst_first(found.changes), found.jobs)
+
+
+def _worst_first(changes: Iterable[RequirementChange]) -> list[RequirementChange]:
+    return sorted(changes, key=lambda change: -change.newly_missed)
+
+
+def _together(one: RequirementChange, other: RequirementChange) -> RequirementChange:
+    return RequirementChange(
+        name=one.name,
+        pairs=one.pairs + other.pairs,
+        newly_missed=one.newly_missed + other.newly_missed,
+        newly_met=one.newly_met + other.newly_met,
+        places=[*one.places, *other.places][:_MOST_PLACES],
+    )
+
+
+def _only_told_when_missed(
+    name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
+) -> NDArray[np.bool_]:
+    """Which trials met a requirement of health the first time: results have those only where they were missed."""
+    appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
+    if appeared.any():
+        first = int(trials.after_rows[np.flatnonzero(appeared)[0]])
+        kinds = {item.name: item.kind for item in trials.after.requirements_at(first)}
+        if kinds.get(name) == HEALTH:
+            return appeared
+    return np.zeros_like(appeared)
+
+
+def _spread(which: NDArray[np.bool_], jobs: NDArray[np.int64]) -> list[int]:
+    """Some of the trials, one of each job before a second of any."""
+    found = np.flatnonzero(which)
+    _, first = np.unique(jobs[found], return_index=True)
+    rest = np.setdiff1d(np.arange(len(found)), first)
+    return found[np.concatenate([np.sort(first), rest])][:_MOST_PLACES].tolist()
+
+
+def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> NewlyMissed:
+    pair, row = pairs[int(trials.jobs[index])], int(trials.after_rows[index])
+    number = trials.after.numbers("trial")[row]
+    return NewlyMissed(
+        cell=name_of(pair.after),
+        job=pair.after.label,
+        trial=None if np.isnan(number) else int(number),
+        detail=next((item.detail for item in trials.after.requirements_at(row) if item.name == name), ""),
+        certain=_repeats(pair, trials, index),
+    )
+
+
+def _repeats(pair: Pair, trials: TrialPairs, index: int) -> bool:
+    """Whether the same programs would have done the same in both runs: then the difference is no chance."""
+    seeds = (
+        table.numbers("seed")[rows[index]]
+        for table, rows in ((trials.before, trials.before_rows), (trials.after, trials.after_rows))
+    )
+    return not (pair.before.runs_free or pair.after.runs_free) and len(set(seeds)) == 1

@@ -1,0 +1,11 @@
+"""The table of results: one row a trial of a run, and the rates that everything that shows or judges runs reads of it.
+
+```
+results = ResultTable.read(folder / RESULTS_FILE)
+print(rates.of_table("all trials", results).rate)
+```
+
+May import: `schemas`.
+"""
+
+__all__ = ["columns", "intervals", "rates", "table"]

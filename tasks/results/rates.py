@@ -1,0 +1,143 @@
+"""Rates, computed here only: of all trials of a run, by world, by requirement, and by room."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...schemas.reports.report import ReportedJob
+from ...schemas.reports.states import CaseOutcome
+from ...schemas.reports.summary import Share
+from .intervals import wilson_interval
+from .table import ResultTable
+
+
+@dataclass
+class Counts:
+    """How many trials went well, badly, or broke."""
+
+    passed: int = 0
+    failed: int = 0
+    errors: int = 0
+
+    def share(self, name: str) -> Share:
+        """The same with rate and interval."""
+        return share_of(name, self.passed, self.failed, self.errors)
+
+    def __add__(self, other: "Counts") -> "Counts":
+        return Counts(self.passed + other.passed, self.failed + other.failed, self.errors + other.errors)
+
+
+def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
+    """A share with its rate and interval."""
+    trials = passed + failed
+    if not trials:
+        return Share(name=name, passed=passed, failed=failed, errors=errors)
+    low, high = wilson_interval(passed, trials)
+    return Share(
+        name=name, passed=passed, failed=failed, errors=errors, rate=passed / trials, low=low, high=high
+    )  # fmt: skip
+
+
+def of_outcomes(name: str, outcomes: Sequence[CaseOutcome], *, errors_fail: bool = False) -> Share:
+    """How many of some jobs or trials passed; those that were stopped or have no verdict do not count.
+
+    Args:
+        name: What they have in common.
+        outcomes: How each of them ended.
+        errors_fail: Whether what broke counts as failed.
+    """
+    counts = _counts(Counter(outcomes))
+    return share_of(name, counts.passed, counts.failed + counts.errors) if errors_fail else counts.share(name)
+
+
+def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
+    """How many trials of a run passed; see `of_outcomes`."""
+    codes, outcomes = results.codes("outcome")
+    found = np.bincount(codes, minlength=len(outcomes)).tolist()
+    counts = _counts(Counter(dict(zip(outcomes, found, strict=True))))
+    return share_of(name, counts.passed, counts.failed + counts.errors) if errors_fail else counts.share(name)
+
+
+def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
+    """Trials by a text that they have in common, in the order in which it occurs; those without one are left out."""
+    groups, names = results.codes(column)
+    codes, outcomes = results.codes("outcome")
+    here = groups >= 0
+    table = np.bincount(groups[here] * len(outcomes) + codes[here], minlength=len(names) * len(outcomes))
+    rows = table.reshape(len(names), len(outcomes)).tolist() if names else []
+    return {
+        name: _counts(Counter(dict(zip(outcomes, row, strict=True)))) for name, row in zip(names, rows, strict=True)
+    }
+
+
+def by_world(results: ResultTable) -> list[Share]:
+    """Trials by the world they drove in, the worst first."""
+    return _worst_first(counts.share(name) for name, counts in counts_by(results, "world_name").items())
+
+
+def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
+    """Visits by the room's name, over all jobs whose results know rooms; the worst first."""
+    visits: dict[str, list[bool]] = {}
+    for job in jobs:
+        for room in job.result.rooms if job.result else ():
+            visits.setdefault(room.name, []).append(room.visited)
+    return _worst_first(share_of(name, sum(found), len(found) - sum(found)) for name, found in visits.items())
+
+
+def requirement_counts(results: ResultTable) -> dict[str, Counts]:
+    """Judgements by the requirement's name, over all trials of which it counted."""
+    broken: Counter[str] = Counter(
+        each.name
+        for row in results.rows_with_errors()
+        for each in results.requirements_at(row)
+        if each.error and each.counts
+    )
+    found = {}
+    for name in results.requirements:
+        met = results.met(name)
+        counts = Counts(int((met == 1).sum()), int((met == 0).sum()), broken[name])
+        if counts != Counts():
+            found[name] = counts
+    return found
+
+
+def by_requirement(results: ResultTable) -> list[Share]:
+    """Judgements by the requirement's name, the worst first; of each the smallest margin and the job that had it."""
+    units = _units(results)
+    return _worst_first(
+        _with_margin(counts.share(name), units.get(name, set()), results)
+        for name, counts in requirement_counts(results).items()
+    )
+
+
+def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> Share:
+    if len(units) != 1:
+        return share  # nothing to compare, or seconds with metres
+    margins = np.where(results.met(share.name) >= 0, results.numbers(f"margin.{share.name}"), np.nan)
+    if np.isnan(margins).all():
+        return share
+    row = int(np.nanargmin(margins))
+    [unit] = units
+    job = results.texts("job")[row]
+    return share.model_copy(update={"worst_margin": float(margins[row]), "worst_job": job, "unit": unit})
+
+
+def _units(results: ResultTable) -> dict[str, set[str | None]]:
+    """Units of margins by requirement; all trials of a job have the same requirements."""
+    units: dict[str, set[str | None]] = {}
+    for row in results.first_rows:
+        for each in results.requirements_at(row):
+            if each.counts and each.margin is not None and each.kind != "predicate":
+                units.setdefault(each.name, set()).add(each.unit)
+    return units
+
+
+def _counts(outcomes: Counter[str]) -> Counts:
+    return Counts(outcomes["passed"], outcomes["failed"], outcomes["broken"])
+
+
+def _worst_first(shares: Iterable[Share]) -> list[Share]:
+    """Those with errors or failures first, by rate; otherwise in the order found."""
+    return sorted(shares, key=lambda share: (not share.errors, share.rate if share.rate is not None else 1.0))

@@ -1,0 +1,263 @@
+"""The table of results of a run, `results.parquet` in its folder: one row a trial; a job without trials is one."""
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import TypeAdapter
+
+from ...schemas.reports.run_record import JobRecord
+from ...schemas.reports.run_states import case_outcome
+from ...schemas.runs.plan import Requirement
+from ...schemas.runs.trial_rows import TrialRow, trial_folder
+from .columns import Names, columns_of, schema_of
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+RESULTS_FILE = "results.parquet"
+
+TrialsOf = Callable[[JobRecord], "pa.Table | None"]
+"""Finds the table of a job's trials; None: it has no trials, or none of them ended."""
+
+_OF_JOBS = ("step", "test", "job", "world", "world_name", "outcome", "output")
+_OUTCOMES = {"PASS": "passed", "FAIL": "failed", "ERROR": "broken", "NONE": "no verdict"}
+_REQUIREMENTS = TypeAdapter(list[Requirement])
+
+
+class ResultTable:
+    """The results of a run, one row a trial, in the order of its jobs.
+
+    | column | content |
+    | --- | --- |
+    | `step`, `test`, `job` | the step, the job's name in every run of the specification, and its id |
+    | `world`, `world_name` | the world by its content, and by its name in this run; empty: none |
+    | `outcome` | `passed`, `failed`, `broken`, `canceled`, `unfinished` or `no verdict` |
+    | `output` | address of its outputs; empty where a trial has none of its own |
+    | all others | as in `trials.parquet`; `trial` is empty for a job without trials |
+    """
+
+    def __init__(self, table: "pa.Table") -> None:
+        self._table = table
+
+    @classmethod
+    def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
+        """Makes the table of some jobs.
+
+        A job that broke between two trials has a row of its own for that, beside those of the trials that ended.
+
+        Args:
+            jobs: The jobs.
+            trials: Finds the tables of their trials; None: no job has any.
+        """
+        import pyarrow as pa
+
+        tables: list[pa.Table] = []
+        alone: list[JobRecord] = []
+
+        def add_those_alone() -> None:
+            if alone:
+                tables.append(_rows_of(alone))
+                alone.clear()
+
+        for job in jobs:
+            rows = trials(job) if trials else None
+            if rows is not None and rows.num_rows:
+                add_those_alone()
+                tables.append(_of_trials(job, rows))
+            if rows is None or not rows.num_rows or _broke_between(job, rows):
+                alone.append(job)
+        add_those_alone()
+        if not tables:
+            tables = [_rows_of([])]
+        return cls(pa.concat_tables(tables, promote_options="permissive").combine_chunks())
+
+    @classmethod
+    def read(cls, path: Path) -> "ResultTable":
+        """Reads a table.
+
+        Raises:
+            OSError: There is no such file, or it cannot be read.
+            ValueError: It is no table of results.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            table = pq.read_table(path, read_dictionary=list(_OF_JOBS))
+        except pa.ArrowException as error:
+            raise ValueError(f"{path} is no table of results: {error}") from error
+        if missing := {*_OF_JOBS, "trial", "seed", "requirements"} - set(table.column_names):
+            raise ValueError(f"{path} is no table of results: it has no column {min(missing)}")
+        return cls(table)
+
+    def write(self, path: Path) -> None:
+        """Writes the table; the file appears only when it is whole.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        import pyarrow.parquet as pq
+
+        part = path.with_name(f".{path.name}.{os.getpid()}.part")
+        try:
+            pq.write_table(self._table, part, compression="zstd")
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+    def __len__(self) -> int:
+        return self._table.num_rows
+
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the parameters that its trials have."""
+        return list(self._names("parameter."))
+
+    @property
+    def metrics(self) -> list[str]:
+        """Names of the metrics that its trials have."""
+        return list(self._names("metric."))
+
+    @property
+    def requirements(self) -> list[str]:
+        """Names of the requirements that its trials have."""
+        return list(self._names("requirement."))
+
+    def texts(self, column: str) -> list[str | None]:
+        """The texts of a column; None where it is empty."""
+        return self._table[column].to_pylist()
+
+    def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
+        """A column of texts as numbers of texts, -1 where it is empty, and those texts."""
+        import pyarrow as pa
+
+        found = self._table[column]
+        if not pa.types.is_dictionary(found.type):
+            found = found.dictionary_encode()
+        encoded = found.unify_dictionaries().combine_chunks()
+        whole = encoded.chunk(0) if isinstance(encoded, pa.ChunkedArray) else encoded
+        codes = whole.indices.fill_null(-1).to_numpy(zero_copy_only=False).astype(np.int32)
+        return codes, whole.dictionary.to_pylist()
+
+    def numbers(self, column: str) -> NDArray[np.float64]:
+        """The numbers of a column; NaN where it is empty, or not there."""
+        if column not in self._table.column_names:
+            return np.full(len(self), np.nan)
+        return self._table[column].to_numpy().astype(np.float64)
+
+    def met(self, requirement: str) -> NDArray[np.int8]:
+        """Whether a requirement was met: 1 met, 0 missed, -1 not asked, not counted or not judged."""
+        import pyarrow as pa
+
+        if f"requirement.{requirement}" not in self._table.column_names:
+            return np.full(len(self), -1, dtype=np.int8)
+        found = self._table[f"requirement.{requirement}"].cast(pa.int8()).fill_null(-1)
+        return found.to_numpy().astype(np.int8)
+
+    def rows_of(self, job: JobRecord) -> range:
+        """The rows of a job."""
+        rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
+        return range(rows.start, rows.stop)
+
+    @property
+    def first_rows(self) -> list[int]:
+        """The first row of each job."""
+        return [rows.start for rows in self._jobs.values()]
+
+    @cached_property
+    def _jobs(self) -> dict[tuple[str, str], slice]:
+        """Where the rows of each job are, by its step and its id; requests that became no job are numbered in steps."""
+        codes, labels = self.codes("job")
+        in_steps, steps = self.codes("step")
+        is_first = np.diff(codes, prepend=-1).astype(bool) | np.diff(in_steps, prepend=-1).astype(bool)
+        starts = np.flatnonzero(is_first).tolist()
+        ends = [*starts[1:], len(codes)] if starts else []
+        return {
+            (steps[in_steps[start]], labels[codes[start]]): slice(start, end)
+            for start, end in zip(starts, ends, strict=True)
+        }
+
+    def rows_with_errors(self) -> list[int]:
+        """The trials of which some requirement could not be judged."""
+        return [row for row, text in enumerate(self.texts("requirements")) if '"error":' in (text or "")]
+
+    def requirements_at(self, row: int) -> list[Requirement]:
+        """All requirements of one trial, with their limits and units."""
+        return _REQUIREMENTS.validate_json(self._table["requirements"][row].as_py() or "[]")
+
+    def _names(self, prefix: str) -> Iterator[str]:
+        return (name.removeprefix(prefix) for name in self._table.column_names if name.startswith(prefix))
+
+
+def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
+    """Jobs, each as one trial."""
+    import pyarrow as pa
+
+    rows = [
+        TrialRow(
+            trial=0,
+            seed=(job.inputs and job.inputs.seed) or 0,
+            verdict=job.verdict or "NONE",
+            reason=job.verdict_reason or job.failure_reason or "",
+            failure_code=job.failure_code,
+            wall_time_s=job.duration_s or 0.0,
+            requirements=job.requirements,
+            metrics=job.metrics,
+        )
+        for job in jobs
+    ]
+    names = Names.of(rows)
+    of_jobs = [pa.field(name, pa.string()) for name in _OF_JOBS]
+    seed_known = [job.inputs is not None and job.inputs.seed is not None for job in jobs]
+    columns = [
+        {
+            **columns_of(row, names),
+            **_place(job),
+            "trial": None,
+            "seed": row.seed if known else None,
+            "outcome": case_outcome(job.status, job.verdict, job.failure_code),
+            "output": job.output_uri,
+        }
+        for job, row, known in zip(jobs, rows, seed_known, strict=True)
+    ]
+    return pa.Table.from_pylist(columns, pa.schema([*of_jobs, *schema_of((), names)]))
+
+
+def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
+    """The trials of a job, with what they have of it."""
+    import pyarrow as pa
+
+    count = trials.num_rows
+    outcomes = [_OUTCOMES.get(verdict or "", "no verdict") for verdict in trials["verdict"].to_pylist()]
+    recorded = zip(trials["trial"].to_pylist(), trials["recorded"].to_pylist(), strict=True)
+    outputs = [
+        f"{job.output_uri}/{trial_folder(number)}" if kept and job.output_uri else None for number, kept in recorded
+    ]
+    of_job: dict[str, Any] = {
+        name: pa.repeat(pa.scalar(value, pa.string()), count) for name, value in _place(job).items()
+    }
+    of_job |= {"outcome": pa.array(outcomes, pa.string()), "output": pa.array(outputs, pa.string())}
+    columns = {name: of_job[name] for name in _OF_JOBS} | {name: trials[name] for name in trials.column_names}
+    return pa.table(columns)
+
+
+def _place(job: JobRecord) -> dict[str, str | None]:
+    return {
+        "step": job.step or "",
+        "test": job.test or job.label,
+        "job": job.label,
+        "world": job.inputs.world if job.inputs else None,
+        "world_name": job.world,
+    }
+
+
+def _broke_between(job: JobRecord, trials: "pa.Table") -> bool:
+    """Whether a job broke although none of its trials did: its program ended, or its machine failed."""
+    if case_outcome(job.status, job.verdict, job.failure_code) != "broken":
+        return False
+    return "ERROR" not in trials["verdict"].to_pylist()
