@@ -14,6 +14,7 @@ import dm_env
 import numpy as np
 from dm_control import mujoco
 from dm_env import specs
+from drive import command
 
 MODEL = """
 <mujoco>
@@ -32,7 +33,8 @@ MODEL = """
 """
 END_S = 5.0
 ARRIVED_M = 1.2
-SPEED_MPS = 0.6
+SPOILT = Path(__file__).with_name("spoilt.txt")
+"""Names the sabotage of a spoilt bundle."""
 
 
 def hang(context, place):
@@ -42,16 +44,9 @@ def hang(context, place):
         ctypes.PyDLL(None).sleep(10_000)
 
 
-def command(place, sabotage):
-    """The velocity in m/s, (x, y), that the robot wants at a place."""
-    if sabotage == "idle":
-        return np.zeros(2)
-    if sabotage == "blind":
-        return np.array([SPEED_MPS, 0.0])
-    if sabotage == "nan":
-        return np.full(2, np.nan)
-    wanted = np.array([0.0, SPEED_MPS]) if place[1] < 0.45 else np.array([SPEED_MPS, 0.0])
-    return -np.array([0.0, SPEED_MPS]) if sabotage == "reversed" else wanted
+def sabotage_of(context):
+    """The sabotage that the job asks for, else the one that is in the bundle."""
+    return context.environment.get("SABOTAGE") or (SPOILT.read_text() if SPOILT.exists() else "")
 
 
 class Yard(dm_env.Environment):
@@ -59,7 +54,7 @@ class Yard(dm_env.Environment):
 
     def __init__(self, context):
         self.context, self.variables = context, context.environment
-        self.sabotage = self.variables.get("SABOTAGE", "")
+        self.sabotage = sabotage_of(context)
         bits = 'contype="0" conaffinity="0"' if self.sabotage == "ghost" else ""
         self.physics = mujoco.Physics.from_xml_string(MODEL.format(bits=bits))
         self.steps = 0
@@ -120,7 +115,7 @@ class JudgingYard(Yard):
 
 class Driver:
     def __init__(self, context):
-        self.context, self.sabotage, self.acts = context, context.environment.get("SABOTAGE", ""), 0
+        self.context, self.sabotage, self.acts = context, sabotage_of(context), 0
 
     def __call__(self, timestep):
         self.acts += 1

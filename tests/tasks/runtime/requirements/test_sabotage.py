@@ -1,6 +1,7 @@
 """Robots and simulations that are spoiled do not pass, whichever requirement is asked and however they are run.
 
-`CAUGHT_BY` says who catches what. A new kind of requirement, and a new place where a verdict is decided, needs a row.
+`CAUGHT_BY` says who catches what, `JUDGES` which test walks each way. A new kind of requirement, and a new place where
+a verdict is decided, needs a row.
 """
 
 import ast
@@ -11,7 +12,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
-from helpers.paths import BUNDLES, REPOSITORY
+from helpers.paths import REPOSITORY
+from helpers.yard_sabotages import ASKED, CAUGHT_BY, SABOTAGES, YARD, asked, assert_caught
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
@@ -22,70 +24,24 @@ from prefect_robomaker.tasks.runtime.states.checkpoint_files import resumable_pl
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.trials.table import read_row
 
-YARD = BUNDLES / "yard"
-SABOTAGES = ("idle", "ghost", "blind", "nan", "reversed", "gone")
-ASKED: Mapping[str, dict[str, Any]] = {
-    "goal": {"name": "east", "x": 1.2, "y": 0.5, "within_m": 0.2},
-    "no_collision": {"name": "gentle", "max_force_N": 5.0},
-    "time_limit": {"name": "quick", "limit_s": 4.5},
-    "clearance": {"name": "polite", "min_m": 0.05},
-    "predicate": {"name": "moves", "attribute": "yard.moves"},
-}
-"""One requirement of each kind, which the unspoiled robot meets."""
-
-CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
-    "goal": {
-        "idle": "east",
-        "blind": "east",
-        "reversed": "east",
-        "nan": "physics",
-        "gone": "simulated",
+_JOBS = "tests/journeys/test_sabotaged_jobs.py"
+_HANGS = "tests/tasks/runtime/supervision/test_unanswered.py"
+JUDGES: Mapping[str, Mapping[str, str]] = {
+    "tasks/runtime/episode/results.py": {
+        "factory": "test_factories",
+        "program": "test_a_program",
+        "own environment": "test_an_environment_that_drives_and_asks_itself",
+        "resume": "test_a_run_that_was_killed_and_goes_on",
+        "container": f"{_JOBS}::test_a_robot_in_a_container",
+        "reuse": f"{_JOBS}::test_results_that_are_taken_over",
     },
-    "no_collision": {
-        "ghost": "gentle",
-        "blind": "gentle",
-        "reversed": "gentle",
-        "nan": "physics",
-        "gone": "simulated",
-    },
-    "time_limit": {
-        "idle": "quick",
-        "blind": "quick",
-        "reversed": "quick",
-        "nan": "physics",
-        "gone": "simulated",
-    },
-    "clearance": {
-        "ghost": "polite",
-        "blind": "polite",
-        "reversed": "polite",
-        "nan": "physics",
-        "gone": "simulated",
-    },
-    "predicate": {
-        "idle": "moves",
-        "nan": "physics",
-        "gone": "simulated",
+    "tasks/runtime/trials/tally.py": {"trials": "test_trials"},
+    "tasks/runtime/supervision/finished_outputs.py": {
+        "a program alone": "test_a_program_alone",
+        "killed at the limit": f"{_HANGS}::test_who_does_not_answer_is_said",
     },
 }
-"""Catchers of each sabotage by kind of requirement: the requirement itself, or a watcher of physics and steps."""
-
-FAILS_THE_JOB: Mapping[str, tuple[str, ...]] = {
-    "nan": ("mjWARN_BADCTRL", "the action is [nan, nan]; it has to be finite"),
-    "gone": ("without connecting to the simulation",),
-}
-"""Sabotages for which a job may be `Failed` instead: dm_control's physics or the robot's client may refuse them."""
-
-JUDGES: Mapping[str, tuple[str, ...]] = {
-    "tasks/runtime/episode/results.py": ("factory", "program", "own environment", "resume", "container", "reuse"),
-    "tasks/runtime/trials/tally.py": ("trials",),
-    "tasks/runtime/supervision/finished_outputs.py": ("a program alone, whose own verdict counts",),
-}
-"""Modules that ask for a verdict, and the ways of running that end there."""
-
-
-def asked() -> list[dict[str, Any]]:
-    return [{"kind": kind, **members} for kind, members in ASKED.items()]
+"""Modules that ask for a verdict, the ways of running that end there, and the test that walks each of them."""
 
 
 @pytest.fixture
@@ -116,21 +72,9 @@ def result_of(plan: RunPlan) -> RunResult:
     return RunResult.model_validate_json((plan.output_dir / "result.json").read_bytes())
 
 
-def assert_caught(outcome: RunOutcome, plan: RunPlan, sabotage: str) -> None:
-    """Asserts that the run did not pass, and that for each kind of requirement somebody caught the sabotage."""
-    if outcome.status == "Failed" and sabotage in FAILS_THE_JOB:
-        assert any(words in (outcome.failure_reason or "") for words in FAILS_THE_JOB[sabotage])
-        return
-    assert outcome.status == "Completed", outcome
-    result = result_of(plan)
-    if not sabotage:
-        assert (result.verdict, result.reason) == ("PASS", None), "the unspoiled robot passes, or nothing is shown"
-        return
-    assert result.verdict in ("FAIL", "ERROR")
-    missed = {item.name for item in result.requirements if not item.satisfied}
-    for kind, caught in CAUGHT_BY.items():
-        if sabotage in caught:
-            assert caught[sabotage] in missed, (kind, missed)
+def assert_run_caught(outcome: RunOutcome, plan: RunPlan, sabotage: str) -> None:
+    stored = plan.output_dir / "result.json"
+    assert_caught(outcome.status, outcome.failure_reason, stored.read_bytes() if stored.exists() else None, sabotage)
 
 
 # Ways of running
@@ -139,7 +83,7 @@ def assert_caught(outcome: RunOutcome, plan: RunPlan, sabotage: str) -> None:
 @pytest.mark.parametrize("sabotage", ["", *SABOTAGES])
 def test_factories(launcher: Launcher, plan_yard: Callable[..., RunPlan], sabotage: str) -> None:
     plan = plan_yard(sabotage)
-    assert_caught(launcher.run(plan, lambda: None), plan, sabotage)
+    assert_run_caught(launcher.run(plan, lambda: None), plan, sabotage)
 
 
 @pytest.mark.parametrize("sabotage", ["", *SABOTAGES])
@@ -148,7 +92,7 @@ def test_an_environment_that_drives_and_asks_itself(
 ) -> None:
     own = {"requirements": [], "variables": {"ASKED": json.dumps(asked())}}
     plan = plan_yard(sabotage, "make_own_environment", **own)
-    assert_caught(launcher.run(plan, lambda: None), plan, sabotage)
+    assert_run_caught(launcher.run(plan, lambda: None), plan, sabotage)
 
 
 def test_trials(launcher: Launcher, plan_yard: Callable[..., RunPlan]) -> None:
@@ -172,7 +116,7 @@ def test_a_run_that_was_killed_and_goes_on(
     plan = plan_yard(sabotage, variables={"KILL_AT": "120", "CHECKPOINTS": str(kept["checkpoint_dir"])}, **kept)
     assert launcher.run(plan, lambda: None).status == "Failed"
     found, _ = resumable_plan(kept["checkpoint_dir"])
-    assert_caught(launcher.run(found, lambda: None), found, sabotage)
+    assert_run_caught(launcher.run(found, lambda: None), found, sabotage)
 
 
 @pytest.mark.deep
@@ -183,7 +127,33 @@ def test_a_program(launcher: Launcher, plan_yard: Callable[..., RunPlan], tmp_pa
         environment={"SABOTAGE": sabotage, "PYTHONPATH": str(YARD)},
     )  # fmt: skip
     plan = plan_yard(sabotage, robot_application=ApplicationPlan(role="robot", name="driver"), programs=[program])
-    assert_caught(launcher.run(plan, lambda: None), plan, sabotage)
+    assert_run_caught(launcher.run(plan, lambda: None), plan, sabotage)
+
+
+@pytest.mark.parametrize(
+    ("said", "asks", "verdict"),
+    [
+        ({"name": "east", "satisfied": False}, False, "FAIL"),
+        ({"name": "east", "satisfied": False, "error": "no map"}, False, "ERROR"),
+        ({"name": "east", "satisfied": True}, True, "ERROR"),
+        ({"name": "east", "satisfied": True}, False, "PASS"),
+    ],
+)
+def test_a_program_alone(
+    launcher: Launcher,
+    plan_programs: Callable[..., RunPlan],
+    program: Callable[..., ProgramPlan],
+    said: dict[str, Any],
+    asks: bool,
+    verdict: str,
+) -> None:
+    result = {"verdict": "PASS", "requirements": [{"kind": "own", "detail": "", **said}]}
+    code = f"import os; open(os.environ['ROBOMAKER_OUTPUT_DIR'] + '/result.json', 'w').write({json.dumps(result)!r})"
+    requirements = parse_requirements(asked()[:1] if asks else [], "asked")
+    plan = plan_programs(program(code), requirements=requirements)
+
+    assert launcher.run(plan, lambda: None).status == "Completed"
+    assert result_of(plan).verdict == verdict
 
 
 # The table is whole
@@ -205,3 +175,11 @@ def test_each_module_that_asks_for_a_verdict_has_a_row() -> None:
             if "decide_verdict" in names:
                 asking.add(path.relative_to(REPOSITORY).as_posix())
     assert asking == set(JUDGES)
+
+
+def test_each_way_has_a_test() -> None:
+    for ways in JUDGES.values():
+        for way, test in ways.items():
+            path, _, name = test.rpartition("::")
+            source = (REPOSITORY / path if path else Path(__file__)).read_text()
+            assert f"def {name}(" in source, f"{way}: there is no {test}"

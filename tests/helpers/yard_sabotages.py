@@ -1,0 +1,93 @@
+"""The yard's sabotages, and who catches what: shared by all ways of running it.
+
+`tests/tasks/runtime/requirements/test_sabotage.py` says which tests walk the ways.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from helpers.paths import BUNDLES
+from prefect_robomaker.schemas.runs.plan import RunResult
+
+YARD = BUNDLES / "yard"
+SABOTAGES = ("idle", "ghost", "blind", "nan", "reversed", "gone")
+ASKED: Mapping[str, dict[str, Any]] = {
+    "goal": {"name": "east", "x": 1.2, "y": 0.5, "within_m": 0.2},
+    "no_collision": {"name": "gentle", "max_force_N": 5.0},
+    "time_limit": {"name": "quick", "limit_s": 4.5},
+    "clearance": {"name": "polite", "min_m": 0.05},
+    "predicate": {"name": "moves", "attribute": "yard.moves"},
+}
+"""One requirement of each kind, which the unspoiled robot meets."""
+
+CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
+    "goal": {
+        "idle": "east",
+        "blind": "east",
+        "reversed": "east",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "no_collision": {
+        "ghost": "gentle",
+        "blind": "gentle",
+        "reversed": "gentle",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "time_limit": {
+        "idle": "quick",
+        "blind": "quick",
+        "reversed": "quick",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "clearance": {
+        "ghost": "polite",
+        "blind": "polite",
+        "reversed": "polite",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "predicate": {
+        "idle": "moves",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+}
+"""Catchers of each sabotage by kind of requirement: the requirement itself, or a watcher of physics and steps."""
+
+FAILS_THE_JOB: Mapping[str, tuple[str, ...]] = {
+    "nan": ("mjWARN_BADCTRL", "the action is [nan, nan]; it has to be finite"),
+    "gone": ("without connecting to the simulation",),
+}
+"""Sabotages for which a job may be `Failed` instead: dm_control's physics or the robot's client may refuse them."""
+
+
+def asked() -> list[dict[str, Any]]:
+    """All of `ASKED`, as a job asks for them."""
+    return [{"kind": kind, **members} for kind, members in ASKED.items()]
+
+
+def assert_caught(status: str, reason: str | None, result: bytes | None, sabotage: str) -> None:
+    """Asserts that a run did not pass, and that for each kind of requirement somebody caught the sabotage.
+
+    Args:
+        status: how the run ended.
+        reason: why it failed.
+        result: its `result.json`.
+        sabotage: what it was spoilt by; the empty string if it was not, then it has to pass.
+    """
+    if status == "Failed" and sabotage in FAILS_THE_JOB:
+        assert any(words in (reason or "") for words in FAILS_THE_JOB[sabotage]), reason
+        return
+    assert (status, result is None) == ("Completed", False), reason
+    judged = RunResult.model_validate_json(result or b"")
+    if not sabotage:
+        assert (judged.verdict, judged.reason) == ("PASS", None), "the unspoiled robot passes, or nothing is shown"
+        return
+    assert judged.verdict in ("FAIL", "ERROR")
+    missed = {item.name for item in judged.requirements if not item.satisfied}
+    for kind, caught in CAUGHT_BY.items():
+        if sabotage in caught:
+            assert caught[sabotage] in missed, (kind, missed)
