@@ -1,16 +1,25 @@
 """The requirements that a request for a job asks for: by its member, or by a launch variable."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
-from typing import Protocol
+from typing import Any, Protocol
 
 from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from ..wire.json_values import is_list, is_mapping
 from ..wire.strict_json import load_strict
 from .requirements import JobRequirement, parse_requirements, rooms_of
 
 REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 """Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
+
+_STARTS_ON_ORIGIN = "indoor-navigation"
+"""The simulation application whose robots start on the origin."""
+
+_WITHIN_M = 0.5
+_MAKES_SENSE = ("after", "by_s", "body")
+"""Members of a goal that another one counts from, or that is not about the place of the robot."""
 
 _BEGINNING = "ROBOMAKER_"
 _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
@@ -79,7 +88,8 @@ def check_requirements(request: JobRequirementsSource) -> None:
 
     Raises:
         ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
-            world, or all applications are programs, so that there is no simulation to judge.
+            world, a goal is where the robot starts, or all applications are programs, so that there is no simulation
+            to judge.
     """
     for place, name in _misspelt(request):
         raise ValueError(
@@ -95,6 +105,9 @@ def check_requirements(request: JobRequirementsSource) -> None:
             f"{place}: they would not be judged, since the job has only programs; name a simulation application that "
             "makes an environment, or let the program write its verdict to result.json"
         )
+    if _starts_on_origin(request):
+        for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
+            raise ValueError(f"{place}[{index}].{member}: {problem}")
     if _has_world(request):
         return
     for path, room in rooms:
@@ -118,6 +131,35 @@ def doubtful_requirements(variables: Iterable[str]) -> list[str]:
     ]
 
 
+def starts_on_origin(order: Mapping[str, Any]) -> bool:
+    """Whether the robot of a job starts on the origin of its world, as far as the order for the job says it."""
+    configs = order.get("simulationApplications")
+    first = configs[0] if is_list(configs) and configs else None
+    return is_mapping(first) and first.get("application") == _STARTS_ON_ORIGIN
+
+
+def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
+    """Finds goals that are reached before the robot moves: index, member, and what is wrong with it.
+
+    Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
+
+    Args:
+        requirements: What an order asks for, as JSON; what is no goal is passed over.
+        start_room: Name of the room that the origin is in; None: that is not known.
+    """
+    goals = [
+        (index, each) for index, each in enumerate(requirements) if is_mapping(each) and each.get("kind") == "goal"
+    ]
+    begun = {each.get("after") for _, each in goals}
+    for index, goal in goals:
+        if goal.get("name") in begun or any(goal.get(key) is not None for key in _MAKES_SENSE):
+            continue
+        if start_room is not None and goal.get("room") == start_room:
+            yield index, "room", _in_words(f"the robot starts in {start_room!r}")
+        elif _is_near(goal):
+            yield index, "x", _in_words("the robot starts at (0, 0)")
+
+
 def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
     """Says which goal cannot be judged because the world has no such room; `None` if all can.
 
@@ -138,6 +180,10 @@ def no_such_room(room: str, rooms: Sequence[str]) -> str:
 
 def _has_world(request: JobRequirementsSource) -> bool:
     return any(config.worldConfigs for config in request.simulationApplications or ())
+
+
+def _starts_on_origin(request: JobRequirementsSource) -> bool:
+    return any(config.application == _STARTS_ON_ORIGIN for config in request.simulationApplications or ())
 
 
 def _has_only_programs(request: JobRequirementsSource) -> bool:
@@ -183,3 +229,13 @@ def _is_meant(name: str) -> bool:
 
 def _likeness(name: str, other: str) -> float:
     return SequenceMatcher(None, name, other).ratio()
+
+
+def _is_near(goal: Mapping[str, Any]) -> bool:
+    place = [goal.get("x"), goal.get("y"), goal.get("within_m") or _WITHIN_M]
+    numbers = [each for each in place if isinstance(each, int | float)]
+    return len(numbers) == 3 and math.hypot(numbers[0], numbers[1]) <= numbers[2]
+
+
+def _in_words(start: str) -> str:
+    return f"{start}, so the goal cannot be missed; `after` makes it one to come back to, `by_s` one to begin at"

@@ -1,13 +1,15 @@
-"""Goals of a specification's jobs in rooms that their worlds will not have, as far as the file itself says it.
+"""Goals of a specification's jobs that cannot be reached or cannot be missed, as far as the file itself says it.
 
-It does where the world comes from a template whose body is written out: its rooms are those of its worlds.
+It does where the world comes from a template whose body is written out: its rooms are those of its worlds, and often it
+is known in which of them robots start.
 """
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..runs.requested_requirements import no_such_room
+from ..runs.requested_requirements import goals_at_start, no_such_room, starts_on_origin
+from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem
 from .model import FOR_EACH, CheckedStep, for_each_of, variable_of
@@ -29,19 +31,34 @@ class _Request:
 
 
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
-    """Finds goals in rooms that no world of the template has.
+    """Finds goals in rooms that no world of the template has, and in the one that robots start in.
 
     Args:
         steps: the steps, whose inputs have no other problems.
     """
     for step in steps.values():
         for request in _requests(step):
-            asked = list(_asked(request))
+            asked = dict(_asked(request))
             rooms = _rooms(request, steps) if asked else None
-            for location, node in asked:
-                if rooms is not None and str(node.value) not in rooms:
-                    path = path_text((*step.location, *request.location, *location))
-                    yield Problem(node.place, path, no_such_room(str(node.value), rooms))
+            if rooms is None:
+                continue
+            names, start = [room.Name for room in rooms], start_room(rooms)
+            wrong = {at: no_such_room(str(node.value), names) for at, node in asked.items() if node.value not in names}
+            if start is not None:
+                wrong |= _reached_at_start(request, start)
+            for location, words in wrong.items():
+                yield Problem(asked[location].place, path_text((*step.location, *request.location, *location)), words)
+
+
+def start_room(rooms: Sequence[TemplateRoom]) -> str | None:
+    """The room that robots start in in all worlds of a template; `None` where that depends on their plans.
+
+    A plan has its origin in its largest living room or hallway; a living room is always wide enough for it.
+    """
+    public = [room for room in rooms if room.Type in ("Living", "Hallway")]
+    if len(rooms) == 1 or (len(public) == 1 and public[0].Type == "Living"):
+        return (public or rooms)[0].Name
+    return None
 
 
 def _requests(step: CheckedStep) -> Iterator[_Request]:
@@ -67,7 +84,16 @@ def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
             yield ("requirements", index, "room"), room
 
 
-def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[str] | None:
+def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
+    """What is wrong with goals in the room that the robot starts in."""
+    requirements = child(request.node, "requirements")
+    if requirements is None or not starts_on_origin(plain(request.node)):
+        return {}
+    found = goals_at_start(plain(requirements), start)
+    return {("requirements", index, member): words for index, member, words in found if member == "room"}
+
+
+def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[TemplateRoom] | None:
     """The rooms of the world that a request names; `None` if the file does not say."""
     world = _below(request.node, _WORLD)
     name = _referred(world) or ""
@@ -84,12 +110,12 @@ def _rooms(request: _Request, steps: Mapping[str, CheckedStep]) -> list[str] | N
     return _rooms_of_body(child(template.input, "templateBody"))
 
 
-def _rooms_of_body(body: Node | None) -> list[str] | None:
+def _rooms_of_body(body: Node | None) -> list[TemplateRoom] | None:
     if body is None:
         return None
     text = str(body.value) if isinstance(body, ScalarNode) else json.dumps(plain(body))
     try:
-        return None if "${{" in text else [room.Name for room in parse_template_body(text).floorplan.Rooms]
+        return None if "${{" in text else list(parse_template_body(text).floorplan.Rooms)
     except InvalidParameterException:
         return None
 

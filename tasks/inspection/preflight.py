@@ -1,22 +1,22 @@
 """Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
 
 import socket
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from ...schemas.runs.requested_requirements import no_such_room
+from ...schemas.runs.requested_requirements import goals_at_start, no_such_room, starts_on_origin
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import Problem, SpecError, StorageError, StorageUnavailableError
 from ...schemas.wire.request_problems import nearest
 from ..service.patient_store import patiently
 from ..service.service import Service
-from ..simulations.inputs.world_rooms import room_names
+from ..simulations.inputs.world_rooms import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import prepare_bucket
 
-Rooms = Callable[[str], Sequence[str] | None]
-"""Names of the rooms of a world, by its ARN; None where they are not known."""
+RoomsOf = Callable[[str], Rooms | None]
+"""The rooms of a world, by its ARN; None where they are not known."""
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
 
@@ -66,8 +66,8 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     Applications that a step of the same specification makes count as existing.
 
     Raises:
-        SpecError: an application is named that does not exist, or a room that its world has not; says where and what is
-            near.
+        SpecError: an application is named that does not exist, or a goal is in a room that its world has not, or where
+            its robot starts; says where and what is near.
         StorageError: the object store cannot be used.
         BackendError: the machines that are to run the jobs cannot be reached.
     """
@@ -94,20 +94,25 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
         raise SpecError(problems)
 
 
-def _rooms(arn: str, service: Service) -> Sequence[str] | None:
+def _rooms(arn: str, service: Service) -> Rooms | None:
     world = service.catalog.get_many([arn]).get(arn)
-    return None if world is None else room_names(world, service)
+    return None if world is None else rooms_of_world(world, service)
 
 
-def _room_problems(step: CheckedStep, rooms_of: Rooms) -> Iterator[Problem]:
-    """Goals in rooms that worlds do not have which are there already."""
+def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
+    """Goals in rooms that worlds do not have which are there already, and in those where the robot starts."""
     for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
         arn = _written_world(order)
         rooms = rooms_of(arn) if arn else None
-        for index, goal in enumerate(order["requirements"] if rooms is not None else []):
+        if rooms is None:
+            continue
+        for index, goal in enumerate(order["requirements"]):
             room = goal.get("room") if isinstance(goal, Mapping) else None
-            if isinstance(room, str) and "${{" not in room and room not in (rooms or ()):
-                yield Problem(step.place, f"{path}.requirements[{index}].room", no_such_room(room, rooms or ()))
+            if isinstance(room, str) and "${{" not in room and room not in rooms.names:
+                yield Problem(step.place, f"{path}.requirements[{index}].room", no_such_room(room, rooms.names))
+        if starts_on_origin(order):
+            for index, member, words in goals_at_start(order["requirements"], rooms.start):
+                yield Problem(step.place, f"{path}.requirements[{index}].{member}", words)
 
 
 def _written_world(order: Mapping[str, Any]) -> str | None:

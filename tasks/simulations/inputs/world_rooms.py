@@ -1,5 +1,6 @@
 """The rooms of stored worlds; requests whose goals are in other rooms are refused."""
 
+from dataclasses import dataclass
 from functools import lru_cache
 
 from pydantic import ValidationError
@@ -8,6 +9,7 @@ from ....schemas.documents.worlds import WorldDocument
 from ....schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ....schemas.runs.requested_requirements import rooms_asked, unknown_room
 from ....schemas.wire.errors import InvalidParameterException, StorageError
+from ....schemas.worlds.polygons import contains
 from ....schemas.worlds.world import World
 from ...catalog import Resource
 from ...service.service import Service
@@ -16,8 +18,17 @@ from ...storage import ObjectStore
 WORLD_FILE = "world.json"
 
 
-def room_names(world: Resource, service: Service) -> tuple[str, ...] | None:
-    """Names of a world's rooms; `None` if that cannot be found out now.
+@dataclass(frozen=True)
+class Rooms:
+    """The rooms of a world."""
+
+    names: tuple[str, ...]
+    start: str | None
+    """Name of the room that the origin is in, where robots start; None: it is in none."""
+
+
+def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
+    """The rooms of a world; `None` if they cannot be found out now.
 
     Args:
         world: the world.
@@ -45,12 +56,13 @@ def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: 
         InvalidParameterException: names the member, the room asked for and those that there are.
     """
     asked = rooms_asked(request)
-    rooms = room_names(world, service) if asked else None
-    if rooms is not None and (problem := unknown_room(asked, rooms)) is not None:
+    rooms = rooms_of_world(world, service) if asked else None
+    if rooms is not None and (problem := unknown_room(asked, rooms.names)) is not None:
         raise InvalidParameterException(f"{where}{problem}")
 
 
 @lru_cache(maxsize=256)  # a bundle's prefix is the hash of its content
-def _read(store: ObjectStore, bucket: str, prefix: str) -> tuple[str, ...]:
-    world = World.model_validate_json(store.get_bytes(bucket, f"{prefix}/{WORLD_FILE}"))
-    return tuple(room.name for room in world.floorplan.rooms)
+def _read(store: ObjectStore, bucket: str, prefix: str) -> Rooms:
+    rooms = World.model_validate_json(store.get_bytes(bucket, f"{prefix}/{WORLD_FILE}")).floorplan.rooms
+    start = next((room.name for room in rooms if contains(room.polygon, 0.0, 0.0)), None)
+    return Rooms(tuple(room.name for room in rooms), start)

@@ -14,6 +14,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Spe
 from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.inputs.world_rooms import rooms_of_world
 
 pytestmark = pytest.mark.usefixtures("known_worlds")
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]
@@ -112,6 +113,24 @@ def test_a_room_that_the_world_has_not_is_refused_with_the_rooms_it_has(
     place = r"steps\.drive\.input\.createSimulationJobRequests\[2\]\.requirements"
     with pytest.raises(SpecError, match=place + THERE_IS_NONE):
         check_preconditions(spec, service)
+
+
+def test_a_goal_in_the_room_where_the_robot_starts_is_refused_before_a_night_begins(
+    service: Service, ordered: Callable[..., dict[str, Any]]
+) -> None:
+    world = service.catalog.get(ordered()["simulationApplications"][0]["worldConfigs"][0]["world"])
+    rooms = rooms_of_world(world, service)
+    assert rooms is not None
+
+    def check(**members: Any) -> None:
+        drive = {"operation": "CreateSimulationJob", "input": ordered([{**GOAL, "room": rooms.start, **members}])}
+        spec = load_spec(json.dumps({"version": 1, "name": "check", "steps": {"drive": drive}}), "check.yaml")
+        check_preconditions(spec, service)
+
+    with pytest.raises(SpecError, match=rf"requirements\[0\]\.room: the robot starts in '{rooms.start}', so the goal"):
+        check()
+    check(by_s=2)
+    check(room=next(name for name in rooms.names if name != rooms.start))
 
 
 def test_what_could_not_be_looked_up_then_fails_the_job_when_it_starts(

@@ -84,7 +84,6 @@ def test_rooms_that_there_are_are_fine(rooms: list[str]) -> None:
 
 
 def test_a_template_without_rooms_has_the_usual_one() -> None:
-    assert problems(spec(each("My Living Room"), {"Version": "1"})) == []
     [problem] = problems(spec(each("kitchen"), {"Version": "1"}))
     assert problem.endswith("its rooms are My Living Room")
 
@@ -95,3 +94,26 @@ def test_what_the_file_does_not_say_is_not_guessed() -> None:
     assert problems(spec(each("cellar"), update=update)) == []
     world = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"
     assert problems(spec({"operation": "CreateSimulationJob", "input": job(world, "cellar")})) == []
+
+
+LIVING, HALL = {"Type": "Living", "Name": "salon"}, {"Type": "Hallway", "Name": "hall"}
+
+
+@pytest.mark.parametrize(
+    ("rooms", "asked", "problem"),
+    [
+        ([*ROOMS, LIVING], "salon", "the robot starts in 'salon', so the goal cannot be missed"),
+        (ROOMS[:1], "kitchen", "the robot starts in 'kitchen', so the goal cannot be missed"),
+        ([*ROOMS, LIVING], "kitchen", ""),
+        ([*ROOMS, LIVING, HALL], "salon", ""),
+        ([*ROOMS, LIVING, {**LIVING, "Name": "den"}], "salon", ""),
+        (ROOMS, "kitchen", ""),
+    ],
+)
+def test_a_goal_in_the_room_that_robots_start_in_is_found(rooms: list[Any], asked: str, problem: str) -> None:
+    body = {"Version": "1", "Buildings": [{"Floors": [{"Floorplan": {"Rooms": rooms}}]}]}
+
+    found = problems(spec(each(asked), body))
+
+    path = "steps.drive.input.createSimulationJobRequests.value.requirements[0].room"
+    assert [each.partition("; ")[0] for each in found] == ([f"{path}: {problem}"] if problem else [])

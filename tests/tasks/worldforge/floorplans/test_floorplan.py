@@ -11,9 +11,11 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.specs.rooms import start_room
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
+from prefect_robomaker.schemas.worlds.polygons import contains
 from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point
 from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
 from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
@@ -142,6 +144,7 @@ def test_every_plan_keeps_what_plans_promise(body: WorldTemplateBody, seed: int)
     rooms_tile_the_footprint(body, plan, raster)
     walls_meet_without_overlap_and_without_gap(plan, raster)
     every_room_is_connected_wide_enough_and_the_origin_is_clear(plan, raster)
+    robots_start_where_the_template_says(body, plan)
     doorways_keep_their_width_and_their_distance_from_corners(plan, raster)
     wishes_are_accounted_for_one_by_one_and_truly(body, plan)
     windows_lie_on_outer_walls_of_rooms_that_want_light(plan)
@@ -205,6 +208,11 @@ def every_room_is_connected_wide_enough_and_the_origin_is_clear(plan: Floorplan,
     assert np.hypot(x, y).min() > 0.5
     column, row = round(-raster.west / UNIT), round(-raster.south / UNIT)
     assert raster.rooms()[row, column] == 1
+
+
+def robots_start_where_the_template_says(body: WorldTemplateBody, plan: Floorplan) -> None:
+    if (start := start_room(body.floorplan.Rooms)) is not None:
+        assert [item.name for item in plan.rooms if contains(item.polygon, 0.0, 0.0)] == [start]
 
 
 def narrowest(cells: np.ndarray) -> int:

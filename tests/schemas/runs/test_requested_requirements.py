@@ -1,0 +1,52 @@
+"""Goals that cannot be missed since the robot starts there."""
+
+from typing import Any
+
+import pytest
+
+from prefect_robomaker.schemas.operations.registry import parse_request
+from prefect_robomaker.schemas.runs.requested_requirements import goals_at_start, starts_on_origin
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
+
+HERE = {"kind": "goal", "name": "here", "x": 0.3, "y": 0.0}
+IN_HALL = {"kind": "goal", "name": "in-hall", "room": "hall"}
+AWAY = {"kind": "goal", "name": "away", "x": 3, "y": 0, "after": "here"}
+
+
+@pytest.mark.parametrize(
+    ("asked", "found"),
+    [
+        ([HERE], [(0, "x")]),
+        ([IN_HALL], [(0, "room")]),
+        ([{**IN_HALL, "name": "other"}, IN_HALL], [(0, "room"), (1, "room")]),
+        ([{**HERE, "within_m": 0.2}], []),
+        ([HERE, AWAY], []),
+        ([AWAY, {**IN_HALL, "after": "away"}], []),
+        ([{**HERE, "by_s": 1}], []),
+        ([{**HERE, "body": "door"}], []),
+        ([{**IN_HALL, "room": "kitchen"}], []),
+        ([{"kind": "clearance", "name": "polite", "min_m": 0.1}, "${{ inputs.goal }}", HERE], [(2, "x")]),
+        ([{**HERE, "x": "${{ inputs.x }}"}], []),
+    ],
+)
+def test_goals_that_are_reached_before_the_robot_moves(asked: list[Any], found: list[tuple[int, str]]) -> None:
+    assert [(index, member) for index, member, _ in goals_at_start(asked, "hall")] == found
+
+
+def test_an_order_for_such_a_goal_is_refused() -> None:
+    def order(application: str) -> dict[str, Any]:
+        config = {"application": application, "launchConfig": {"packageName": "a", "launchFile": "make"}}
+        role = "arn:aws:iam::000000000000:role/local"
+        members = {"maxJobDurationInSeconds": 60, "iamRole": role, "simulationApplications": [config]}
+        return {**members, "requirements": [HERE]}
+
+    with pytest.raises(
+        InvalidParameterException, match=r"requirements\[0\]\.x: the robot starts at \(0, 0\), so the goal cannot be"
+    ):
+        parse_request("CreateSimulationJob", order("indoor-navigation"))
+    parse_request("CreateSimulationJob", order("warehouse"))  # where its robot starts is its own
+
+
+@pytest.mark.parametrize("order", [{}, {"simulationApplications": []}, {"simulationApplications": "${{ a }}"}])
+def test_where_the_robot_starts_is_not_known_without_the_application(order: dict[str, Any]) -> None:
+    assert not starts_on_origin(order)
