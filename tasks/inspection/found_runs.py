@@ -2,9 +2,10 @@
 
 import errno
 import hashlib
+import re
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,7 +32,11 @@ from ..storage.naming import join_key
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)
 """A link, a folder or FIFO, a socket."""
+_TRIAL_OUTPUTS = re.compile(r"trials/(\d+)/")
 _WRITTEN_DOWN = (PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, RESULT_FILE, TRIALS_FILE, MANIFEST_NAME)
+
+Sha256Of = Callable[[str], str | None]
+"""Gives the SHA-256 of a file of outputs by its path; None: it is not there."""
 
 
 @dataclass(frozen=True)
@@ -43,14 +48,19 @@ class FoundRun:
     """What it wrote down; only that, not all of its outputs."""
     job: Resource | None
     """Its job, while the catalog has it."""
+    sha256_of: Sha256Of
+    """Hashes one of its outputs, whether it is in `folder` or not."""
     failure_code: str | None = None
     """What it failed with; None: it did not."""
 
-    def altered_files(self) -> list[str]:
-        """Returns the files in `folder` that are not what the run's manifest says; none where there is no manifest.
+    def alterations(self, trial: int | None = None) -> list[str]:
+        """Returns in words which outputs are not what the run's manifest says; none where there is no manifest.
+
+        Args:
+            trial: Number of the trial that is asked about; those of other trials are passed over.
 
         Raises:
-            StorageError: the manifest cannot be read.
+            StorageError: The manifest or a file cannot be read.
         """
         try:
             manifest = Manifest.model_validate_json((self.folder / MANIFEST_NAME).read_bytes())
@@ -58,11 +68,19 @@ class FoundRun:
             return []
         except ValidationError as error:
             raise StorageError(f"{MANIFEST_NAME} cannot be read: {error.errors()[0]['msg']}") from error
-        stated = {file.path: file.sha256 for file in manifest.files}
-        there = (name for name in _WRITTEN_DOWN if name != MANIFEST_NAME and (self.folder / name).exists())
-        return [
-            name for name in there if stated.get(name) != hashlib.sha256((self.folder / name).read_bytes()).hexdigest()
-        ]
+        stated = {file.path: file.sha256 for file in manifest.files if _is_asked(file.path, trial)}
+        new = [name for name in _WRITTEN_DOWN if name not in stated and (self.folder / name).exists()]
+        found = [f"{name} was added" for name in new if name != MANIFEST_NAME]
+        for name, sha256 in stated.items():
+            now = self.sha256_of(name)
+            if now != sha256:
+                found.append(f"{name} is gone" if now is None else f"{name} changed after the run")
+        return found
+
+
+def _is_asked(path: str, trial: int | None) -> bool:
+    of_trial = _TRIAL_OUTPUTS.match(path)
+    return trial is None or of_trial is None or int(of_trial[1]) == trial
 
 
 @contextmanager
@@ -82,12 +100,12 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
         job = _job_of(reference, service)
         if job is not None:
             _check_ended(job)
-            _fetch_of_job(job, scratch, service)
+            sha256_of = _fetch_of_job(job, scratch, service)
         elif reference.startswith("s3://"):
             bucket, _, prefix = reference.removeprefix("s3://").partition("/")
-            _fetch(bucket, prefix.rstrip("/"), scratch, service)
+            sha256_of = _fetch(bucket, prefix.rstrip("/"), scratch, service)
         else:
-            _copy(Path(reference), scratch)
+            sha256_of = _copy(Path(reference), scratch)
         outputs = _read(scratch, reference)
         if job is None:
             plan = outputs.provenance.plan
@@ -95,7 +113,7 @@ def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
             if job is not None and SimulationJobDocument.of(job).run_id == plan.run_id:  # earlier runs of it have ended
                 _check_ended(job)
         failure_code = SimulationJobDocument.of(job).failure_code if job is not None else None
-        yield FoundRun(outputs, scratch, job, failure_code)
+        yield FoundRun(outputs, scratch, job, sha256_of, failure_code)
 
 
 def _job_of(reference: str, service: Service) -> Resource | None:
@@ -114,33 +132,58 @@ def _check_ended(job: Resource) -> None:
         )
 
 
-def _fetch_of_job(job: Resource, folder: Path, service: Service) -> None:
+def _fetch_of_job(job: Resource, folder: Path, service: Service) -> Sha256Of:
     """Fetches what the last run of a job wrote down, from the store or from this machine."""
     document = SimulationJobDocument.of(job)
     kept = service.settings.home / "jobs" / job.id / str(document.run_id) / "output"
     if place := document.outputs:
-        _fetch(place.bucket, place.prefix, folder, service)
-    elif kept.is_dir():
-        _copy(kept, folder)
-    else:
-        raise ConfigurationError(f"{job.arn} has no outputs: it is {job.status}, and none are on this machine")
+        return _fetch(place.bucket, place.prefix, folder, service)
+    if kept.is_dir():
+        return _copy(kept, folder)
+    raise ConfigurationError(f"{job.arn} has no outputs: it is {job.status}, and none are on this machine")
 
 
-def _fetch(bucket: str, prefix: str, folder: Path, service: Service) -> None:
+def _fetch(bucket: str, prefix: str, folder: Path, service: Service) -> Sha256Of:
     for name in _WRITTEN_DOWN:
         try:
             service.store.get_file(bucket, join_key(prefix, name), folder / name)
         except ObjectNotFoundError:
             continue  # runs without physics and failed ones lack some
 
+    def sha256_of(path: str) -> str | None:
+        if path in _WRITTEN_DOWN:
+            return _sha256_of_left(folder / path)
+        fetched = folder / "hashed"
+        try:
+            service.store.get_file(bucket, join_key(prefix, path), fetched)
+            return _sha256_of_left(fetched)
+        except ObjectNotFoundError:
+            return None
+        finally:
+            fetched.unlink(missing_ok=True)
 
-def _copy(outputs: Path, folder: Path) -> None:
+    return sha256_of
+
+
+def _copy(outputs: Path, folder: Path) -> Sha256Of:
     if not outputs.is_dir():
         raise ConfigurationError(
             f"{str(outputs)!r} is no run: name the ARN or the id of a simulation job, s3://BUCKET/PREFIX or a folder"
         )
     for name in _WRITTEN_DOWN:
         _copy_left(outputs / name, folder / name)
+    return lambda path: _sha256_of_left(outputs / path)
+
+
+def _sha256_of_left(file: Path) -> str | None:
+    """Hashes a file without having it in memory; None: it is not there, or is no file."""
+    try:
+        with open_left(file) as content:
+            return hashlib.file_digest(content, "sha256").hexdigest()
+    except OSError as error:
+        if isinstance(error, FileNotFoundError | NotADirectoryError) or error.errno in _NO_FILE:
+            return None
+        raise StorageError(f"its outputs cannot be read: {file} {error.strerror}") from error
 
 
 def _copy_left(file: Path, copy: Path) -> None:

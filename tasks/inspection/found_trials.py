@@ -52,7 +52,7 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
     (folder / PROVENANCE_FILE).write_text(provenance.model_dump_json(indent=1) + "\n")
     if row is not None and row.ended_by is not None:
         (folder / RESULT_FILE).write_text(row.result().model_dump_json(indent=2) + "\n")
-    return FoundRun(read_outputs(folder), folder, run.job, failure_code)
+    return FoundRun(read_outputs(folder), folder, run.job, run.sha256_of, failure_code)
 
 
 def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:

@@ -29,6 +29,8 @@ from ..storage import MANIFEST_NAME
 from .found_runs import FoundRun, found_run, scratch_folder
 from .found_trials import found_trial, plan_of_found_trial
 
+_MOST_ALTERATIONS = 10
+
 
 def verify_run(
     reference: str, service: Service, *, trial: int | None = None, run_program: bool = False
@@ -49,7 +51,7 @@ def verify_run(
         StorageError: its outputs cannot be read.
     """
     with found_run(reference, service) as run, scratch_folder(service) as scratch, own_domain(reference) as ros_domain:
-        run = found_trial(run, trial)
+        whole, run = run, found_trial(run, trial)
         first = run.outputs
         reasons = [
             *why_not_repeatable(first, run_program=run_program),
@@ -66,7 +68,7 @@ def verify_run(
             return _verification(reference, first, [f"it cannot be run here: {error}"])
         if again.timeline is None:
             return _verification(reference, first, [f"its rerun came to no state: {outcome.failure_reason}"])
-        return _with_manifest(_compared(reference, first, again), run.altered_files())
+        return _with_manifest(_compared(reference, first, again), whole.alterations(trial))
 
 
 def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) -> tuple[RunOutcome, RunOutputs]:
@@ -146,11 +148,13 @@ def _compared(reference: str, first: RunOutputs, again: RunOutputs) -> Verificat
     )
 
 
-def _with_manifest(verification: Verification, altered: list[str]) -> Verification:
+def _with_manifest(verification: Verification, alterations: list[str]) -> Verification:
     """Equal states are not enough: outputs that were changed after the run are said, too."""
-    if verification.answer != "bit-identical" or not altered:
+    if verification.answer != "bit-identical" or not alterations:
         return verification
-    what = f"in its outputs: {', '.join(altered)} changed after the run, {MANIFEST_NAME} has other content"
+    more = len(alterations) - _MOST_ALTERATIONS
+    told = [*alterations[:_MOST_ALTERATIONS], *([f"and {more} more"] if more > 0 else [])]
+    what = f"in its outputs: {', '.join(told)}; {MANIFEST_NAME} has other content"
     at_s = verification.until_s or 0.0
     difference = Divergence(time_s=at_s, equal_until_s=verification.until_s, what=what)
     return verification.model_copy(update={"answer": "diverged", "divergence": difference})

@@ -65,7 +65,35 @@ def test_outputs_that_were_changed_after_the_run_are_found(service: Service, swi
     folder = changed(service, swing(), "result.json", lambda result: result.update(summary="all went well"))
     answer = verify_run(str(folder), service)
     assert answer.answer == "diverged"
-    assert "in its outputs: result.json changed after the run, manifest.json has other content" in str(answer)
+    assert "in its outputs: result.json changed after the run; manifest.json has other content" in str(answer)
+
+
+def test_every_file_of_the_manifest_counts_wherever_the_outputs_are(service: Service, swing: Simulate) -> None:
+    job = swing(job={"video": "always"}, TIME_LIMIT_S="1")
+    folder = outputs_of(service, job)
+    assert verify_run(job["arn"], service).answer == "bit-identical"
+
+    with (folder / "video.mp4").open("r+b") as video:
+        video.seek(100)
+        video.write(b"another night")
+    (folder / "logs" / "stdout.log").unlink()
+
+    for reference in (job["arn"], str(folder)):
+        answer = verify_run(reference, service)
+        assert answer.answer == "diverged"
+        assert "logs/stdout.log is gone, video.mp4 changed after the run; manifest.json" in str(answer), reference
+
+
+def test_one_trial_is_not_blamed_for_another(service: Service, swing: Simulate) -> None:
+    with found_run(swing(TIME_LIMIT_S="1")["arn"], service) as run:
+        manifest = json.loads((run.folder / "manifest.json").read_text())
+        manifest["files"] = [
+            {"path": f"trials/00000{n}/video.mp4", "size_bytes": 1, "sha256": "0" * 64} for n in (4, 7)
+        ]
+        (run.folder / "manifest.json").write_text(json.dumps(manifest))
+
+        assert [each for each in run.alterations(7) if "video" in each] == ["trials/000007/video.mp4 is gone"]
+        assert "provenance.json was added" in run.alterations(7)
 
 
 def test_chance_that_no_seed_repeats_is_found_and_its_joint_named(service: Service, swing: Simulate) -> None:
