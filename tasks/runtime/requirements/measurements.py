@@ -212,10 +212,11 @@ def _check_touchable(rule: CollisionRule | ClearanceRule, scene: Scene, robot: N
 
 
 def _check_before_the_end(rule: TimeLimitRule, environment: Any) -> None:
-    """Makes a limit an error that an environment without a verdict of its own never comes to."""
-    own_s = getattr(environment, "_time_limit", None)  # dm_control's environments keep theirs there
-    judges_itself = hasattr(environment, "run_result")
-    if isinstance(own_s, int | float) and own_s <= rule.asked.limit_s and not judges_itself:
+    """Makes a limit an error that an environment never comes to, since it ends its runs before."""
+    own_s = getattr(environment, "time_limit_s", None)
+    if own_s is None and not hasattr(environment, "run_result"):
+        own_s = getattr(environment, "_time_limit", None)  # dm_control's environments keep theirs there
+    if isinstance(own_s, int | float) and own_s <= rule.asked.limit_s:
         rule.fail(f"the environment ends its runs at {own_s:g} s, so a limit of {rule.asked.limit_s:g} s is never over")
 
 

@@ -33,7 +33,7 @@ def specification(world: str) -> str:
                 {"application": "indoor-navigation", "launchConfig": {}, "worldConfigs": [{"world": world}]}
             ],
         }
-        for limit_s in (200.0, 1.0)
+        for limit_s in (90.0, 1.0)
     ]
     batch = {"batchPolicy": {"maxConcurrency": 1}, "createSimulationJobRequests": requests}
     steps = {"drive": {"operation": "StartSimulationJobBatch", "input": batch}}

@@ -30,7 +30,7 @@ def job(world: str, index: int) -> dict[str, Any]:
         "video": "on-failure" if fails else "none",
         "seed": index,
         "tags": {"number": str(index)},
-        "requirements": [{"kind": "time_limit", "name": "quick", "limit_s": 1.0 if fails else 200.0}],
+        "requirements": [{"kind": "time_limit", "name": "quick", "limit_s": 1.0 if fails else 90.0}],
         "robotApplications": [{"application": "scout", "launchConfig": {}}],
         "simulationApplications": [
             {"application": "indoor-navigation", "launchConfig": {}, "worldConfigs": [{"world": world}]}

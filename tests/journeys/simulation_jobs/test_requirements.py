@@ -72,6 +72,16 @@ def test_the_launch_variable_does_the_same_and_fail_is_no_failure_of_the_job(dri
     assert hurry.first_violation_s == pytest.approx(1.05, abs=0.06)
 
 
+def test_a_limit_that_indoor_navigation_never_comes_to_is_not_met(drive: Drive) -> None:
+    limit = {"kind": "time_limit", "name": "hurry", "limit_s": 1.0}
+    job, result = drive({"ROBOMAKER_SIM_TIME_LIMIT_S": "1"}, requirements=[limit])
+    assert (job["status"], result is None) == ("Completed", False)
+    assert result is not None
+    (hurry,) = (item for item in result.requirements if item.name == "hurry")
+    assert hurry.error == "the environment ends its runs at 1 s, so a limit of 1 s is never over"
+    assert result.verdict == "ERROR"
+
+
 @pytest.fixture
 def ordered(generate: Any) -> Callable[..., dict[str, Any]]:
     """Makes the order for a job in a flat of two rooms."""

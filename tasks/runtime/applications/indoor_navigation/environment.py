@@ -43,6 +43,11 @@ class IndoorNavigation(ResumableEnvironment):
             # The robot's own `follow` by its full name is a camera that tips over with it.
             self.video_camera = FOLLOW if robot.video_camera == FOLLOW else f"{robot.prefix}{robot.video_camera}"
 
+    @property
+    def time_limit_s(self) -> float:
+        """Simulated time at which it ends a run, whatever the robot does."""
+        return self._navigation.time_limit_s
+
     @cached_property
     def tf_frames(self) -> dict[int, str]:
         """Frames by numbers of bodies; a recording's `/tf` tells where they are."""

@@ -69,7 +69,7 @@ class NavigationTask(Task):
         self._rng = rng
         self._recorder = recorder
         self._telemetry = Telemetry(recorder, robot, known)
-        self._time_limit_s = time_limit_s
+        self.time_limit_s = time_limit_s
         self._goals = np.array([room.goal for room in world.floorplan.rooms], dtype=np.float64)
         self._goals.setflags(write=False)
 
@@ -85,7 +85,7 @@ class NavigationTask(Task):
         self._start_sensing(physics)
         self._controller = self._robot.drive.bind(physics.model.ptr, physics.data.ptr, self._robot.prefix)
         physics.between_substeps = self._between_substeps()
-        self.mission = Mission(self._world.floorplan.rooms, self._time_limit_s)
+        self.mission = Mission(self._world.floorplan.rooms, self.time_limit_s)
         self._steps = 0
         self._still_s = 0.0
         self._ever_moved = False
@@ -152,7 +152,7 @@ class NavigationTask(Task):
             (self.mission.all_visited and self._still_s >= _SETTLED_S)
             or (self._ever_moved and self._still_s >= _IDLE_S)
             or self.mission.tipped_over
-            or self._state.time_s >= self._time_limit_s - 1e-6
+            or self._state.time_s >= self.time_limit_s - 1e-6
         )
         return 0.0 if over else None
 

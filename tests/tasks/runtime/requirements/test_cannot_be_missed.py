@@ -130,6 +130,13 @@ def test_a_time_limit_that_the_environments_own_limit_comes_before(tmp_path: Pat
     assert judged(tmp_path, {"kind": "time_limit", "name": "quick", "limit_s": 2.4}, arena=arena).verdict == "PASS"
 
 
+def test_a_time_limit_that_the_limit_which_an_environment_names_comes_before(tmp_path: Path) -> None:
+    arena: Any = Arena()
+    arena.time_limit_s, arena.run_result = 2.0, lambda: {"verdict": "PASS"}
+    late = judged(tmp_path, {"kind": "time_limit", "name": "quick", "limit_s": 3.0}, arena=arena)
+    assert "the environment ends its runs at 2 s, so a limit of 3 s is never over" in (late.reason or "")
+
+
 @pytest.mark.parametrize("requirement", [GENTLE, POLITE])
 def test_an_empty_hall(tmp_path: Path, requirement: dict[str, Any]) -> None:
     ignoring = judged(tmp_path, {**requirement, "ignore": ["cra*"]})
