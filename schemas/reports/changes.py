@@ -95,6 +95,8 @@ class Loss(Model):
     before: CaseOutcome = Field(description="Its outcome when it was last judged, or last ran.")
     before_run_id: str = Field(description="The run in which it ended so.")
     requirements: list[str] = Field(default=[], description="Names of requirements that counted then, and not now.")
+    trials_before: int | None = Field(default=None, description="Trials of it that were counted then.")
+    trials_now: int | None = Field(default=None, description="Trials that were counted now, where that are fewer.")
 
 
 class Losses(Model):
@@ -109,11 +111,12 @@ class Losses(Model):
     asked_less: list[Loss] = Field(
         default=[], description="Jobs that have a verdict, and of which some requirement is not asked any more."
     )
+    fewer_trials: list[Loss] = Field(default=[], description="Jobs that fewer trials were counted of than before.")
 
     @property
     def has_losses(self) -> bool:
         """Whether anything is gone or judged by less."""
-        return bool(self.gone or self.no_longer_judged or self.asked_less)
+        return bool(self.gone or self.no_longer_judged or self.asked_less or self.fewer_trials)
 
 
 class SinceLastRun(Losses):

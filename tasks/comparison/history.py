@@ -100,6 +100,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         gone=lost.gone,
         no_longer_judged=lost.no_longer_judged,
         asked_less=lost.asked_less,
+        fewer_trials=lost.fewer_trials,
     )
 
 

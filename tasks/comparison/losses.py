@@ -1,4 +1,4 @@
-"""Losses between runs: jobs that are gone, that have no verdict any more, or that have fewer requirements.
+"""Losses between runs: jobs that are gone, that have no verdict any more, or that have fewer requirements or trials.
 
 Each is told once, in the first run that lacks it. A job that a new one replaces is not gone: a specification that makes
 other worlds every night has other jobs every night.
@@ -15,7 +15,7 @@ from ..reporting import Outcome
 from .failures import Appearance
 from .nights import HEALTH, JUDGED, TOLD, TRIALS, NightRun, name_of
 
-LossKind = Literal["gone", "no_longer_judged", "asked_less"]
+LossKind = Literal["gone", "no_longer_judged", "asked_less", "fewer_trials"]
 """The lists of `Losses`."""
 
 _SEEN_TO = ("succeeded", "failed")
@@ -35,6 +35,8 @@ class FoundLoss:
     """The job in all runs that have it."""
     requirements: Sequence[str] = ()
     """Names of requirements that are not asked any more."""
+    trials: tuple[int, int] | None = None
+    """Trials that were counted before and now, where that are fewer."""
 
     def told(self) -> Loss:
         """The loss as data."""
@@ -45,6 +47,8 @@ class FoundLoss:
             before=self.before.outcome.value,
             before_run_id=self.before.run.run_id,
             requirements=list(self.requirements),
+            trials_before=self.trials[0] if self.trials else None,
+            trials_now=self.trials[1] if self.trials else None,
         )
 
 
@@ -56,7 +60,8 @@ def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -
         cells: their jobs, from `appearances_of`.
     """
     here = [each for each in cells if each[-1].night == len(runs) - 1]
-    return [*_gone(runs, cells), *(loss for each in here if (loss := _judged_less(each)) is not None)]
+    found = [loss for each in here for loss in (_judged_less(each), _fewer_trials(each)) if loss is not None]
+    return [*_gone(runs, cells), *found]
 
 
 def told_losses(losses: Sequence[FoundLoss]) -> Losses:
@@ -65,7 +70,12 @@ def told_losses(losses: Sequence[FoundLoss]) -> Losses:
     def of(kind: LossKind) -> list[Loss]:
         return [each.told() for each in losses if each.kind == kind]
 
-    return Losses(gone=of("gone"), no_longer_judged=of("no_longer_judged"), asked_less=of("asked_less"))
+    return Losses(
+        gone=of("gone"),
+        no_longer_judged=of("no_longer_judged"),
+        asked_less=of("asked_less"),
+        fewer_trials=of("fewer_trials"),
+    )
 
 
 def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:
@@ -151,6 +161,26 @@ def _asked_less(appearances: Sequence[Appearance], looked_at: Sequence[Appearanc
             known = asked
         before = each
     return found
+
+
+def _fewer_trials(appearances: Sequence[Appearance]) -> FoundLoss | None:
+    """Finds the latest run before the last one that counted more trials of a job, and the run that came after it."""
+    counted = [(each, trials) for each in appearances if (trials := _trials(each)) is not None]
+    if not counted or counted[-1][0] is not appearances[-1]:
+        return None
+    now = counted[-1][1]
+    more = next((place for place in reversed(range(len(counted))) if counted[place][1] > now), None)
+    if more is None:
+        return None
+    before, trials = counted[more]
+    return FoundLoss("fewer_trials", counted[more + 1][0].night, before, appearances, trials=(trials, now))
+
+
+def _trials(appearance: Appearance) -> int | None:
+    """How many trials of a job were counted; None: it had none, or has no verdict."""
+    has_trials = any(item.name == TRIALS for item in appearance.job.requirements)
+    counted = appearance.job.metrics.get(TRIALS) if has_trials and _has_verdict(appearance) else None
+    return None if counted is None else int(counted)
 
 
 def _has_verdict(appearance: Appearance) -> bool:

@@ -14,6 +14,7 @@ from ..reporting.nights.changes import (
     losses_in_words,
     newly_missed_briefly,
     requirement_in_words,
+    without_earlier_in_words,
 )
 
 WORST = 3
@@ -89,6 +90,8 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")
     lines += lost
+    if since is not None and (new := without_earlier_in_words(since)):
+        lines.append(new)
     if since is not None and since.other_requirements:
         lines.append(judged_otherwise_in_words(since.other_requirements))
     if lines[-1]:
@@ -110,7 +113,8 @@ def _lost_briefly(since: Losses | None) -> str:
     gone = f"{len(since.gone)} {'job' if len(since.gone) == 1 else 'jobs'} gone" if since.gone else ""
     unjudged = f"{len(since.no_longer_judged)} no longer judged" if since.no_longer_judged else ""
     less = f"{len(since.asked_less)} asked less than before" if since.asked_less else ""
-    return ", ".join(filter(None, (gone, unjudged, less)))
+    fewer = f"{len(since.fewer_trials)} with fewer trials" if since.fewer_trials else ""
+    return ", ".join(filter(None, (gone, unjudged, less, fewer)))
 
 
 def _counts(record: RunRecord) -> str:

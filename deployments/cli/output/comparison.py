@@ -18,6 +18,7 @@ from ....tasks.reporting.nights.changes import (
     requirement_in_words,
     shared_since,
     since_in_words,
+    without_earlier_in_words,
 )
 
 _MOST_JOBS = 10
@@ -62,6 +63,8 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines.append("  This is the first run that has results: there is nothing to compare it with.")
     elif not since.paired and since.unpaired:
         lines.append("  No job of the last run has the step, world and seed of a job of an earlier run.")
+    if new := without_earlier_in_words(since):
+        lines += [f"  {new}", ""]
     if since.other_requirements:
         lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
     if lost := losses_in_words(since, _MOST_JOBS):

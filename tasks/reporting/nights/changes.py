@@ -11,6 +11,7 @@ from ....schemas.reports.changes import (
     Losses,
     NewlyMissed,
     RequirementChange,
+    SinceLastRun,
 )
 from .. import wording
 
@@ -73,6 +74,14 @@ def judged_otherwise_in_words(jobs: int) -> str:
     return f"{were} judged by other requirements than before: a verdict that changed may say nothing about the robot."
 
 
+def without_earlier_in_words(since: SinceLastRun) -> str:
+    """That some jobs are new, or have another world or seed than before; empty where none or all of them are."""
+    if not since.unpaired or not since.paired:
+        return ""
+    have = "1 job has" if since.unpaired == 1 else f"{since.unpaired} jobs have"
+    return f"{have} no earlier result: new, or with another world or seed than before."
+
+
 def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
     """`1 job is gone: drive: request 3 scout, seed 7 (failed before)`: a line for each kind of loss.
 
@@ -84,6 +93,7 @@ def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
         (losses.gone, "is gone", "are gone"),
         (losses.no_longer_judged, "is no longer judged", "are no longer judged"),
         (losses.asked_less, "is asked less than before", "are asked less than before"),
+        (losses.fewer_trials, "has fewer trials than before", "have fewer trials than before"),
     )
     lines = []
     for found, one, several in kinds:
@@ -97,8 +107,11 @@ def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
 
 
 def loss_in_words(loss: Loss) -> str:
-    """`failed before; requirement east is not asked any more`."""
+    """`failed before; requirement east is not asked any more`, `passed before; 2 trials, 20 before`."""
     before = "broke before" if loss.before == "broken" else f"{loss.before} before"
+    if loss.trials_now is not None:
+        trials = "1 trial" if loss.trials_now == 1 else f"{loss.trials_now} trials"
+        return f"{before}; {trials}, {loss.trials_before} before"
     if not loss.requirements:
         return before
     names = ", ".join(loss.requirements)

@@ -16,6 +16,7 @@ from prefect_robomaker.tasks.comparison.history import history_of, since_last_go
 from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.inspection.run_records import since_last_good
 from prefect_robomaker.tasks.notifications.messages import Message, is_due, message_of
+from prefect_robomaker.tasks.reporting import render_history
 from prefect_robomaker.tasks.reporting.nights.changes import losses_in_words
 
 USUAL: frozenset[NotifyWhen] = frozenset({"failure", "recovery"})
@@ -170,6 +171,63 @@ def test_trials_are_asked_for_what_each_of_them_is_judged_by() -> None:
     after = second.model_copy(update={"requirements": [trials]})
     assert lost([night_of(0, before), night_of(1, after)]).asked_less[0].requirements == ["east"]
     assert not lost([night_of(0, before), night_of(1, before)]).has_losses
+
+
+def with_trials(job: JobRecord, count: int, **members: Any) -> JobRecord:
+    own = Requirement(name="trials", satisfied=True, detail=f"none of {count} trials failed")
+    return job.model_copy(update={"requirements": [own], "metrics": {"trials": float(count)}, **members})
+
+
+@pytest.mark.parametrize(
+    ("counts", "found"),
+    [
+        ((20, 2), (20, 2)),
+        ((2, 20), None),
+        ((20, 20), None),
+        ((20, 2, 2), None),  # told the night before
+        ((20, 2, 1), (2, 1)),
+        ((20, None, 2), (20, 2)),  # a crash between counts nothing
+        ((20, None), None),
+    ],
+)
+def test_fewer_trials_are_told_once_with_both_numbers(
+    counts: tuple[int | None, ...], found: tuple[int, int] | None
+) -> None:
+    records = [
+        night_of(night, jobs("E", night)[0] if count is None else with_trials(jobs("P", night)[0], count))
+        for night, count in enumerate(counts)
+    ]
+    told_now = [(each.trials_before, each.trials_now) for each in lost(records).fewer_trials]
+    assert told_now == ([found] if found else [])
+
+
+def test_fewer_trials_are_named_everywhere_and_no_night_is_good_again() -> None:
+    good, bad, fewer = (
+        night_of(night, with_trials(jobs("P", night)[0], 2 if night == 2 else 20)) for night in range(3)
+    )
+    records = [good, bad.model_copy(update={"state": "failed"}), fewer]
+    line = "1 job has fewer trials than before: drive: request 1 scout, seed 1 (passed before; 2 trials, 20 before)"
+    since = lost(records)
+    assert losses_in_words(since) == [line]
+    message = told(records)
+    assert (message.title, message.good) == ("nightly: succeeded, 1 pass of 1 job, 1 with fewer trials", False)
+    assert line in message.body
+    ran = [NightRun.of(each) for each in records]
+    assert f"  {line}" in history_lines(history_of("nightly", ran), Path("page"))
+    assert f"  {line}" in comparison_lines(compare(ran[1], ran[2]))
+    page = render_history(history_of("nightly", ran), Path("runs"))
+    assert "Fewer trials than before" in page
+    assert "2 trials, 20 before" in page
+
+
+def test_another_seed_in_the_place_of_one_that_failed_is_said() -> None:
+    before, after = night_of(0, *jobs("PF"), state="failed"), night_of(1, jobs("P", 1)[0])
+    other = make_job(1, "P", night=1, world=None, seed=9)
+    after = after.model_copy(update={"jobs": [*after.jobs, other]})
+    words = "1 job has no earlier result: new, or with another world or seed than before."
+    assert words in told([before, after]).body
+    history = history_of("nightly", [NightRun.of(before), NightRun.of(after)])
+    assert f"  {words}" in history_lines(history, Path("page"))
 
 
 @pytest.mark.parametrize(("now", "title"), [
