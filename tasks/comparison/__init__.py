@@ -1,4 +1,4 @@
-"""Comparing runs of specifications: pairs of trials, statistics, history; functions of runs' records and tables of results.
+"""Comparing runs of specifications: pairs of trials, statistics, history; reads records and tables of results.
 
 ```
 comparison = compare(before, after, alpha=0.05)

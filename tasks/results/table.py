@@ -41,8 +41,10 @@ class ResultTable:
     | all others | as in `trials.parquet`; `trial` is empty for a job without trials |
     """
 
-    def __init__(self, table: "pa.Table") -> None:
-        self._table = table
+    def __init__(self, names: Sequence[str], rows: int, column: "Callable[[str], pa.ChunkedArray]") -> None:
+        self._all_names = list(names)
+        self._rows = rows
+        self._column = column
 
     @classmethod
     def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
@@ -74,11 +76,12 @@ class ResultTable:
         add_those_alone()
         if not tables:
             tables = [_rows_of([])]
-        return cls(pa.concat_tables(tables, promote_options="permissive").combine_chunks())
+        table = pa.concat_tables(tables, promote_options="permissive").combine_chunks()
+        return cls(table.column_names, table.num_rows, table.column)
 
     @classmethod
     def read(cls, path: Path) -> "ResultTable":
-        """Reads a table.
+        """Opens a table, whose columns are read when they are asked for: a comparison needs a third of them.
 
         Raises:
             OSError: There is no such file, or it cannot be read.
@@ -87,13 +90,24 @@ class ResultTable:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
+        texts = [*_OF_JOBS, "requirements"]  # few different ones, which are kept once they are read
         try:
-            table = pq.read_table(path, read_dictionary=list(_OF_JOBS))
+            file = pq.ParquetFile(path, read_dictionary=texts)
         except pa.ArrowException as error:
             raise ValueError(f"{path} is no table of results: {error}") from error
-        if missing := {*_OF_JOBS, "trial", "seed", "requirements"} - set(table.column_names):
+        if missing := {*_OF_JOBS, "trial", "seed", "requirements"} - set(file.schema_arrow.names):
             raise ValueError(f"{path} is no table of results: it has no column {min(missing)}")
-        return cls(table)
+        kept: dict[str, pa.ChunkedArray] = {}
+
+        def column(name: str) -> pa.ChunkedArray:
+            if name in kept:
+                return kept[name]
+            found = file.read(columns=[name])[name]
+            if name in texts:
+                kept[name] = found
+            return found
+
+        return cls(file.schema_arrow.names, file.metadata.num_rows, column)
 
     def write(self, path: Path) -> None:
         """Writes the table; the file appears only when it is whole.
@@ -101,17 +115,19 @@ class ResultTable:
         Raises:
             OSError: It cannot be written.
         """
+        import pyarrow as pa
         import pyarrow.parquet as pq
 
         part = path.with_name(f".{path.name}.{os.getpid()}.part")
         try:
-            pq.write_table(self._table, part, compression="zstd")
+            table = pa.table({name: self._column(name) for name in self._all_names})
+            pq.write_table(table, part, compression="zstd")
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
 
     def __len__(self) -> int:
-        return self._table.num_rows
+        return self._rows
 
     @property
     def parameters(self) -> list[str]:
@@ -130,13 +146,13 @@ class ResultTable:
 
     def texts(self, column: str) -> list[str | None]:
         """The texts of a column; None where it is empty."""
-        return self._table[column].to_pylist()
+        return self._column(column).to_pylist()
 
     def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
         """A column of texts as numbers of texts, -1 where it is empty, and those texts."""
         import pyarrow as pa
 
-        found = self._table[column]
+        found = self._column(column)
         if not pa.types.is_dictionary(found.type):
             found = found.dictionary_encode()
         encoded = found.unify_dictionaries().combine_chunks()
@@ -146,17 +162,17 @@ class ResultTable:
 
     def numbers(self, column: str) -> NDArray[np.float64]:
         """The numbers of a column; NaN where it is empty, or not there."""
-        if column not in self._table.column_names:
+        if column not in self._all_names:
             return np.full(len(self), np.nan)
-        return self._table[column].to_numpy().astype(np.float64)
+        return self._column(column).to_numpy().astype(np.float64)
 
     def met(self, requirement: str) -> NDArray[np.int8]:
         """Whether a requirement was met: 1 met, 0 missed, -1 not asked, not counted or not judged."""
         import pyarrow as pa
 
-        if f"requirement.{requirement}" not in self._table.column_names:
+        if f"requirement.{requirement}" not in self._all_names:
             return np.full(len(self), -1, dtype=np.int8)
-        found = self._table[f"requirement.{requirement}"].cast(pa.int8()).fill_null(-1)
+        found = self._column(f"requirement.{requirement}").cast(pa.int8()).fill_null(-1)
         return found.to_numpy().astype(np.int8)
 
     def rows_of(self, job: JobRecord) -> range:
@@ -188,10 +204,10 @@ class ResultTable:
 
     def requirements_at(self, row: int) -> list[Requirement]:
         """All requirements of one trial, with their limits and units."""
-        return _REQUIREMENTS.validate_json(self._table["requirements"][row].as_py() or "[]")
+        return _REQUIREMENTS.validate_json(self._column("requirements")[row].as_py() or "[]")
 
     def _names(self, prefix: str) -> Iterator[str]:
-        return (name.removeprefix(prefix) for name in self._table.column_names if name.startswith(prefix))
+        return (name.removeprefix(prefix) for name in self._all_names if name.startswith(prefix))
 
 
 def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
