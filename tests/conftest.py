@@ -2,6 +2,7 @@
 
 import gc
 import os
+import re
 import signal
 import sys
 import threading
@@ -47,6 +48,8 @@ for _name, _options in {
 }.items():
     hypothesis.settings.register_profile(_name, deadline=None, suppress_health_check=_slow_machine, **_options)
 hypothesis.settings.load_profile("robomaker")
+_DEEPER = ("deep", "(deep or hypothesis)")
+"""How expressions of markers begin that choose deep tests or those of hypothesis alone."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -83,9 +86,17 @@ def _rewrite_a_share(config: pytest.Config) -> None:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Skips folders whose tests are deselected anyway; importing them takes each worker seconds."""
+    """Skips folders and files whose tests are deselected anyway; importing them takes each worker seconds."""
+    chosen: str = config.option.markexpr
     marker = {"benchmarks": "benchmark", "endurance": "endurance"}.get(collection_path.name)
-    return True if marker and f"not {marker}" in config.option.markexpr else None
+    if marker and f"not {marker}" in chosen:
+        return True
+    if chosen.startswith(_DEEPER) and collection_path.match("test_*.py"):
+        # Of 580 files 270. Marks that several files share are in their folder's `conftest.py`.
+        places = (collection_path, collection_path.with_name("conftest.py"))
+        texts = [place.read_text() for place in places if place.exists()]
+        return None if any(re.search(r"\b(deep|hypothesis)\b", text) for text in texts) else True
+    return None
 
 
 def pytest_collection_finish() -> None:
