@@ -132,7 +132,7 @@ def prefect_at(url: str, auth: str = "") -> Prefect:
     headers = {"Prefect-Csrf-Client": client_id}
     if auth:
         headers["Authorization"] = f"Basic {base64.b64encode(auth.encode()).decode()}"
-    client = httpx.Client(base_url=f"{url}/api", headers=headers, timeout=60, trust_env=False)
+    client = httpx.Client(base_url=f"{url}/api", headers=headers, timeout=200, trust_env=False)
     token = client.get("/csrf-token", params={"client": client_id})
     if token.status_code == 200:
         client.headers["Prefect-Csrf-Token"] = token.json()["token"]

@@ -8,7 +8,7 @@ from helpers.agent_robot import Rover, rover
 from helpers.processes import wait_for
 from helpers.tuf_repository import bundle
 
-pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]
 
 POLLS = 40
 IDLE_SLEEP_S = 30

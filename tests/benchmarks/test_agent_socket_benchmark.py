@@ -179,7 +179,7 @@ def make_context(tmp_path: Path, world_dir: Path | None = None) -> SimulationCon
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_the_conversation_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     context = make_context(tmp_path)
     kinds: dict[str, Callable[[], Laps]] = {
@@ -200,7 +200,7 @@ def test_the_conversation_alone(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_scout_in_a_flat(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = tmp_path / "world"
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0))

@@ -57,7 +57,7 @@ def yard(service: Service) -> list[str]:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_sightings_and_status(service: Service, yard: list[str]) -> None:
     started, cpu = time.perf_counter(), time.process_time()
     service.catalog.update_many({robot: RobotSighting(last_seen_s=1000.0) for robot in yard})

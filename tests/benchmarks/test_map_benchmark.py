@@ -47,7 +47,7 @@ def plain() -> Took:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_a_map_of_a_thousand_items(prefect_server: str) -> None:
     for number in range(ROUNDS):
         one, each, bare = through(MapTaskRunner(WORKERS)), through(ThreadPoolTaskRunner(WORKERS)), plain()

@@ -8,7 +8,7 @@ from statistics import median
 import pytest
 from helpers.robot_door_server import ORDERS, ROBOTS, DoorServer, door_server
 
-pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]
 
 ROUNDS = 7
 POLLS = 1_000

@@ -67,7 +67,7 @@ def _cancel(service: Service, served: Served, arn: str) -> None:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_calls_while_a_batch_runs(
     serve: Serve,
     service: Service,

@@ -198,7 +198,7 @@ def copied(model: mujoco.MjModel, data: mujoco.MjData | None) -> mujoco.MjData:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(
     ("kind", "robot", "scans_hz"), [("flat", SCOUT, 5), ("flat", SCOUT, 10), ("house", SCOUT, 10), ("flat", WALKER, 10)]
 )

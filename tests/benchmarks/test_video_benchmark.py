@@ -88,7 +88,7 @@ def cpu_s(plan: RunPlan) -> float:
 
 
 @pytest.mark.benchmark
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_a_minute_of_navigation(world: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     measured: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for number in range(ROUNDS):

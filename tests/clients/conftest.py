@@ -108,7 +108,7 @@ def _end(pid: int) -> None:
     os.kill(pid, signal.SIGTERM)
     for process in _started:
         if process.pid == pid:
-            assert process.wait(60) == 0
+            assert process.wait(200) == 0
     wait_for(lambda: not alive({pid}), "the end of what was served")
 
 

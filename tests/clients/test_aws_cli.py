@@ -20,7 +20,7 @@ _REFUSED = (254, 255)
 
 Script = Callable[..., dict[str, Any]]
 
-pytestmark = [pytest.mark.slow, pytest.mark.deep, pytest.mark.timeout(600)]  # every command is a process of its own
+pytestmark = [pytest.mark.slow, pytest.mark.deep, pytest.mark.timeout(900)]  # every command is a process of its own
 
 
 @pytest.fixture

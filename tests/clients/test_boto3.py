@@ -15,7 +15,7 @@ from prefect_robomaker.deployments.cli.main import main
 
 _SCRIPT = str(Path(__file__).parent / "boto3_client.py")
 
-pytestmark = pytest.mark.timeout(600)  # the first to come starts what is served
+pytestmark = pytest.mark.timeout(900)  # the first to come starts what is served
 
 Client = Callable[[str], dict[str, Any]]
 

@@ -15,7 +15,7 @@ from .conftest import wanted_by
 
 _SCRIPT = str(Path(__file__).parent / "habits_client.py")
 
-pytestmark = pytest.mark.timeout(600)  # the first to come starts what is served
+pytestmark = pytest.mark.timeout(900)  # the first to come starts what is served
 _QUICK = (
     "output_is_read_where_the_job_says_it_is",
     "failure_is_told_by_its_code_being_there",

@@ -18,7 +18,7 @@ from helpers.client_environments import node_modules, run_client
 
 _PROJECT = Path(__file__).parent / "node"
 
-pytestmark = pytest.mark.timeout(600)  # the first to come starts what is served
+pytestmark = pytest.mark.timeout(900)  # the first to come starts what is served
 
 Client = Callable[[str], dict[str, Any]]
 

@@ -188,7 +188,7 @@ def serving(application: Any, port: int = 0) -> Iterator[str]:
         yield f"http://127.0.0.1:{running.servers[0].sockets[0].getsockname()[1]}"
     finally:
         running.should_exit = True
-        thread.join(30)
+        thread.join(200)
 
 
 @dataclass
@@ -255,7 +255,7 @@ class AgentProcess:
         """Ends it as systemd does; returns the exit code."""
         assert self.process is not None
         self.process.terminate()
-        code = self.process.wait(30)
+        code = self.process.wait(200)
         self.process = None
         return code
 

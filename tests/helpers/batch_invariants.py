@@ -38,7 +38,7 @@ def check_invariants(url: str, batch: str, jobs: int, s3: Any, bucket: str, most
     `most_failed` may.
     """
     # A job worker that is killed between the end of its job and giving back the lease leaves one that runs out.
-    wait_for(lambda: not rows(url, _HELD, batch, batch), "leases to be given back or to run out", 60.0)
+    wait_for(lambda: not rows(url, _HELD, batch, batch), "leases to be given back or to run out")
     [[status, document]] = rows(url, "SELECT status, document FROM resources WHERE arn = %s", batch)
     assert status == "Completed", {name: document.get(name) for name in ("failureCode", "failureReason", "failed")}
     query = "SELECT id, status, document FROM resources WHERE parent = %s AND kind = 'simulation-job'"

@@ -24,5 +24,5 @@ def task_runs(batch: str) -> Sequence[TaskRun]:
             known = client.read_task_runs(flow_run_filter=named)
         return bool(known) and all(run.state is not None and run.state.is_final() for run in known)
 
-    wait_for(ended, "the server to know of the task runs", 60)
+    wait_for(ended, "the server to know of the task runs")
     return known

@@ -19,7 +19,7 @@ from helpers.processes import wait_for
 
 SERVICES: dict[str, Any] = yaml.safe_load((REPOSITORY / "deployments" / "compose.yaml").read_text())
 _DEFAULT = re.compile(r"\$\{\w+:-([^}]*)\}")
-_READY_S = 90.0
+_READY_S = 200.0
 
 
 class ComposedServices:
@@ -53,7 +53,7 @@ class ComposedServices:
         """Ends the worker of this machine, as `docker compose stop worker` does."""
         worker = self._processes["worker"]
         worker.send_signal(signal.SIGTERM)
-        worker.wait(60)
+        worker.wait(200)
 
     def _start(self, name: str, **more: str) -> None:
         words = [word.replace("-dir=/data", f"-dir={self._folder / name}") for word in _words(name)]

@@ -36,12 +36,12 @@ class Endpoint:
         path = operation[0].lower() + operation[1:]
         headers = {"Content-Type": "application/json"}
         message = urllib.request.Request(f"{self.url}/{path}", json.dumps(request).encode(), headers)
-        with urllib.request.urlopen(message, timeout=60) as answer:
+        with urllib.request.urlopen(message, timeout=200) as answer:
             return json.load(answer)
 
     def worker(self) -> dict[str, Any]:
         """What the health page says of the job worker."""
-        with urllib.request.urlopen(f"{self.url}/health", timeout=60) as answer:
+        with urllib.request.urlopen(f"{self.url}/health", timeout=200) as answer:
             return json.load(answer)["performer"]
 
 

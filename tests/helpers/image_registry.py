@@ -64,7 +64,7 @@ class ImageRegistry:
         if blob is None:
             return None
         self.asked.set()
-        self.answers.wait(30)
+        self.answers.wait(200)
         return blob, "application/octet-stream"
 
 

@@ -19,7 +19,7 @@ from botocore.exceptions import BotoCoreError, ClientError
 from helpers.required_programs import missing
 from helpers.s3_server import S3Server
 
-_READY_WITHIN_S = 60.0
+_READY_WITHIN_S = 200.0
 
 
 @pytest.fixture(scope="session")

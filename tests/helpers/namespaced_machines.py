@@ -120,7 +120,7 @@ def namespaced_machine(folder: Path, hosts: Sequence[str] = ()) -> Iterator[Mach
     (folder / "passwd").write_text("".join(moved))
     keeper = subprocess.Popen([*_APART, "sh", "-ec", _SCRIPT, "sh", str(folder)])
     try:
-        wait_for((folder / "ready").exists, "the new network", 10)
+        wait_for((folder / "ready").exists, "the new network")
         machine = Machine(folder, keeper.pid)
         try:
             yield machine

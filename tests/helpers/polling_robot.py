@@ -79,7 +79,7 @@ class PollingRobot:
         return {"Authorization": f"TargetToken {self.token}", **others}
 
     def _send(self, request: urllib.request.Request) -> bytes:
-        with urllib.request.urlopen(request, timeout=60) as answer:
+        with urllib.request.urlopen(request, timeout=200) as answer:
             return answer.read()
 
 

@@ -19,7 +19,7 @@ from sqlalchemy.pool import NullPool
 
 from helpers.required_programs import missing, needs
 
-_CHANGES_WITHIN_S = 60.0
+_CHANGES_WITHIN_S = 200.0
 _STARTS = 3
 _SETTINGS = (
     "listen_addresses=127.0.0.1",

@@ -13,8 +13,11 @@ from typing import TypeVar
 T = TypeVar("T")
 
 
-def wait_for(probe: Callable[[], T], what: str, timeout_s: float = 60.0) -> T:
-    """Asks until the answer is true, and returns it; the longer that takes, the more seldom, up to half a second."""
+def wait_for(probe: Callable[[], T], what: str, timeout_s: float = 200.0) -> T:
+    """Asks until the answer is true, and returns it; the longer that takes, the more seldom, up to half a second.
+
+    The limit is for what never comes: a busy machine takes many times as long as an idle one.
+    """
     began = time.monotonic()
     while not (answer := probe()):
         waited_s = time.monotonic() - began

@@ -17,9 +17,9 @@ from helpers.container_images import write_root
 from helpers.required_programs import missing
 from prefect_robomaker.tasks.simulations.containers.engines import Engine, EngineError
 
-_START_WITHIN_S = 30.0
+_START_WITHIN_S = 200.0
 _STOP_WITHIN_S = 20.0
-_CALL_WITHIN_S = 60.0
+_CALL_WITHIN_S = 200.0
 
 
 @dataclass(frozen=True)

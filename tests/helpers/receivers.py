@@ -47,7 +47,7 @@ def webhook() -> Iterator[Webhook]:
             content = self.rfile.read(int(self.headers["Content-Length"]))
             hook.got.append(json.loads(content))
             if hook.wait is not None:
-                hook.wait.wait(30)
+                hook.wait.wait(200)
             self.send_response(hook.status)
             self.end_headers()
 

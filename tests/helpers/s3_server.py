@@ -38,7 +38,7 @@ _MORE = (
 )
 _ROLES = "iam.json"
 _BALLAST = "ballast"
-_READY_WITHIN_S = 60.0
+_READY_WITHIN_S = 200.0
 _STARTS = 3
 
 

@@ -51,7 +51,7 @@ class SwupdateRobot:
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
-            timeout=30,
+            timeout=200,
         )
         return said.stdout
 

@@ -32,7 +32,7 @@ def process_of(runs: SpecRuns) -> int | None:
     return None
 
 
-@pytest.mark.timeout(480)
+@pytest.mark.timeout(900)
 def test_a_run_whose_process_is_killed_goes_on_where_it_was(
     service: Service, order: Callable[..., dict[str, Any]], prefect_server: str, tmp_path: Path
 ) -> None:

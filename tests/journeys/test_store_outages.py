@@ -284,7 +284,7 @@ from pathlib import Path
 """
 
 
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 @pytest.mark.deep
 @pytest.mark.parametrize("mortal_s3", ["96m"], indirect=True)
 def test_a_server_whose_disk_is_full_gets_the_outputs_when_there_is_space(

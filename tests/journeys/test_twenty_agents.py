@@ -127,7 +127,7 @@ def cut_for_a_while(site: Site, job: str, proxy: TcpProxy, agent: LocalAgent) ->
 
 
 @pytest.mark.endurance
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_twenty_agents_through_good_and_bad_days(
     serve: Serve, service: Service, environ: Mapping[str, str], prefect_server: str, tmp_path: Path
 ) -> None:

@@ -177,7 +177,7 @@ def test_a_running_job_that_is_cancelled_leaves_no_archive(
 
     def hold() -> None:
         reached.set()
-        assert goes_on.wait(60)
+        assert goes_on.wait(200)
 
     put_file, archive = service.store.put_file, world_export.world_bundle
 
@@ -200,7 +200,7 @@ def test_a_running_job_that_is_cancelled_leaves_no_archive(
     # Prefect finds its server by the context.
     worker = threading.Thread(target=contextvars.copy_context().run, args=(perform, job, service))
     worker.start()
-    assert reached.wait(60)
+    assert reached.wait(200)
 
     call("CancelWorldExportJob", {"job": job}, service)
     at_once = described(job, service)["status"]

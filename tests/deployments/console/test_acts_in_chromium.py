@@ -130,5 +130,5 @@ def test_worlds_and_runs_are_started_and_failed_jobs_run_again(
         assert "Cancel" not in page.text
         assert [each for each in page.complaints if "400" not in each] == []
         served.process.terminate()
-        assert served.process.wait(60) == 0, served.log.read_text()
+        assert served.process.wait(200) == 0, served.log.read_text()
     assert "Traceback" not in served.log.read_text()

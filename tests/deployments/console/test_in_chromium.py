@@ -93,5 +93,5 @@ def test_a_newcomer_comes_to_the_video_of_the_failing_job(
         assert [each for each in page.complaints if "404" not in each] == []
         page.load(f"{served.url}/console", 1280)  # a page that is followed keeps the server from ending no longer
         served.process.terminate()
-        assert served.process.wait(60) == 0, served.log.read_text()
+        assert served.process.wait(200) == 0, served.log.read_text()
     assert "Traceback" not in served.log.read_text()

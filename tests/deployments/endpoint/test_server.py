@@ -33,7 +33,7 @@ NAMES = 6
 def ask(
     port: int, method: str, target: str, body: bytes = b"", **headers: str
 ) -> tuple[int, http.client.HTTPMessage, bytes]:
-    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60)
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=200)
     connection.request(method, target, body, {name.replace("_", "-"): value for name, value in headers.items()})
     answer = connection.getresponse()
     content = answer.read()
@@ -52,7 +52,7 @@ def test_what_boto3_sends_is_served(service: Service, template: str) -> None:
                 headers["Content-Type"] = "application/json"
             request = AWSRequest(method=method, url=url, data=body, headers=headers)
             SigV4Auth(Credentials("AKIAEXAMPLE", secret), "robomaker", "us-east-1").add_auth(request)
-            connection = http.client.HTTPConnection("localhost", port, timeout=60)
+            connection = http.client.HTTPConnection("localhost", port, timeout=200)
             connection.request(method, target, body, dict(request.headers.items()))
             answer = connection.getresponse()
             content = json.loads(answer.read())
@@ -125,7 +125,7 @@ def test_a_body_that_is_too_long_is_refused_in_full(service: Service) -> None:
 )
 def test_what_is_no_http_is_refused(sent: bytes, service: Service) -> None:
     with endpoint_here(make_application(service)) as port:
-        with socket.create_connection(("127.0.0.1", port), timeout=60) as connection:
+        with socket.create_connection(("127.0.0.1", port), timeout=200) as connection:
             connection.sendall(sent)
             connection.shutdown(socket.SHUT_WR)
             answer = b"".join(iter(lambda: connection.recv(65536), b""))

@@ -402,7 +402,7 @@ def test_slow_senders_of_large_bodies_do_not_block_others(
 
 def test_too_many_whole_requests_at_once_are_asked_to_come_again(service: Service) -> None:
     free = threading.Event()
-    application = make_application(service, worker_status=lambda: {"waited": free.wait(60)})
+    application = make_application(service, worker_status=lambda: {"waited": free.wait(200)})
     client = Client(application)
 
     async def meet() -> tuple[tuple[int, bytes], list[int]]:

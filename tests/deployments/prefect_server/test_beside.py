@@ -27,7 +27,7 @@ def test_a_job_may_write_to_the_server_and_ends_with_it(prefect_server: str, cap
 
     async def run() -> None:
         async with beside((fail, write_and_wait), prefect_server, auth_string(server_settings())):
-            await asyncio.wait_for(written.wait(), 60)
+            await asyncio.wait_for(written.wait(), 200)
 
     written = asyncio.Event()
     with caplog.at_level(logging.ERROR):

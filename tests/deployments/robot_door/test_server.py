@@ -28,7 +28,7 @@ def port(robots: Robots) -> Iterator[int]:
 
 
 def ask(port: int, method: str, path: str, body: str | None = None, **headers: str) -> tuple[int, bytes]:
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=200)) as connection:
         connection.request(method, path, body, {"Authorization": f"TargetToken {TOKEN}", **headers})
         answer = connection.getresponse()
         return answer.status, answer.read()
@@ -52,7 +52,7 @@ def test_an_order_is_carried_out_by_its_links(port: int, robots: Robots) -> None
 
 
 def test_a_connection_serves_several_requests(port: int) -> None:
-    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=60)) as connection:
+    with closing(http.client.HTTPConnection("127.0.0.1", port, timeout=200)) as connection:
         for token, status in [(TOKEN, 200), ("wrong", 401), (TOKEN, 200)]:
             connection.request("GET", FILE, headers={"Authorization": f"TargetToken {token}"})
             answer = connection.getresponse()

@@ -51,7 +51,7 @@ class Agent(PollingRobot):
         body = json.dumps({"tokenSha256": hash_token(token).hex()}).encode()
         url = f"{self.url}/DEFAULT/agents/v1/{self.name}/enrolment"
         headers = {"Authorization": f"EnrolmentToken {secret}", "Content-Type": "application/json"}
-        with urllib.request.urlopen(urllib.request.Request(url, body, headers), timeout=60) as answer:
+        with urllib.request.urlopen(urllib.request.Request(url, body, headers), timeout=200) as answer:
             root = json.loads(answer.read())["root"].encode()
         assert hashlib.sha256(root).hexdigest() == sha256
         return root

@@ -82,7 +82,7 @@ def test_a_job_whose_performing_breaks_is_given_up_unless_something_does_not_ans
         mine.begin_some(pool)
         if not mine.counts() and not ended.is_set():
             break
-        assert ended.wait(60)
+        assert ended.wait(200)
         time.sleep(0.02)  # the pause before it is tried again
 
     described = call("DescribeSimulationJob", {"job": job}, service)

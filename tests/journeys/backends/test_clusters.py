@@ -22,7 +22,7 @@ from .conftest import CLUSTERS, ONE_OF_THEM, BatchOnCluster
 Order = Callable[..., dict[str, Any]]
 Begin = Callable[..., BatchOnCluster]
 LONG = {"DURATION_S": "200"}
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.mark.parametrize("cluster", CLUSTERS, indirect=True)

@@ -25,7 +25,7 @@ from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(900)
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ Order = Callable[..., dict[str, Any]]
 ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 LONG = {"DURATION_S": "300"}
 WITHIN_S = 60.0
-SLOW_MACHINE_S = 60.0
+SLOW_MACHINE_S = 180.0
 """Tests run beside others, on machines that are busy."""
 
 
@@ -68,8 +68,12 @@ def test_a_killed_run_is_closed_with_its_subflows_and_tasks(
 
     seen = state_of(outer, WITHIN_S + SLOW_MACHINE_S)
     assert (seen.type.value, seen.message.partition(":")[0]) == ("CRASHED", "gave no sign of life for 30 s")
-    assert state_of(inner, WITHIN_S).type.value == "CRASHED"
-    wait_for(lambda: not open_task_runs(outer) + open_task_runs(inner), "the ends of the task runs", WITHIN_S)
+    assert state_of(inner, WITHIN_S + SLOW_MACHINE_S).type.value == "CRASHED"
+    wait_for(
+        lambda: not open_task_runs(outer) + open_task_runs(inner),
+        "the ends of the task runs",
+        WITHIN_S + SLOW_MACHINE_S,
+    )
     print(f"closed after {time.monotonic() - killed_at:.0f} s, load {os.getloadavg()[0]:.1f}")
 
 
@@ -143,7 +147,7 @@ def test_a_process_that_slept_takes_its_runs_back_and_goes_on(
     assert robomaker.returncode == 0, err
     assert service.catalog.get(job.arn).status == "Completed"
     assert [state_of(run).name for run in runs] == ["Completed", "Completed"]
-    wait_for(lambda: not open_task_runs(runs[1]), "the ends of the task runs", WITHIN_S)
+    wait_for(lambda: not open_task_runs(runs[1]), "the ends of the task runs", WITHIN_S + SLOW_MACHINE_S)
 
 
 def name_of(run: Any) -> str | None:
@@ -169,7 +173,7 @@ def test_a_run_of_serve_is_closed_though_no_job_worker_takes_it_up_again(
         os.kill(worker, signal.SIGKILL)
 
     assert state_of(run, WITHIN_S + SLOW_MACHINE_S).type.value == "CRASHED"
-    wait_for(lambda: not open_task_runs(run), "the ends of the task runs", WITHIN_S)
+    wait_for(lambda: not open_task_runs(run), "the ends of the task runs", WITHIN_S + SLOW_MACHINE_S)
 
 
 @pytest.mark.endurance

@@ -35,7 +35,7 @@ def test_a_job_that_another_process_performs_ends_and_keeps_its_outputs(
 
         assert call("CancelSimulationJob", {"job": arn}, service) == {}
         job = await_status(arn, "Canceled")
-        assert worker.wait(60) == 0
+        assert worker.wait(200) == 0
 
     assert not working_below(service.settings.home)
     assert "failureCode" not in job

@@ -461,7 +461,7 @@ def test_ports_are_forwarded_while_the_job_runs(service: Service, order_command:
         deadline = time.monotonic() + 120
         while True:
             try:
-                assert urllib.request.urlopen(url, timeout=60).read() == b"hello\n"
+                assert urllib.request.urlopen(url, timeout=200).read() == b"hello\n"
                 break
             except OSError:
                 assert time.monotonic() < deadline

@@ -144,7 +144,7 @@ def test_job_workers_follow_the_prefect_workers_that_are_online(client: Any, bat
         wait_for(lambda: states_with("first") == ["SCHEDULED"], "the first")
         wait_for(lambda: states_with("first", "second") == ["SCHEDULED"] * 2, "the second")
         # They give no sign of life any more.
-        wait_for(lambda: lab.states(batch) == [], "that they are taken back", 90)
+        wait_for(lambda: lab.states(batch) == [], "that they are taken back")
 
 
 def test_those_of_a_process_that_has_died_are_taken_over(client: Any, batch: str) -> None:

@@ -80,7 +80,7 @@ def test_the_death_of_the_parent_counts_until_the_run_ends_and_ends_the_process_
         try:
             first = [output.readline() for output in outputs]
             parent.stdin.close()
-            parent.wait(60)
+            parent.wait(200)
             told = [said + output.read() for said, output in zip(first, outputs, strict=True)]  # until all have ended
         finally:
             for output in outputs:

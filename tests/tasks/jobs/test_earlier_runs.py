@@ -39,7 +39,7 @@ def killed(service: Service, perform_elsewhere: PerformElsewhere, await_status: 
             if restart:
                 call("RestartSimulationJob", {"job": job["arn"]}, service)
             worker.send_signal(signal.SIGKILL)
-            worker.wait(60)
+            worker.wait(200)
             wait_for(lambda: not working_below(service.settings.home), "the run to die with its job worker")
         return service.catalog.get(job["arn"]).document["runId"]
 

@@ -45,9 +45,9 @@ def cancelled(arn: str, service: Service, away: Away, status: str) -> Mapping[st
     wait_for(lambda: away.asked, "the store to be asked")
     assert not has_left(status, arn, service)
     call("CancelSimulationJob", {"job": arn}, service)
-    wait_for(partial(has_left, status, arn, service), "the cancellation to be heard", 10.0)
+    wait_for(partial(has_left, status, arn, service), "the cancellation to be heard")
     away.come_back()
-    wait_for(lambda: service.catalog.get(arn).status == "Canceled", "the outputs to be stored", 20.0)
+    wait_for(lambda: service.catalog.get(arn).status == "Canceled", "the outputs to be stored")
     return service.catalog.get(arn).document
 
 

@@ -75,7 +75,7 @@ class Stepping:
 
 
 def get(url: str, path: str, **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:
-    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=60)
+    connection = http.client.HTTPConnection(urlsplit(url).netloc, timeout=200)
     try:
         connection.request("GET", path, headers=headers)
         answer = connection.getresponse()

@@ -70,7 +70,7 @@ def test_who_runs_a_run_again_leaves_the_container_of_the_first_alone(
         assert running.poll() is None
     finally:
         remove_containers(tmp_path / "first", environ)
-        running.wait(60)
+        running.wait(200)
     assert fake.containers() == []
 
 

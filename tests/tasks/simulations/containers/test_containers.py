@@ -86,11 +86,11 @@ def test_a_tool_waits_until_its_container_runs(fake: FakeEngine, engine: Engine,
     tool = subprocess.Popen(tool_argv(container, f"echo $SPEED > {written}"))
     run = subprocess.Popen(start_argv(container))
     try:
-        assert tool.wait(60) == 0
+        assert tool.wait(200) == 0
         assert written.read_text() == "2\n"
     finally:
         subprocess.run(remove_argv(container), check=True)
-    assert run.wait(60) != 0
+    assert run.wait(200) != 0
     assert fake.containers() == []
 
 

@@ -82,7 +82,7 @@ def test_no_file_keeps_the_worker_busy(tmp_path: Path, text: str) -> None:
     began = time.thread_time()
     assert readers_of("a.launch", tmp_path / "a.launch") == (1, 2)
     assert not is_launch_file("a.py", tmp_path / "a.py")
-    assert time.thread_time() - began < 1.0
+    assert time.thread_time() - began < 30.0, "what reads on from each of its beginnings takes hours"
 
 
 def test_of_huge_files_only_the_beginning_is_read(tmp_path: Path) -> None:

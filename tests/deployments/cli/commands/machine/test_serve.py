@@ -47,7 +47,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         wait_for(lambda: len(descendants(served.process.pid)) >= 6, "the processes of both jobs")
         processes = descendants(served.process.pid)
         served.process.send_signal(signal.SIGINT)
-        assert served.process.wait(60) == 0, served.log.read_text()
+        assert served.process.wait(200) == 0, served.log.read_text()
 
     assert status(service, waiting) == "Pending"
     assert "Interrupted: 3 simulation jobs, 1 simulation job batch; the next" in served.log.read_text()
@@ -68,7 +68,7 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
         wait_for(lambda: len(descendants(served.process.pid)) >= 4, "the processes of the batch's job")
         processes = descendants(served.process.pid)
         served.process.kill()
-        served.process.wait(60)
+        served.process.wait(200)
         wait_for(lambda: not alive(processes), "the end of every process")
 
     assert status(service, batch) == "Completing"
@@ -95,7 +95,7 @@ def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
         assert "the job worker was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
         described = served.call("DescribeSimulationJob", {"job": deadly})
         served.process.terminate()
-        assert served.process.wait(60) == 0
+        assert served.process.wait(200) == 0
     assert described["failureCode"] == "InternalServiceError"
     assert "3 job workers died" in described["failureReason"]
     assert service.catalog.lost_workers(other) == 1
@@ -125,7 +125,7 @@ def test_the_endpoint_alone_stores_jobs_for_others(serve: Serve, service: Servic
         assert served.worker() == {"state": "elsewhere"}
         assert served.facts["environment"]["AWS_ENDPOINT_URL_ROBOMAKER"] == served.url
         served.process.send_signal(signal.SIGHUP)
-        assert served.process.wait(60) == 0
+        assert served.process.wait(200) == 0
 
     assert status(service, arn) == "Pending"
     assert "POST /createSimulationJob 200" in served.log.read_text()
@@ -149,7 +149,7 @@ def test_a_trusted_proxy_says_that_visitors_come_by_https(serve_here: ServeHere,
     with serve_here(**proxied) as served:
         cookies = []
         for headers in ({}, {"X-Forwarded-Proto": "https"}):
-            connection = http.client.HTTPConnection(urlsplit(served.url).netloc, timeout=60)
+            connection = http.client.HTTPConnection(urlsplit(served.url).netloc, timeout=200)
             connection.request("POST", "/console/login", "key=AKID&secret=word", headers)
             cookies.append(connection.getresponse().headers["set-cookie"])
             connection.close()
@@ -183,7 +183,7 @@ def a_second_ctrl_c_does_not_wait(served: Served) -> None:
     served.process.send_signal(signal.SIGINT)
     wait_for(lambda: not answers(served), "the end of the endpoint")
     served.process.send_signal(signal.SIGINT)
-    assert served.process.wait(60) == 130
+    assert served.process.wait(200) == 130
     wait_for(lambda: not alive(processes), "the end of every process")
 
 

@@ -237,7 +237,7 @@ def attack_often(seeds: range, tmp_path: Path) -> None:
 
 
 @pytest.mark.deep
-@pytest.mark.timeout(600)
+@pytest.mark.timeout(900)
 def test_a_sample_of_bad_repositories_installs_nothing(tmp_path: Path) -> None:
     attack_often(range(1000, 1000 + SAMPLE), tmp_path)
 
