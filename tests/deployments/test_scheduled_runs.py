@@ -6,14 +6,19 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
-from helpers.processes import started
+from helpers.prefect_server import provide_tables
+from helpers.processes import started, wait_for
 from helpers.server_log import tracebacks
 from helpers.small_flat import BODY, ROLE
+
+from prefect_robomaker.deployments.prefect_server.local_server import server_status
+from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
+from prefect_robomaker.schemas.settings import Settings
 
 PAGE = REPOSITORY / "docs" / "prefect.md"
 EVERY_MINUTE = "* * * * *"
@@ -48,22 +53,6 @@ SPEC = {
         },
     },
 }
-# Waits for a run that the schedule made, and that a worker carried to its end.
-WATCH = """
-import json, time
-from prefect.client.orchestration import get_client
-from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterName
-made = DeploymentFilter(name=DeploymentFilterName(any_=["one-flat"]))
-deadline = time.monotonic() + 600
-with get_client(sync_client=True) as client:
-    while True:
-        runs = client.read_flow_runs(deployment_filter=made)
-        ended = [run for run in runs if run.state.is_final()]
-        if ended or time.monotonic() > deadline:
-            break
-        time.sleep(1)
-print(json.dumps([[run.auto_scheduled, run.state.type.value, run.state.message] for run in ended]))
-"""
 
 
 @pytest.fixture
@@ -79,6 +68,7 @@ def environ(tmp_path: Path) -> Iterator[dict[str, str]]:
         "ROBOMAKER_HOME": str(home),
     }
     (tmp_path / "user").mkdir()
+    provide_tables(server_folder(Settings.from_environment({"ROBOMAKER_HOME": str(home)})))
     yield made
     shell("robomaker server stop", made, tmp_path)
 
@@ -100,27 +90,37 @@ def test_a_schedule_made_as_documented_fires_up_to_the_report(environ: dict[str,
     folder = tmp_path / "project"
     folder.mkdir()
     (folder / "nightly.yaml").write_text(json.dumps(SPEC))
-    script = "\n".join([setup, *making]).replace("0 2 * * *", EVERY_MINUTE)
-
-    answer = shell(script, environ, folder)
-    assert "RunPipeline/one-flat  created, runs at * * * * * Europe/Berlin" in answer
-    (folder / "nightly.yaml").unlink()  # the deployment keeps it
+    # What is deployed goes before the worker starts: the deployment keeps it.
+    typed = "\n".join([setup, *making, "rm nightly.yaml", f"exec {worker}"]).replace("0 2 * * *", EVERY_MINUTE)
 
     log = tmp_path / "worker.log"
-    command = ["bash", "-c", f"{setup}\nexec {worker}"]
-    (folder / "watch.py").write_text(WATCH)
+    command = ["bash", "-euo", "pipefail", "-c", typed]
     with log.open("w") as output, started(command, environ, cwd=folder, stdout=output, stderr=subprocess.STDOUT):
-        ended: list[Any] = json.loads(shell(f"{setup}\npython watch.py", environ, folder).splitlines()[-1])
+        said = "RunPipeline/one-flat  created, runs at * * * * * Europe/Berlin"
+        wait_for(lambda: said in log.read_text(), f"the deployment; {log}", 600)
+        ended = wait_for(partial(ended_runs, environ), f"the end of a run; {log}", 600)
 
-    assert ended, log.read_text()
     for scheduled, state, message in ended:
         assert (scheduled, state) == (True, "COMPLETED"), f"{message}\n{log.read_text()}"
+    assert not (folder / "nightly.yaml").exists()
     (report, *_) = (tmp_path / "robomaker" / "runs").glob("one-flat-*/report.html")
     assert "one-flat" in report.read_text()
     record = json.loads((report.parent / "run.json").read_text())
     assert record["command"] == ["prefect", "deployment", "run", "RunPipeline/one-flat"]
     (server_log,) = (tmp_path / "robomaker").rglob("server.log")
     assert tracebacks(server_log.read_text()) == []
+
+
+def ended_runs(environ: dict[str, str]) -> list[tuple[bool, str, str | None]]:
+    """Whether a schedule made them, how they ended, and what they say of it."""
+    from prefect.client.orchestration import SyncPrefectClient
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterName
+
+    settings = Settings.from_environment({"ROBOMAKER_HOME": environ["ROBOMAKER_HOME"]})
+    made = DeploymentFilter(name=DeploymentFilterName(any_=["one-flat"]))
+    with SyncPrefectClient(str(server_status(settings, {}).api_url), auth_string=auth_string(settings)) as client:
+        states = [(run.auto_scheduled, run.state) for run in client.read_flow_runs(deployment_filter=made)]
+    return [(bool(auto), state.type.value, state.message) for auto, state in states if state and state.is_final()]
 
 
 def shell(script: str, environ: dict[str, str], folder: Path) -> str:
