@@ -71,13 +71,12 @@ def _rewrite_a_share(config: pytest.Config) -> None:
     Each worker collects all tests, and would rewrite all of them at the same time: 13 s of CPU. Only whole runs do
     this; what is missing or old is rewritten by pytest as ever.
     """
-    tests = Path(__file__).parent
     worker: dict[str, Any] | None = getattr(config, "workerinput", None)
-    if worker is None or [Path(word) for word in config.args] not in ([Path("tests")], [tests]):
+    if worker is None or not _takes_all(config):
         return
     state = config.stash[rewrite.assertstate_key]
     share = slice(int(worker["workerid"].removeprefix("gw")), None, int(worker["workercount"]))
-    for path in sorted(tests.rglob("test_*.py"))[share]:
+    for path in sorted(Path(__file__).parent.rglob("test_*.py"))[share]:
         folder = rewrite.get_cache_dir(path)
         cached = folder / f"{path.stem}{rewrite.PYC_TAIL}"
         if not cached.exists() and rewrite.try_makedirs(folder):
@@ -91,12 +90,22 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
     marker = {"benchmarks": "benchmark", "endurance": "endurance"}.get(collection_path.name)
     if marker and f"not {marker}" in chosen:
         return True
-    if chosen.startswith(_DEEPER) and collection_path.match("test_*.py"):
+    if not collection_path.match("test_*.py") or not _takes_all(config):
+        return None
+    text = collection_path.read_text()
+    if "not deep" in chosen:
+        return True if re.search(r"^pytestmark = .*mark\.deep\b", text, re.MULTILINE) else None
+    if chosen.startswith(_DEEPER):
         # Of 580 files 270. Marks that several files share are in their folder's `conftest.py`.
-        places = (collection_path, collection_path.with_name("conftest.py"))
-        texts = [place.read_text() for place in places if place.exists()]
-        return None if any(re.search(r"\b(deep|hypothesis)\b", text) for text in texts) else True
+        shared = collection_path.with_name("conftest.py")
+        texts = (text, shared.read_text() if shared.exists() else "")
+        return None if any(re.search(r"\b(deep|hypothesis)\b", each) for each in texts) else True
     return None
+
+
+def _takes_all(config: pytest.Config) -> bool:
+    """Whether no file or folder is named: one that is, is found, also when all its tests are deselected."""
+    return [Path(word) for word in config.args] in ([Path("tests")], [Path(__file__).parent])
 
 
 def pytest_collection_finish() -> None:

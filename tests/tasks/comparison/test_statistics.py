@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import stats
 
 from prefect_robomaker.tasks.comparison.statistics import (
     clustered_mean,
@@ -43,6 +42,8 @@ def test_the_exact_mcnemar_test_gives_published_values(worse: int, better: int, 
 
 @given(COUNTS, COUNTS)
 def test_the_exact_mcnemar_test_is_scipys_binomial_test(worse: int, better: int) -> None:
+    from scipy import stats  # takes each worker a second
+
     expected = stats.binomtest(worse, worse + better).pvalue if worse + better else 1.0
     assert mcnemar_p_value(worse, better) == pytest.approx(expected, abs=1e-12)
     assert mcnemar_p_value(worse, better) == mcnemar_p_value(better, worse)
@@ -152,6 +153,8 @@ def test_intervals_of_paired_means_are_scipys(differences: list[float], alpha: f
     if len(set(differences)) == 1:
         assert found.low == found.high == differences[0]
         return
+    from scipy import stats  # takes each worker a second
+
     expected = stats.ttest_1samp(differences, 0.0).confidence_interval(1 - alpha)
     scale = max(map(abs, differences)) or 1.0
     assert math.isclose(found.low, expected.low, rel_tol=1e-6, abs_tol=1e-6 * scale)
