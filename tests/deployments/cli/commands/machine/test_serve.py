@@ -76,14 +76,14 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
 
 
 @pytest.mark.deep
-def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
+def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on_and_wait_while_prefect_is_away(
     serve: Serve, service: Service, order: Order, prefect_server: str
 ) -> None:
     deadly = call("CreateSimulationJob", order(LONG), service)["arn"]
     for number in range(2):  # two job workers have begun it before, and are dead
         assert service.catalog.claim(deadly, str(number), -1)
 
-    with serve(PREFECT_API_URL=prefect_server) as served:
+    with Forwarder(prefect_server) as forwarder, serve(PREFECT_API_URL=forwarder.url) as served:
         wait_for(lambda: status(service, deadly) == "Running", "the job")
         other = served.call("CreateSimulationJob", order({"DURATION_S": "1"}))["arn"]
         wait_for(lambda: status(service, other) == "Running", "the other job")
@@ -94,28 +94,25 @@ def test_a_job_that_takes_worker_along_is_given_up_and_the_others_go_on(
         assert served.worker()["restarts"] == 1
         assert "the job worker was killed by signal 9; it is started again in 0.5 s" in served.log.read_text()
         described = served.call("DescribeSimulationJob", {"job": deadly})
-        served.process.terminate()
-        assert served.process.wait(200) == 0
+
+        jobs_wait_without_prefect(served, forwarder, service, order)
+        a_second_ctrl_c_does_not_wait(served)
     assert described["failureCode"] == "InternalServiceError"
     assert "3 job workers died" in described["failureReason"]
     assert service.catalog.lost_workers(other) == 1
 
 
-@pytest.mark.deep
-def test_without_prefect_jobs_wait_and_the_endpoint_answers(
-    serve: Serve, service: Service, order: Order, prefect_server: str
-) -> None:
-    with Forwarder(prefect_server) as forwarder, serve(PREFECT_API_URL=forwarder.url) as served:
-        served.wait_until_ready()
-        forwarder.stop()
-        wait_for(lambda: served.worker()["state"] == "waiting for Prefect", "the news that Prefect is gone")
-        arn = served.call("CreateSimulationJob", order())["arn"]
-        assert served.call("DescribeSimulationJob", {"job": arn})["status"] == "Pending"
-        assert "Prefect does not answer" in served.log.read_text()
-        forwarder.start()
-        wait_for(lambda: status(service, arn) == "Completed", "the end of the job")
-        assert "Prefect answers again" in served.log.read_text()
-        a_second_ctrl_c_does_not_wait(served)
+def jobs_wait_without_prefect(served: Served, forwarder: "Forwarder", service: Service, order: Order) -> None:
+    """Takes the Prefect server away for a while; the endpoint answers meanwhile."""
+    served.wait_until_ready()
+    forwarder.stop()
+    wait_for(lambda: served.worker()["state"] == "waiting for Prefect", "the news that Prefect is gone")
+    arn = served.call("CreateSimulationJob", order())["arn"]
+    assert served.call("DescribeSimulationJob", {"job": arn})["status"] == "Pending"
+    assert "Prefect does not answer" in served.log.read_text()
+    forwarder.start()
+    wait_for(lambda: status(service, arn) == "Completed", "the end of the job")
+    assert "Prefect answers again" in served.log.read_text()
 
 
 @pytest.mark.deep
