@@ -44,6 +44,7 @@ def script(old_programs: Path, place: Any, wanted: dict[str, Any], tmp_path: Pat
     return run
 
 
+@pytest.mark.endurance  # seventeen processes: botocore has them in test_boto3.py, the command's own ways are below
 def test_worlds_are_made_listed_exported_and_deleted(script: Script, place: Any, wanted: dict[str, Any]) -> None:
     check_worlds(script("worlds"), wanted, place.objects)
 

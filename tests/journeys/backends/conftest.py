@@ -17,7 +17,6 @@ from prefect_robomaker.tasks.backends.opening import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 
-CLUSTERS = [pytest.param("dask", marks=pytest.mark.deep), pytest.param("ray", marks=pytest.mark.deep)]
 ONE_OF_THEM = [pytest.param("dask", marks=pytest.mark.deep), pytest.param("ray", marks=pytest.mark.endurance)]
 """Of tests about what is the same on all clusters."""
 
