@@ -8,9 +8,11 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+from unittest import mock
 from uuid import UUID
 
 import pytest
+from helpers.command_here import Command
 from helpers.paths import REPOSITORY
 from helpers.processes import process_worker, wait_for
 from helpers.server_log import tracebacks
@@ -75,7 +77,9 @@ def test_every_operation_has_a_deployment_that_leads_to_its_flow() -> None:
 
 @pytest.mark.slow
 @pytest.mark.deep
-def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Settings, tmp_path: Path) -> None:
+def test_deployments_run_on_a_process_worker(
+    robomaker_at_server: Command, prefect_server: str, settings: Settings, tmp_path: Path
+) -> None:
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     environ = {
@@ -88,14 +92,14 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
 
     spec = tmp_path / "tiny.yaml"
     spec.write_text(json.dumps(SPEC))
-    run_module(environ, elsewhere, "prefect", "work-pool", "create", "robomaker", "--type", "process")
-    for name in ("create-world-template", "list-worlds"):
-        words = ("--no-prompt", "deploy", "--name", name, "--prefect-file", str(FILE))
-        run_module(environ, elsewhere, "prefect", *words)
-    command = "prefect_robomaker.deployments.cli.main"
+    make_pool("robomaker")
+    names = ("--name", "create-world-template", "--name", "list-worlds")
+    run_module(environ, elsewhere, "prefect", "--no-prompt", "deploy", *names, "--prefect-file", str(FILE))
     RobomakerObjectStore(address=str(tmp_path / "store")).save("of-the-block")
     block = ("--block", "robomaker-object-store/of-the-block")
-    run_module(environ, elsewhere, command, "deploy", str(spec), "--pool", "robomaker", *block)
+    with mock.patch.dict(os.environ):  # variables that the command sets in its process
+        deployed = robomaker_at_server("deploy", spec, "--pool", "robomaker", *block)
+    assert deployed.code == 0, deployed.err
     spec.unlink()  # the deployment keeps it
     with pytest.raises(PrefectHTTPStatusError, match="name"):
         create_run("CreateWorldTemplate/create-world-template", {"name": 7, "templateBody": "{}"})
@@ -121,6 +125,17 @@ def test_deployments_run_on_a_process_worker(prefect_server: str, settings: Sett
     assert list((tmp_path / "store").rglob("recording.mcap")), "the worker set what the block says"
     the_catalog_has_what_the_runs_made(settings)
     the_pipeline_shows_artifacts(runs[2])
+
+
+def make_pool(name: str) -> None:
+    """Makes a pool of processes, as `prefect work-pool create` does."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.actions import WorkPoolCreate
+    from prefect.workers.process import ProcessWorker
+
+    template = ProcessWorker.get_default_base_job_template()
+    with get_client(sync_client=True) as client:
+        client.create_work_pool(WorkPoolCreate(name=name, type="process", base_job_template=template))
 
 
 def run_module(environ: Mapping[str, str], folder: Path, *words: str) -> None:

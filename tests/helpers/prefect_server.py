@@ -126,7 +126,8 @@ def prefect_server() -> Iterator[str]:
         PREFECT_API_SSL_CERT_FILE: str(_one_certificate()),
     }
     with temporary_settings(chosen), pytest.MonkeyPatch.context() as patch:
-        # Processes of tests get the server by PREFECT_API_URL, and its secret by inheritance.
+        # Processes of tests get the server by PREFECT_API_URL, its secret and the certificate by inheritance.
         patch.setenv("PREFECT_API_AUTH_STRING", secret)
+        patch.setenv("PREFECT_API_SSL_CERT_FILE", str(_one_certificate()))
         yield url
     assert not tracebacks((server_settings().home / "prefect" / "server.log").read_text(errors="replace"))

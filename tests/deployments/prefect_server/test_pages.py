@@ -1,26 +1,28 @@
 """The pages of the local server, seen in Chromium by a user who came by the printed link."""
 
+import io
 import json
 import os
-import subprocess
-import sys
 import uuid
 from collections.abc import Iterator
+from contextlib import redirect_stdout
 from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 from helpers.browser import NEEDS_BROWSER, Browser, Page, browsing
+from helpers.command_here import Command
 from helpers.prefect_server import server_settings
 from helpers.processes import wait_for
 from helpers.small_flat import BODY, ROLE
 
+from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
 
 pytestmark = [pytest.mark.deep, NEEDS_BROWSER, pytest.mark.timeout(1200)]
 
-MAIN = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 NAME = f"seen-{uuid.uuid4().hex[:8]}"
 SPEC = {
     "version": 1,
@@ -42,9 +44,14 @@ SPEC = {
 def status() -> str:
     """What `robomaker server status` prints."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith("PREFECT_")}
-    environ = {**kept, "ROBOMAKER_HOME": str(server_settings().home), "PREFECT_HOME": str(server_settings().home)}
-    command = [*MAIN, "server", "status"]
-    return subprocess.run(command, env=environ, capture_output=True, text=True, check=True, timeout=290).stdout
+    home = str(server_settings().home)
+    out = io.StringIO()
+    with (
+        mock.patch.dict(os.environ, {**kept, "ROBOMAKER_HOME": home, "PREFECT_HOME": home}, clear=True),
+        redirect_stdout(out),
+    ):
+        assert main(["server", "status"]) == 0
+    return out.getvalue()
 
 
 def link() -> str:
@@ -153,17 +160,17 @@ def test_block_types_show_our_logo(browser: Browser, prefect_server: str) -> Non
 
 
 def test_a_run_is_listed_with_its_tasks_logs_and_artifacts(
-    browser: Browser, prefect_server: str, tmp_path: Path
+    browser: Browser, prefect_server: str, tmp_path: Path, robomaker_at_server: Command
 ) -> None:
+    from prefect.settings import PREFECT_LOGGING_TO_API_ENABLED, temporary_settings
+
     spec = tmp_path / "spec.yaml"
     spec.write_text(json.dumps(SPEC))
-    environ = {**os.environ, "ROBOMAKER_HOME": str(tmp_path / "home"), "PREFECT_API_URL": prefect_server, "CI": "true"}
-    ended = subprocess.run(
-        [*MAIN, "run", str(spec)], env=environ, capture_output=True, text=True, check=False, timeout=600
-    )
-    assert ended.returncode == 0, ended.stderr
+    with temporary_settings({PREFECT_LOGGING_TO_API_ENABLED: True}):
+        ended = robomaker_at_server("run", spec)
+    assert ended.code == 0, ended.err
     wait_for(lambda: task_runs_below(str(spec)), "its task runs, which reach the server late")
-    pages = next(line.split()[-1] for line in ended.stdout.splitlines() if line.startswith("  prefect"))
+    pages = next(line.split()[-1] for line in ended.out.splitlines() if line.startswith("  prefect"))
 
     with browser.page(pages) as page:
         page.wait(lambda page: "/dashboard" in page.address, "the dashboard")
