@@ -107,6 +107,8 @@ def test_the_test_that_flips_worlds_of_one_trial_is_mcnemars(worse: int, better:
 
 
 def test_the_test_that_flips_worlds_takes_many_large_ones() -> None:
+    from scipy import stats  # takes each worker a second
+
     chance = np.random.default_rng(3)
     sizes = chance.integers(-100, 101, 1000)
     deviation = math.sqrt(float((sizes**2).sum()))
