@@ -5,7 +5,7 @@ from typing import Any
 from ..schemas.operations.deployment_jobs import DeploymentApplicationConfigs, DeploymentConfig
 from ..schemas.operations.robots import FleetMaxResults
 from ..schemas.wire.common import Arn, ClientRequestToken, Filters, PaginationToken, TagMap
-from .steps import carry_out, operation_flow, perform_flow, read, record, validate
+from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -18,8 +18,7 @@ def CreateDeploymentJob(
     tags: TagMap | None = None,
 ) -> dict[str, Any]:
     """Deploys an application to the robots of a fleet, in waves."""
-    job = record("CreateDeploymentJob", validate("CreateDeploymentJob", locals()))
-    return carry_out("CreateDeploymentJob", job["arn"])
+    return order("CreateDeploymentJob", locals())
 
 
 @perform_flow
@@ -54,5 +53,4 @@ def CancelDeploymentJob(*, job: Arn) -> dict[str, Any]:
 @operation_flow
 def SyncDeploymentJob(*, clientRequestToken: ClientRequestToken, fleet: Arn) -> dict[str, Any]:
     """Repeats a fleet's latest deployment for its robots that are not in sync."""
-    job = record("SyncDeploymentJob", validate("SyncDeploymentJob", locals()))
-    return carry_out("SyncDeploymentJob", job["arn"])
+    return order("SyncDeploymentJob", locals())

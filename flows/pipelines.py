@@ -59,6 +59,7 @@ from ..tasks.inspection.pipeline_parts import (
 )
 from ..tasks.inspection.preflight import await_store, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
+from ..tasks.jobs.own_orders import OwnOrder
 from ..tasks.notifications.long_waits import LongWaits
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.applications.records import existing_application
@@ -376,22 +377,25 @@ class PipelineRun:
         entry = step_registry()[step.operation]
         service = self._service.ordered_by(self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1)
         request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
-        output = self._permit(
-            step,
-            part.request,
-            lambda: self._outlasting(
-                lambda: existing_application(step, request, service) or entry.answer(request, service)
-            ),
-        )
         if entry.run_job is None:
-            return output
-        self._outputs[name] = output
-        if self._is_canceled:  # while the job was made
-            self.cancel()
-
-        with self._service.watched_by(watch, lambda text: self._listener(Note(text))).activated():
-            answer, _ = perform(step.operation, output["arn"])
-            return answer
+            return self._permit(
+                step,
+                part.request,
+                lambda: self._outlasting(
+                    lambda: existing_application(step, request, service) or entry.answer(request, service)
+                ),
+            )
+        with OwnOrder(service) as own:
+            output = self._permit(
+                step, part.request, lambda: self._outlasting(lambda: entry.ordered(request, own.through, service))
+            )
+            own.keep(output["arn"])
+            self._outputs[name] = output
+            if self._is_canceled:  # while the job was made
+                self.cancel()
+            with self._service.watched_by(watch, lambda text: self._listener(Note(text))).activated():
+                answer, _ = perform(step.operation, output["arn"])
+                return answer
 
     def _outlasting(self, call: Callable[[], Result]) -> Result:
         """Calls again until the catalog answers, or the run is to end."""

@@ -20,7 +20,7 @@ from ..tasks.execution.orphans import end_job_worker
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.jobs.batch_workers import BatchWorker
 from ..tasks.service.service import Service
-from .steps import carry_out, operation_flow, perform_flow, read, record, validate
+from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -32,8 +32,7 @@ def StartSimulationJobBatch(
     tags: TagMap | None = None,
 ) -> dict[str, Any]:
     """Runs many simulations, so many at a time."""
-    job = record("StartSimulationJobBatch", validate("StartSimulationJobBatch", locals()))
-    return carry_out("StartSimulationJobBatch", job["arn"])
+    return order("StartSimulationJobBatch", locals())
 
 
 @perform_flow

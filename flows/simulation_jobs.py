@@ -26,7 +26,7 @@ from ..schemas.wire.job_configs import (
     SimulationApplicationConfigs,
     VPCConfig,
 )
-from .steps import carry_out, operation_flow, perform_flow, read, record, validate
+from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -50,8 +50,7 @@ def CreateSimulationJob(
     clientRequestToken: ClientRequestToken | None = None,
 ) -> dict[str, Any]:
     """Runs one simulation."""
-    job = record("CreateSimulationJob", validate("CreateSimulationJob", locals()))
-    return carry_out("CreateSimulationJob", job["arn"])
+    return order("CreateSimulationJob", locals())
 
 
 @perform_flow

@@ -24,6 +24,7 @@ from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
+from ..tasks.jobs.own_orders import OwnOrder
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 
@@ -70,6 +71,23 @@ def record(operation: str, request: Shape) -> dict[str, Any]:
         ServiceError: the request is refused; nothing was stored.
     """
     return registry()[operation].handle(request, Service.current())
+
+
+def order(operation: str, members: Mapping[str, Any]) -> Any:
+    """Orders a job and carries it out: nobody else takes it meanwhile.
+
+    Returns:
+        As `carry_out`.
+
+    Raises:
+        ServiceError: the request is refused; nothing was stored.
+    """
+    request, service = validate(operation, members), Service.current()
+    with OwnOrder(service) as own:
+        with own.through(operation, request.to_wire()).activated():
+            job = record(operation, request)
+        own.keep(job["arn"])
+        return carry_out(operation, job["arn"])
 
 
 def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from ..schemas.wire.common import (
     PaginationToken,
     TagMap,
 )
-from .steps import carry_out, operation_flow, perform_flow, read, record, validate
+from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -26,8 +26,7 @@ def CreateWorldExportJob(
     tags: TagMap | None = None,
 ) -> dict[str, Any]:
     """Packs worlds into an archive in the object store."""
-    job = record("CreateWorldExportJob", validate("CreateWorldExportJob", locals()))
-    return carry_out("CreateWorldExportJob", job["arn"])
+    return order("CreateWorldExportJob", locals())
 
 
 @perform_flow

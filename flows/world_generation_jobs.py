@@ -4,7 +4,7 @@ from typing import Any
 
 from ..schemas.operations.world_generation_jobs import WorldCount
 from ..schemas.wire.common import Arn, ClientRequestToken, Filters, MaxResults, PaginationToken, Seed, TagMap
-from .steps import carry_out, operation_flow, perform_flow, read, record, validate
+from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
 
 @operation_flow
@@ -18,8 +18,7 @@ def CreateWorldGenerationJob(
     seed: Seed | None = None,
 ) -> dict[str, Any]:
     """Generates worlds from a template."""
-    job = record("CreateWorldGenerationJob", validate("CreateWorldGenerationJob", locals()))
-    return carry_out("CreateWorldGenerationJob", job["arn"])
+    return order("CreateWorldGenerationJob", locals())
 
 
 @perform_flow

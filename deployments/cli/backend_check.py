@@ -22,7 +22,8 @@ def check_backend(settings: Settings) -> Finding:
         settings: those of a run, with the backend that is examined.
     """
     from ...flows import lookup
-    from ...tasks.operations.registry import call
+    from ...tasks.jobs.own_orders import OwnOrder
+    from ...tasks.operations.registry import call, registry
     from ...tasks.service.service import Service
     from .prefect_server import use_server
 
@@ -30,10 +31,12 @@ def check_backend(settings: Settings) -> Finding:
     try:
         service = replace(Service.open(settings), report_note=_tell)
         use_server(settings)
-        batch = call("StartSimulationJobBatch", _request(service), service)["arn"]
-        began = time.monotonic()
-        with service.activated():
-            answer, _ = lookup.perform("StartSimulationJobBatch", batch)
+        with OwnOrder(service) as own:
+            batch = registry()["StartSimulationJobBatch"].ordered(_request(service), own.through, service)["arn"]
+            own.keep(batch)
+            began = time.monotonic()
+            with service.activated():
+                answer, _ = lookup.perform("StartSimulationJobBatch", batch)
     except RobomakerError as error:
         return Finding(subject, "broken", str(error), _REMEDY)
     took_s = time.monotonic() - began

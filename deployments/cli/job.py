@@ -2,7 +2,9 @@
 
 import logging
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
+from typing import Any
 
 from ...schemas.settings import Settings
 from .output.answers import print_answer
@@ -43,6 +45,26 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         raise
     print_answer(answer, form)
     return EXIT_CODES[result.state]
+
+
+def order(operation: str, request: Mapping[str, Any], settings: Settings, form: str) -> int:
+    """Orders a job, carries it to its end and prints its final description.
+
+    Returns:
+        As `perform`.
+
+    Raises:
+        ServiceError: the request is refused; nothing was stored.
+    """
+    from ...tasks.jobs.own_orders import OwnOrder
+    from ...tasks.operations.registry import registry
+    from ...tasks.service.service import Service
+
+    service = Service.open(settings)
+    with OwnOrder(service) as own:
+        arn = registry()[operation].ordered(request, own.through, service)["arn"]
+        own.keep(arn)
+        return perform(operation, arn, settings, form)
 
 
 def _warn_on_stderr() -> None:

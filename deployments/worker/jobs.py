@@ -18,6 +18,7 @@ from ...tasks.catalog import Resource
 from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ...tasks.execution.one_worker_per_job import run_under_lease
 from ...tasks.execution.retry_limit import fail_job
+from ...tasks.jobs.job_standings import needs_elsewhere, standing_of
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .pools import JobPool
@@ -25,6 +26,8 @@ from .prefect_watch import PrefectWatch
 
 MOST_TRIES = 3
 """How often a job's flow run may raise before the job fails; services that do not answer do not count."""
+
+_LOOK_AGAIN_S = 60.0
 
 _UNAVAILABLE = (httpx.HTTPError, PrefectException, ServiceUnavailableException, lookup.PrefectServerLostError)
 
@@ -57,6 +60,11 @@ class Jobs:
     prefect: PrefectWatch
     held: HeldLeases = field(default_factory=lambda: HELD)
     find_flow: Callable[[str], Callable[[str], object]] = lambda operation: partial(lookup.perform, operation)
+    left: dict[str, str] = field(default_factory=dict[str, str])
+    """Jobs that others ordered for themselves, and that this process cannot carry out as ordered: why, by ARN."""
+
+    _left_since_s: float = field(default_factory=time.monotonic)
+    _told: set[str] = field(default_factory=set[str])
     _running: dict[str, JobPool] = field(default_factory=dict)
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
@@ -74,8 +82,9 @@ class Jobs:
         if free <= 0:
             return
         paused = {arn for arn, trouble in list(self._troubles.items()) if trouble.not_before > time.monotonic()}
-        for job in self.service.catalog.unfinished([pool.kind], limit=free + len(paused)):
-            if free > 0 and job.arn not in paused and self._reserve(job):
+        found = self.service.catalog.unfinished([pool.kind], limit=free + len(paused), without=self.left)
+        for job in found:
+            if free > 0 and job.arn not in paused and not self._leaves(job) and self._reserve(job):
                 self._begin(pool, job)
                 free -= 1
 
@@ -83,6 +92,20 @@ class Jobs:
         """Renews the leases of jobs whose flow runs have not begun to renew them."""
         for arn in list(self._running):
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
+
+    def _leaves(self, job: Resource) -> bool:
+        """Whether a job is left to a process with another environment; it is looked at again a minute later."""
+        ownership = self.service.catalog.ownerships([job.arn]).get(job.arn)
+        if ownership is None or not needs_elsewhere(ownership.needed_environment, self.service):
+            return False
+        standing = standing_of(job, self.service)
+        if standing is None or not standing.waits_for_command:
+            return False  # it has just ended, or somebody has taken it
+        self.left[job.arn] = f"on {standing.machine}: {standing.command}"
+        _logger.warning(
+            "%s: %s; %s goes on with it on %s", job.id, standing.in_words(), standing.command, standing.machine
+        )
+        return True
 
     def _reserve(self, job: Resource) -> bool:
         return self.held.reserve(job.arn, self.service.catalog, self.service.timing.lease_s)

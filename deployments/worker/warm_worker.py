@@ -81,8 +81,11 @@ class WarmWorker:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
                 self._jobs.renew_reservations()
+                self._jobs.look_again()
             # Mostly one query to the catalog, instead of one for each pool.
-            if self._prefect.answers and self._service.catalog.unfinished(self._kinds, limit=1):
+            if self._prefect.answers and self._service.catalog.unfinished(
+                self._kinds, limit=1, without=self._jobs.left
+            ):
                 for pool in self._pools:
                     self._jobs.begin_some(pool)
             self._note_catalog(None)
@@ -99,6 +102,7 @@ class WarmWorker:
             "prefect": self._prefect.url,
             **{pool.kind: _in_words(pool, counts[pool.kind], waiting) for pool in self._pools},
             **({"waiting": [f"{record.name}: {record.why}" for record in waits]} if waits else {}),
+            **({"left": dict(self._jobs.left)} if self._jobs.left else {}),
         }
 
     def _waits(self) -> list[WaiterRecord]:

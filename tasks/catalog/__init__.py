@@ -15,7 +15,18 @@ May import: `schemas`.
 
 from .catalog import Catalog, Stored
 from .client_tokens import ClientToken
-from .records import NewResource, Page, Resource
+from .records import FirstLease, NewResource, Ownership, Page, Resource
 from .rollouts import StoredEvent, StoredRollout
 
-__all__ = ["Catalog", "ClientToken", "NewResource", "Page", "Resource", "Stored", "StoredEvent", "StoredRollout"]
+__all__ = [
+    "Catalog",
+    "ClientToken",
+    "FirstLease",
+    "NewResource",
+    "Ownership",
+    "Page",
+    "Resource",
+    "Stored",
+    "StoredEvent",
+    "StoredRollout",
+]

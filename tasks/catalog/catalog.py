@@ -1,7 +1,7 @@
 """The catalog of all resources, for any thread and any process."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, func, insert, select, update
@@ -25,7 +25,7 @@ from .queries import (
     replace_labels,
     resource_of,
 )
-from .records import NewResource, Resource
+from .records import FirstLease, NewResource, Resource
 from .rollouts import CatalogRollouts
 from .tables import resources
 from .tags import insert_tags, replace_tags
@@ -78,7 +78,14 @@ class Catalog(CatalogLeases, CatalogRollouts):
 
     # Creating and deleting
 
-    def create(self, resource: NewResource, *, token: ClientToken | None, unique_name: bool = False) -> Resource:
+    def create(
+        self,
+        resource: NewResource,
+        *,
+        token: ClientToken | None,
+        unique_name: bool = False,
+        lease: FirstLease | None = None,
+    ) -> Resource:
         """Adds a resource, or returns the one an equal call with the same token added before.
 
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
@@ -87,29 +94,38 @@ class Catalog(CatalogLeases, CatalogRollouts):
             resource: what to add.
             token: the caller's token; `None`: every call adds.
             unique_name: whether no other of its kind may have its name, then or later.
+            lease: its lease, if it is held from the beginning; `None`: whoever comes first may take it.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.
             ResourceAlreadyExistsException: the name is taken, or the ARN.
         """
         try:
-            return self._create(resource, token, unique_name)
+            return self._create(resource, token, unique_name, lease)
         except IntegrityError:
             # Somebody else has just added the same; this time it is found before.
-            return self._create(resource, token, unique_name)
+            return self._create(resource, token, unique_name, lease)
 
-    def _create(self, resource: NewResource, token: ClientToken | None, unique_name: bool) -> Resource:
+    def _create(
+        self, resource: NewResource, token: ClientToken | None, unique_name: bool, lease: FirstLease | None
+    ) -> Resource:
         with self._transaction(self._writer) as connection:
             account = ResourceArn.parse(resource.arn).account
             if token is not None and (earlier := find_resource(connection, token, account)) is not None:
                 return earlier
             check_free(connection, resource, unique_name)
-            created = self._insert(connection, resource, unique_name)
+            created = self._insert(connection, resource, unique_name, lease)
             if token is not None:
                 store_token(connection, token, account, resource.arn)
             return created
 
-    def _insert(self, connection: Connection, resource: NewResource, unique_name: bool = False) -> Resource:
+    def _insert(
+        self,
+        connection: Connection,
+        resource: NewResource,
+        unique_name: bool = False,
+        lease: FirstLease | None = None,
+    ) -> Resource:
         now = self._now()
         row: dict[str, Any] = {
             "arn": resource.arn,
@@ -125,8 +141,16 @@ class Catalog(CatalogLeases, CatalogRollouts):
             "labels": {key: list(values) for key, values in resource.labels.items()},
             "document": dict(resource.document),
         }
-        unique = {"unique_name": resource.name if unique_name else None}
-        sequence = connection.execute(_ADDED, {**row, **unique}).scalar_one()
+        others: dict[str, Any] = {"unique_name": resource.name if unique_name else None}
+        if lease is not None:
+            others |= {
+                "lease_owner": lease.owner,
+                "lease_expires_at": now + timedelta(seconds=lease.lease_s),
+                "last_owner": lease.owner,
+                "owner_since": now,
+                "needed_environment": dict(lease.needed_environment),
+            }
+        sequence = connection.execute(_ADDED, {**row, **others}).scalar_one()
         insert_labels(connection, sequence, resource.labels)
         insert_tags(connection, resource.kind, sequence, resource.tags)
         return Resource(**row)

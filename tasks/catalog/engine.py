@@ -33,6 +33,18 @@ def _add_lost_workers(connection: Connection) -> None:
         connection.execute(text("ALTER TABLE resources ADD COLUMN lost_performers INTEGER NOT NULL DEFAULT 0"))
 
 
+def _add_owners(connection: Connection) -> None:
+    there = {column["name"] for column in inspect(connection).get_columns("resources")}
+    for name, kind in (
+        ("last_owner", "VARCHAR(255)"),
+        ("owner_since", "BIGINT"),
+        ("lost_owner", "VARCHAR(255)"),
+        ("needed_environment", "JSON"),
+    ):
+        if name not in there:
+            connection.execute(text(f"ALTER TABLE resources ADD COLUMN {name} {kind}"))
+
+
 MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     metadata.create_all,
     _add_labels,
@@ -40,6 +52,7 @@ MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
     label_worlds,
     metadata.create_all,  # tables of rollouts
     fill_tags,
+    _add_owners,
 )
 """Each brings the tables one version further; later ones are added at the end and never change.
 

@@ -1,18 +1,19 @@
 """Leases: which job worker runs which job, which jobs wait, and how many job workers died while they ran a job."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import datetime, timedelta
 from typing import Any
 
-from sqlalchemy import BindParameter, ColumnElement, Update, and_, bindparam, case, func, or_, select, update
+from sqlalchemy import BindParameter, ColumnElement, Update, and_, bindparam, case, func, null, or_, select, update
 
 from ...schemas.lifecycles import LIFECYCLES
 from .queries import COLUMNS, changed_one, not_found, one_row, resource_of
 from .reading import CatalogReader
-from .records import Resource
-from .tables import resources
+from .records import Ownership, Resource
+from .tables import UtcTime, resources
 
 _BATCH = "simulation-job-batch"
+_CHUNK = 500  # of ARNs in one query
 
 
 def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
@@ -20,22 +21,37 @@ def _is_free(now: datetime | BindParameter[Any]) -> ColumnElement[bool]:
     return or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= now)
 
 
+# A lease of another that has run out was a lost worker's.
+_WAS_LOST = and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != bindparam("held_by"))
+
 # Made once, as each job takes a lease and gives it back, and making a statement takes as long as executing it.
 _TAKEN = (
     update(resources)
     .where(resources.c.arn == bindparam("of"))
     .values(
-        # A lease of another that has run out was a lost worker's.
-        lost_workers=resources.c.lost_workers
-        + case(
-            (and_(resources.c.lease_owner.is_not(None), resources.c.lease_owner != bindparam("held_by")), 1), else_=0
-        ),
+        lost_workers=resources.c.lost_workers + case((_WAS_LOST, 1), else_=0),
         lease_owner=bindparam("held_by"),
         lease_expires_at=bindparam("until"),
+        lost_owner=case((_WAS_LOST, resources.c.lease_owner), else_=resources.c.lost_owner),
+        last_owner=bindparam("held_by"),
+        owner_since=case(
+            (resources.c.last_owner == bindparam("held_by"), resources.c.owner_since),
+            else_=bindparam("now", type_=UtcTime),
+        ),
     )
 )
 _CLAIMED = _TAKEN.where(or_(_is_free(bindparam("now")), resources.c.lease_owner == bindparam("held_by")))
 _HELD = update(resources).where(resources.c.arn == bindparam("of"), resources.c.lease_owner == bindparam("held_by"))
+
+_OWNERSHIP = select(
+    resources.c.arn,
+    resources.c.last_owner,
+    resources.c.owner_since,
+    resources.c.lease_owner,
+    resources.c.lost_owner,
+    resources.c.needed_environment,
+    (resources.c.lease_expires_at <= bindparam("now")).label("has_run_out"),
+)
 
 
 class CatalogLeases(CatalogReader):
@@ -103,7 +119,7 @@ class CatalogLeases(CatalogReader):
                 return None
             arn = connection.scalar(first)
             if arn is not None:
-                values = {"held_by": owner, "until": now + timedelta(seconds=lease_s)}
+                values = {"held_by": owner, "now": now, "until": now + timedelta(seconds=lease_s)}
                 connection.execute(_TAKEN, {"of": arn, **values})
             return arn
 
@@ -138,6 +154,24 @@ class CatalogLeases(CatalogReader):
         if row is None:
             raise not_found(arn)
         return row[0], bool(row[1])
+
+    def ownerships(self, arns: Iterable[str]) -> dict[str, Ownership]:
+        """Who carries out some jobs, by ARN; those that do not exist are left out."""
+        wanted = sorted(set(arns))
+        found: dict[str, Ownership] = {}
+        with self._transaction(self._engine) as connection:
+            for start in range(0, len(wanted), _CHUNK):
+                some = _OWNERSHIP.where(resources.c.arn.in_(wanted[start : start + _CHUNK]))
+                for row in connection.execute(some, {"now": self._now()}):
+                    found[row.arn] = Ownership(
+                        owner=row.last_owner,
+                        since=row.owner_since,
+                        is_held=row.lease_owner is not None and not row.has_run_out,
+                        is_released=row.lease_owner is None,
+                        lost_owner=row.lost_owner,
+                        needed_environment=row.needed_environment,
+                    )
+        return found
 
     def expire_leases(self, owners: str) -> int:
         """Ends the leases of a process that is known to be dead, so that others need not wait until they run out.
@@ -174,7 +208,9 @@ class CatalogLeases(CatalogReader):
         """
         self._lease(_HELD, arn, owner, {"lost_workers": 0})
 
-    def unfinished(self, kinds: Sequence[str], limit: int = 100) -> tuple[Resource, ...]:
+    def unfinished(
+        self, kinds: Sequence[str], limit: int = 100, *, without: Collection[str] = ()
+    ) -> tuple[Resource, ...]:
         """The jobs that have not ended and that no job worker holds, oldest first.
 
         Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
@@ -182,6 +218,7 @@ class CatalogLeases(CatalogReader):
         Args:
             kinds: which kinds of jobs.
             limit: how many at most.
+            without: ARNs of jobs that are left out, too.
         """
         batches = resources.alias("batches")
         in_live_batch = (
@@ -195,10 +232,22 @@ class CatalogLeases(CatalogReader):
             or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= self._now()),
             ~in_live_batch,
         )
+        if without:
+            query = query.where(resources.c.arn.not_in(sorted(without)))
         # Not by the plain column: SQLite would walk along all jobs there ever were instead of the few unfinished.
         oldest_first = query.order_by(resources.c.sequence + 0).limit(limit)
         with self._transaction(self._engine) as connection:
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
+
+    def ordered_for_oneself(self) -> tuple[Resource, ...]:
+        """The jobs that have not ended, and that whoever ordered them carries out himself; oldest first."""
+        living = or_(
+            *(and_(resources.c.kind == kind, resources.c.status.in_(_alive(kind))) for kind in LIFECYCLES),
+        )
+        query = select(*COLUMNS).where(living, resources.c.needed_environment.is_not(null()))
+        with self._transaction(self._engine) as connection:
+            rows = connection.execute(query.order_by(resources.c.sequence)).mappings()
+            return tuple(resource_of(row) for row in rows)
 
     def _lease(self, statement: Update, arn: str, owner: str, values: Mapping[str, Any]) -> bool:
         with self._transaction(self._writer) as connection:

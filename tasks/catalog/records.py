@@ -74,6 +74,43 @@ class Resource(NewResource):
 
 
 @dataclass(frozen=True)
+class FirstLease:
+    """The lease of a new job that nobody else may take up: it is held from the transaction that stores the job."""
+
+    owner: str
+    """Name of who ordered the job for himself, which no other has."""
+
+    lease_s: float
+    """After how many seconds another may take it, unless it is renewed."""
+
+    needed_environment: Mapping[str, Any]
+    """What whoever carries the job out instead of him has to have; see `schemas.runs.environments`."""
+
+
+@dataclass(frozen=True)
+class Ownership:
+    """Who carries out a job."""
+
+    owner: str | None
+    """Name of who holds its lease, or held it last; `None`: nobody has held it."""
+
+    since: datetime | None
+    """When the owner took it."""
+
+    is_held: bool
+    """Whether the owner holds the lease, and it has not run out."""
+
+    is_released: bool
+    """Whether the owner has given the lease back."""
+
+    lost_owner: str | None
+    """Whose lease ran out, so that another took it; `None`: nobody's did."""
+
+    needed_environment: Mapping[str, Any] | None
+    """What who ordered it for himself had; `None`: a client ordered it."""
+
+
+@dataclass(frozen=True)
 class Page:
     """Some of the resources of a list."""
 

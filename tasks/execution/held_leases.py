@@ -6,12 +6,16 @@ in it can no longer change a job.
 """
 
 import os
+import re
 import socket
+import sys
 import threading
 import uuid
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 
 from ...schemas.wire.errors import RobomakerError, ServiceUnavailableException
 from ..catalog import Catalog
@@ -24,6 +28,36 @@ class WorkerStopping(RobomakerError):
 def owners_of(pid: int) -> str:
     """Returns the prefix of the owner names of a process of this machine."""
     return f"{socket.gethostname()}:{pid}:"
+
+
+def new_owner() -> str:
+    """Makes a name for the owner of a lease: machine, process, a part of its own, and the program's role."""
+    return f"{owners_of(os.getpid())}{uuid.uuid4().hex[:8]}:{_role()}"
+
+
+@cache
+def _role() -> str:
+    """What this process is, for people."""
+    return role_of(getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", ""), sys.argv)
+
+
+def role_of(main: str, words: Sequence[str]) -> str:
+    """Names a program for people.
+
+    Args:
+        main: name of its main module; empty: it is a script.
+        words: its command line.
+    """
+    if "prefect_robomaker.deployments.worker" in main:
+        return "robomaker serve"
+    if "prefect_robomaker.deployments.cli.ordered_run" in main:
+        return "a run of the console"
+    if main.startswith("prefect."):
+        return "a run of a Prefect worker"
+    if main.startswith("prefect_robomaker.deployments.cli") or (words and Path(words[0]).name == "robomaker"):
+        command = next((word for word in words[1:] if re.fullmatch("[a-z][a-z-]*", word)), "")
+        return f"robomaker {command}".strip()
+    return "a Python program"
 
 
 def died_here(owner: str) -> bool:
@@ -63,7 +97,7 @@ class HeldLeases:
             if arn in self._reserved:
                 owner = self._owners[arn]
             else:
-                owner = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+                owner = new_owner()
                 self._owners.setdefault(arn, owner)
         try:
             yield owner
@@ -71,6 +105,20 @@ class HeldLeases:
             with self._lock:
                 if self._owners.get(arn) == owner and arn not in self._reserved:
                     del self._owners[arn]
+
+    def adopt(self, arn: str, owner: str) -> bool:
+        """Notes a lease that was taken when its job was stored.
+
+        Returns:
+            Whether `cancel_reservation` has to follow; false: another thread of this process carries the job out, or
+            no more leases are taken.
+        """
+        with self._lock:
+            if self._closed or arn in self._owners:
+                return False
+            self._owners[arn] = owner
+            self._reserved.add(arn)
+            return True
 
     def reserve(self, arn: str, catalog: Catalog, lease_s: float) -> bool:
         """Claims a job for the thread of this process that begins it; `cancel_reservation` has to follow.
@@ -81,7 +129,7 @@ class HeldLeases:
         with self._lock:
             if self._closed or arn in self._owners:
                 return False
-            owner = self._owners[arn] = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+            owner = self._owners[arn] = new_owner()
             self._reserved.add(arn)
         is_claimed = False
         try:
@@ -104,7 +152,7 @@ class HeldLeases:
         with self._lock:
             if self._closed:
                 return None
-        owner = owners_of(os.getpid()) + uuid.uuid4().hex[:8]
+        owner = new_owner()
         if (arn := take(owner)) is None:
             return None
         with self._lock:

@@ -73,6 +73,22 @@ class Operation:
         """
         return self.handle(self.checked(data, service), service)
 
+    def ordered(
+        self, data: Mapping[str, Any], through: Callable[[str, Mapping[str, Any]], Service], service: Service
+    ) -> dict[str, Any]:
+        """Orders a job, as `answer` does, for the caller himself.
+
+        Args:
+            data: the request's members.
+            through: gives the service that stores the job with its lease: `OwnOrder.through`.
+            service: checks the request.
+
+        Raises:
+            ServiceError: the request is refused; nothing was stored.
+        """
+        request = self.checked(data, service)
+        return self.handle(request, through(self.name, request.to_wire()))
+
     def checked(self, data: Mapping[str, Any], service: Service) -> Shape:
         """Checks the request by itself, without the catalog.
 

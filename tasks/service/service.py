@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.documents.base import Document
+from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.machine_waits import Wait
 from ...schemas.runs.trials import TrialCounts
 from ...schemas.settings import Settings
@@ -24,7 +25,7 @@ from ...schemas.wire.arns import resource_arn
 from ...schemas.wire.ids import IdPrefix, new_id
 from ..backends.backend import Backend
 from ..backends.opening import open_backend
-from ..catalog import Catalog, ClientToken, Resource
+from ..catalog import Catalog, ClientToken, FirstLease, Resource
 from ..storage import open_store
 from ..storage.base import ObjectStore, Stopped
 from ..storage.roles import ReadBlock, Roles, open_roles
@@ -100,6 +101,9 @@ class Service:
 
     spec_run: SpecRun | None = None
     """The run of a specification that this service is used by; `None`: none."""
+
+    first_lease: FirstLease | None = None
+    """The lease of the job that is ordered through this service by who carries it out; `None`: whoever comes first."""
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
@@ -238,7 +242,8 @@ class Service:
             labels=labels,
             document=document,
         )
-        return self.catalog.create(job, token=token)
+        lease = None if is_terminal(kind, status) else self.first_lease
+        return self.catalog.create(job, token=token, lease=lease)
 
     def find_by_client_token(self, token: ClientToken | None) -> Resource | None:
         """Finds the resource that an earlier call with the same client token added; see `catalog/client_tokens.py`.

@@ -133,6 +133,38 @@ def contents_of_request(
     )
 
 
+def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApplications) -> dict[str, str] | None:
+    """The installed packages that jobs import, by name, with what they are here; those that are built in are left out.
+
+    Args:
+        requests: the requests of the jobs.
+        current: what applications are; what does not exist is left out, and fails when its job is made.
+
+    Returns:
+        The packages; `None`: the jobs import nothing but what is built in, or runs in containers.
+    """
+    packages: dict[str, str] = {}
+    imports_own = False
+    used: set[tuple[str, ApplicationRole, str | None]] = set()
+    for request in requests:
+        judging = _judging_packages(_requirements_in(request))
+        packages |= {name.removeprefix("package "): content for name, content in judging.items()}
+        for role in _ROLES:
+            for config in request.get(f"{role}Applications") or ():
+                used.add((config["application"], role, config.get("applicationVersion")))
+    for reference, role, version in used:
+        with suppress(ResourceNotFoundException):
+            application = current.find(reference, role, version)
+            environment = ApplicationDocument.of(application).environment
+            package = python_package(environment.uri) if environment else None
+            has_archives = bool(ApplicationDocument.of(application).sources)
+            if has_archives:
+                imports_own = True
+            elif package and (content := package_content(package)) != _BUILT_IN:
+                packages[package.partition(".")[0]] = content
+    return packages if packages or imports_own else None
+
+
 def changed_import(provenance: Provenance) -> str | None:
     """Returns the first name whose code here is another than the one that a run imported; None: all is the same."""
     return changed_code(provenance.imported)
@@ -148,7 +180,7 @@ def _content_of_application(application: Resource, service: Service) -> str:
     if (uri := image_of(application)) is not None:
         return f"image {uri}"
     module = python_package(document.environment.uri) if document.environment else None
-    return _package(module or "")
+    return package_content(module or "")
 
 
 @cache
@@ -170,7 +202,7 @@ def _judging_packages(requirements: Iterable[Any]) -> dict[str, str]:
     """
     predicates = (item for item in requirements if is_mapping(item) and item.get("kind") == "predicate")
     names = {str(item.get("attribute", "")).partition(".")[0] for item in predicates}
-    return {f"package {name}": content for name in sorted(names) if name and (content := _package(name))}
+    return {f"package {name}": content for name in sorted(names) if name and (content := package_content(name))}
 
 
 def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
@@ -189,14 +221,14 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
     if application.path is not None:
         return _archive(application.path.name)
     name = application.attribute or application.package
-    return _package(name) if name else "image"
+    return package_content(name) if name else "image"
 
 
 def _archive(etag: str) -> str:
     return f"{ARCHIVE}{etag}"
 
 
-def _package(name: str) -> str:
+def package_content(name: str) -> str:
     """What an installed package is: built in, or the digest of all files of the outermost package; else empty."""
     if f"{name}.".startswith(f"{PACKAGE}."):
         return _BUILT_IN  # its code is in the version of this package

@@ -452,5 +452,5 @@ def test_a_catalog_of_a_newer_program_is_refused(url: str, clock: Any) -> None:
         connection.execute(text("INSERT INTO schema_version (version) VALUES (99)"))
     engine.dispose()
 
-    with pytest.raises(ConfigurationError, match="has version 99, this program knows 6; update this program"):
+    with pytest.raises(ConfigurationError, match="has version 99, this program knows 7; update this program"):
         Catalog.open(url, clock=clock)

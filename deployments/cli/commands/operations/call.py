@@ -33,13 +33,13 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.settings import Settings
     from ...inputs.operations import operation_name
     from ...inputs.requests import read_request
-    from ...job import perform
+    from ...job import order
 
     operation = operation_name(arguments.operation)
     request = read_request(arguments.input, operation)
     settings = Settings.from_environment(os.environ)
     if arguments.wait and OPERATIONS[operation].is_job:
-        return perform(operation, _stored(operation, request, settings)["arn"], settings, arguments.output)
+        return order(operation, request, settings, arguments.output)
     answer = _stored(operation, request, settings)
     print_answer(answer, arguments.output)
     if operation in ("DescribeSimulationJob", "DescribeSimulationJobBatch"):

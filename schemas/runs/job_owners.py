@@ -1,0 +1,125 @@
+"""Who carries out a job, and what somebody else has to have who carries it out instead; pure data and comparisons."""
+
+import os
+import shlex
+from datetime import datetime
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model
+
+PYTHON_PATH = "PYTHONPATH"
+NOT_INSTALLED = ""
+"""What stands for the content of a package that is not there."""
+
+OwnerState = Literal["works", "died", "left", "ended"]
+"""Whether who holds a job's lease lives; has died, so that the next may take it; has given it back before the job's
+end; or the job has ended."""
+
+
+class JobOwner(Model):
+    """A process that carries out a job, or did."""
+
+    program: str = Field(description="What it is: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`.")
+    machine: str = Field(description="Name of its machine.")
+    process_id: int | None = Field(description="Its process id there; absent: it did not say.")
+
+    @classmethod
+    def of_lease(cls, owner: str) -> "JobOwner":
+        """Reads the name of a lease's owner, `machine:process:part:program`; earlier releases wrote no program."""
+        machine, process, _, program = (*owner.split(":", 3), "", "", "")[:4]
+        return cls(
+            program=program or "a job worker", machine=machine, process_id=int(process) if process.isdecimal() else None
+        )
+
+    def __str__(self) -> str:
+        where = f"process {self.process_id} on {self.machine}" if self.process_id is not None else f"on {self.machine}"
+        return f"{self.program} ({where})"
+
+
+class NeededEnvironment(Model):
+    """What who ordered a job for himself had, as far as the job needs it."""
+
+    machine: str = Field(description="Name of the machine on which it was ordered.")
+    python: str = Field(description="Folder of the Python environment in which it was ordered.")
+    python_path: tuple[str, ...] | None = Field(
+        default=None, description="Folders of PYTHONPATH; absent: no code of the job's own is imported."
+    )
+    variables: dict[str, str] = Field(description="Variables of RoboMaker and their values, set or not.")
+    packages: dict[str, str] = Field(description="Installed packages of its applications, with what they contain.")
+
+    def differences(self, here: "NeededEnvironment") -> list[str]:
+        """What another process has otherwise, in words.
+
+        Args:
+            here: what that process has of the same.
+        """
+        found = [
+            f"{name} is {here.variables.get(name, '') or 'not set'}, not {value or 'unset'}"
+            for name, value in self.variables.items()
+            if here.variables.get(name, "") != value
+        ]
+        if self.python_path is not None and self.python_path != here.python_path:
+            has, needs = (os.pathsep.join(paths or ()) or "not set" for paths in (here.python_path, self.python_path))
+            found.insert(0, f"{PYTHON_PATH} is {has}, not {needs}")
+        for name, content in self.packages.items():
+            if (there := here.packages.get(name, NOT_INSTALLED)) != content:
+                is_missing = there == NOT_INSTALLED
+                found.append(f"package {name} {'is not installed' if is_missing else 'has other files'}")
+        return found
+
+    def command(self, arn: str, here: "NeededEnvironment") -> str:
+        """What a person types on the machine to carry out the job as it was ordered.
+
+        Args:
+            arn: the job.
+            here: what the process has that says so.
+        """
+        words: list[str] = []
+        if self.python_path and self.python_path != here.python_path:
+            words.append(f"{PYTHON_PATH}={shlex.quote(os.pathsep.join(self.python_path))}")
+        words += [
+            f"{name}={shlex.quote(value)}"
+            for name, value in self.variables.items()
+            if here.variables.get(name, "") != value
+        ]
+        program = "robomaker" if self.python == here.python else shlex.quote(f"{self.python}/bin/robomaker")
+        return " ".join([*words, program, "perform", arn])
+
+
+class JobStanding(Model):
+    """Who carries out a job, and what becomes of it when he has died."""
+
+    owner: JobOwner = Field(description="Who carries it out, or did last.")
+    since: datetime | None = Field(description="When he took it.")
+    state: OwnerState = Field(description="Whether he works, has died, has left it, or the job has ended.")
+    lost: JobOwner | None = Field(
+        default=None, description="Who died before, so that the owner took it; absent: nobody."
+    )
+    differences: tuple[str, ...] = Field(
+        default=(), description="What this process has otherwise than the job needs; empty: nothing."
+    )
+    command: str | None = Field(
+        default=None, description="What carries it out as it was ordered; absent: any job worker does."
+    )
+    machine: str | None = Field(default=None, description="Where to type that.")
+
+    @property
+    def waits_for_command(self) -> bool:
+        """Whether only a command goes on with it."""
+        return self.state in ("died", "left") and self.command is not None and bool(self.differences)
+
+    def in_words(self) -> str:
+        """A sentence or two."""
+        since = f" since {self.since:%Y-%m-%d %H:%M:%S} UTC" if self.since else ""
+        before = f", as {self.lost} died" if self.lost else ""
+        if self.state == "ended":
+            return f"carried out by {self.owner}{since}{before}"
+        if self.state == "works":
+            return f"carried out by {self.owner}{since}{before}"
+        how = "which has died" if self.state == "died" else "which has left it"
+        told = f"was carried out by {self.owner}{since}{before}, {how}"
+        if not self.waits_for_command:
+            return f"{told}; the next job worker takes it"
+        return f"{told}; job workers of other environments leave it ({'; '.join(self.differences)})"

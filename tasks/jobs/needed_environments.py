@@ -1,0 +1,98 @@
+"""What a job needs of the environment in which it was ordered: recorded with the order, compared before a takeover.
+
+Only what decides how the job goes counts: import path and packages if it imports code of its user's, and the settings
+that confine and place its simulations. Where catalog and store are does not: who sees the job has the same.
+"""
+
+import os
+import socket
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+from ...schemas.runs.job_owners import PYTHON_PATH, NeededEnvironment
+from ...schemas.settings import Settings
+from ..service.service import Service
+from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
+
+_SIMULATION = ("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb")
+_SETTINGS: Mapping[str, Sequence[str]] = {
+    "CreateSimulationJob": _SIMULATION,
+    "StartSimulationJobBatch": (*_SIMULATION, "backend"),
+    "CreateWorldGenerationJob": ("max_worlds_per_job",),
+}
+"""The settings that decide how jobs go, by the operation that orders them."""
+
+_OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
+"""Variables of simulations that are no settings."""
+
+
+def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
+    """What of this process's environment a job needs that is ordered now.
+
+    Args:
+        operation: the operation that orders it.
+        request: the request's members.
+        service: where its applications are, and the settings that hold.
+    """
+    requests = _simulations(operation, request)
+    packages = imported_packages(requests, CurrentApplications(service))
+    names = list(_SETTINGS.get(operation, ()))
+    if any(each.get("iamRole") for each in requests):
+        names.append("roles_file")
+    variables = {_variable(name): _written(getattr(service.settings, name)) for name in names}
+    if requests:
+        variables |= {name: os.environ.get(name, "") for name in _OTHER_VARIABLES}
+    return NeededEnvironment(
+        machine=socket.gethostname(),
+        python=sys.prefix,
+        python_path=None if packages is None else _python_path(os.environ),
+        variables=variables,
+        packages=packages or {},
+    )
+
+
+def environment_here(needed: NeededEnvironment, settings: Settings, environ: Mapping[str, str]) -> NeededEnvironment:
+    """What this process has of what a job needs.
+
+    Args:
+        needed: what the job needs.
+        settings: of this process.
+        environ: its environment variables.
+    """
+    settings_of = {_variable(name): name for name in type(settings).model_fields}
+    variables = {
+        name: _written(getattr(settings, settings_of[name])) if name in settings_of else environ.get(name, "")
+        for name in needed.variables
+    }
+    return NeededEnvironment(
+        machine=socket.gethostname(),
+        python=sys.prefix,
+        python_path=_python_path(environ),
+        variables=variables,
+        packages={name: package_content(name) for name in needed.packages},
+    )
+
+
+def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The requests of simulations in a request."""
+    if operation == "StartSimulationJobBatch":
+        return list(request.get("createSimulationJobRequests") or ())
+    return [request] if operation == "CreateSimulationJob" else []
+
+
+def _variable(setting: str) -> str:
+    return f"ROBOMAKER_{setting.upper()}"
+
+
+def _written(value: object) -> str:
+    """A setting as its variable is written; nothing: the variable is not set."""
+    if value is None:
+        return ""
+    return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
+
+
+def _python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
+    """The folders of PYTHONPATH, absolute."""
+    return tuple(str(Path(path).absolute()) for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
