@@ -378,13 +378,8 @@ class PipelineRun:
         service = self._service.ordered_by(self.run_id, reuse=self._service.reuses, in_campaign=part.of > 1)
         request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
         if entry.run_job is None:
-            return self._permit(
-                step,
-                part.request,
-                lambda: self._outlasting(
-                    lambda: existing_application(step, request, service) or entry.answer(request, service)
-                ),
-            )
+            answer = lambda: existing_application(step, request, service) or entry.answer(request, service)  # noqa: E731
+            return self._permit(step, part.request, lambda: self._outlasting(answer))
         with OwnOrder(service) as own:
             output = self._permit(
                 step, part.request, lambda: self._outlasting(lambda: entry.ordered(request, own.through, service))

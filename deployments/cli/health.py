@@ -62,6 +62,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "containers": lambda: check_containers(without_roles),
         "sandbox": lambda: check_sandbox(settings),
         "kept outputs": lambda: check_kept_outputs(without_roles),
+        "left jobs": lambda: check_left_jobs(settings),
     }
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
@@ -321,6 +322,21 @@ def check_kept_outputs(settings: Settings) -> Finding:
         found = "\n".join(("outputs that could not be stored are here only:", *kept))
         return Finding("kept outputs", "warning", found, "`robomaker upload --kept` stores them")
     return Finding("kept outputs", "ok", "all outputs of jobs that have ended are stored")
+
+
+def check_left_jobs(settings: Settings) -> Finding:
+    """Whether jobs that somebody ordered for himself are carried out by nobody, as he died or left them."""
+    from ...tasks.jobs.job_standings import left_jobs
+    from ...tasks.service.service import Service
+
+    service = Service.open(settings)
+    left = left_jobs(service)
+    service.catalog.close()
+    if not left:
+        return Finding("left jobs", "ok", "every job that was begun is carried out by somebody")
+    found = [f"{job.arn} was {standing.in_words()}" for job, standing in left]
+    commands = [f"on {standing.machine}: {standing.command}" for _, standing in left]
+    return Finding("left jobs", "warning", "\n".join(found), "\n".join(commands))
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:

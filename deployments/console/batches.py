@@ -14,7 +14,9 @@ from starlette.responses import Response
 from ...schemas.documents.simulation_job_batches import BatchInBrief, SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.summary import Share
+from ...schemas.runs.job_owners import JobStanding
 from ...tasks.catalog import Resource
+from ...tasks.jobs.job_standings import standing_of
 from .reading.job_lines import Known
 from .rendering import address, icon, render
 from .standing import JOB, RUNNING, WAITING, JobLine, Look, look_of_status, rate_of
@@ -90,6 +92,8 @@ class BatchView:
     spec_run: str
     concurrency: int
     reason: str
+    standing: JobStanding | None
+    """Who carries it out; `None`: nobody has begun."""
 
     @property
     def grid(self) -> Markup:
@@ -253,6 +257,7 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
         spec_run=document.spec_run or "",
         concurrency=document.batch_policy.max_concurrency,
         reason=document.failure_reason or "",
+        standing=standing_of(batch, visit.service),
     )
 
 

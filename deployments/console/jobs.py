@@ -15,6 +15,7 @@ from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_job
+from ...tasks.jobs.job_standings import standing_of
 from ...tasks.reporting import view_report
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
@@ -70,6 +71,7 @@ def show(visit: Visit) -> Response:
         "job.html.j2",
         job=job,
         line=job_line(job),
+        standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,
         view=view,
@@ -107,7 +109,8 @@ def follow(visit: Visit) -> Response:
         live_view = live_view_of(run) if is_here else ""
         elsewhere = job.status == "Running" and (run is None or not run.is_dir())
         told = render("live_view.html.j2", live_view=live_view, elsewhere=elsewhere)
-        yield from parts.news({"live-view": told, DRIVE: drive_in(world, run)})
+        owner = render("owner.html.j2", standing=standing_of(job, visit.service))
+        yield from parts.news({"live-view": told, "owner": owner, DRIVE: drive_in(world, run)})
         if text := _new_lines(run, logs, last):
             yield "log", text
         if is_terminal(JOB, job.status):

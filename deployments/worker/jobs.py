@@ -93,18 +93,22 @@ class Jobs:
         for arn in list(self._running):
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
+    def look_again(self) -> None:
+        """Looks again, once a minute, at the jobs that were left: they may have ended, or a package been installed."""
+        if time.monotonic() - self._left_since_s > _LOOK_AGAIN_S:
+            self._left_since_s = time.monotonic()
+            self.left.clear()
+
     def _leaves(self, job: Resource) -> bool:
         """Whether a job is left to a process with another environment; it is looked at again a minute later."""
         ownership = self.service.catalog.ownerships([job.arn]).get(job.arn)
         if ownership is None or not needs_elsewhere(ownership.needed_environment, self.service):
             return False
-        standing = standing_of(job, self.service)
-        if standing is None or not standing.waits_for_command:
-            return False  # it has just ended, or somebody has taken it
-        self.left[job.arn] = f"on {standing.machine}: {standing.command}"
-        _logger.warning(
-            "%s: %s; %s goes on with it on %s", job.id, standing.in_words(), standing.command, standing.machine
-        )
+        if (standing := standing_of(job, self.service)) is not None and standing.waits_for_command:
+            self.left[job.arn] = f"on {standing.machine}: {standing.command}"
+            if job.arn not in self._told:
+                self._told.add(job.arn)
+                _logger.warning("%s was %s; go on with it %s", job.id, standing.in_words(), self.left[job.arn])
         return True
 
     def _reserve(self, job: Resource) -> bool:

@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
+from ..runs.job_owners import JobOwner
 from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
 from .forecast import ForecastCheck
@@ -95,6 +96,9 @@ class JobRecord(Model):
     )
     earlier: str | None = Field(
         default=None, description="In a rerun: label and verdict or status of the job that was run again."
+    )
+    carried_out_by: JobOwner | None = Field(
+        default=None, description="The process that carried it out last; absent: none did, or it is not known."
     )
 
 

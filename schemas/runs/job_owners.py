@@ -69,13 +69,14 @@ class NeededEnvironment(Model):
                 found.append(f"package {name} {'is not installed' if is_missing else 'has other files'}")
         return found
 
-    def command(self, arn: str, here: "NeededEnvironment") -> str:
+    def command(self, arn: str, here: "NeededEnvironment | None" = None) -> str:
         """What a person types on the machine to carry out the job as it was ordered.
 
         Args:
             arn: the job.
-            here: what the process has that says so.
+            here: what the person's process has, which need not be typed; `None`: not known.
         """
+        here = here or NeededEnvironment(machine="", python="", variables={}, packages={})
         words: list[str] = []
         if self.python_path and self.python_path != here.python_path:
             words.append(f"{PYTHON_PATH}={shlex.quote(os.pathsep.join(self.python_path))}")
@@ -113,13 +114,11 @@ class JobStanding(Model):
     def in_words(self) -> str:
         """A sentence or two."""
         since = f" since {self.since:%Y-%m-%d %H:%M:%S} UTC" if self.since else ""
-        before = f", as {self.lost} died" if self.lost else ""
-        if self.state == "ended":
-            return f"carried out by {self.owner}{since}{before}"
-        if self.state == "works":
-            return f"carried out by {self.owner}{since}{before}"
-        how = "which has died" if self.state == "died" else "which has left it"
-        told = f"was carried out by {self.owner}{since}{before}, {how}"
+        before = f", as {self.lost} had died" if self.lost else ""
+        told = f"carried out by {self.owner}{since}{before}"
+        if self.state in ("works", "ended"):
+            return told
+        told += ", which has died" if self.state == "died" else ", which has left it"
         if not self.waits_for_command:
             return f"{told}; the next job worker takes it"
-        return f"{told}; job workers of other environments leave it ({'; '.join(self.differences)})"
+        return f"{told}; job workers with another environment leave it: {'; '.join(self.differences)}"

@@ -17,6 +17,7 @@ from prefect.client.orchestration import get_client
 from prefect.exceptions import PrefectException
 from prefect.states import Cancelled, Crashed
 
+from ...schemas.runs.job_owners import NeededEnvironment
 from ..catalog import Catalog
 from .held_leases import HELD
 from .prefect_settings import on_same_server
@@ -53,7 +54,7 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
         arns = HELD.give_back_all(catalog)
         words = "its Prefect worker has died, so that it ended itself"
         if arns:
-            words += f"; `robomaker perform {arns[-1]}` goes on with what it ran"
+            words += f"; `{_command(catalog, arns[-1])}` goes on with what it ran"
         _tell_prefect(lambda: _say_crashed(flow_run, words))
 
 
@@ -78,6 +79,14 @@ def _ended(exit_code: int) -> Generator[None]:
         _logger.exception("the end of a process is not told; its leases run out by themselves")
     finally:
         os._exit(exit_code)
+
+
+def _command(catalog: Catalog, arn: str) -> str:
+    """What a person types to go on with a job as it was ordered."""
+    ownership = catalog.ownerships([arn]).get(arn)
+    if ownership is None or ownership.needed_environment is None:
+        return f"robomaker perform {arn}"
+    return NeededEnvironment.model_validate(ownership.needed_environment, strict=False).command(arn)
 
 
 def _tell_prefect(tell: Callable[[], None]) -> None:

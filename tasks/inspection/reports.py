@@ -21,6 +21,7 @@ from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRec
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
+from ...schemas.runs.job_owners import JobOwner
 from ...schemas.runs.plan import RunResult
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
@@ -419,13 +420,19 @@ def _places(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPl
 
 
 def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
+    owners = {
+        arn: ownership.owner
+        for arn, ownership in service.catalog.ownerships(job.arn for job in jobs if job.arn).items()
+    }
     return [
-        _job_record(job, name, places.get(job.arn or ""), service)
+        _job_record(job, name, places.get(job.arn or ""), owners.get(job.arn or ""), service)
         for job, name in zip(jobs, case_names(jobs), strict=True)
     ]
 
 
-def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service: Service) -> JobRecord:
+def _job_record(
+    job: ReportedJob, name: str, place: StoredPlace | None, owner: str | None, service: Service
+) -> JobRecord:
     result = job.result
     return JobRecord(
         arn=job.arn,
@@ -450,6 +457,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         inputs=job.inputs,
         reused_from=job.reused_from,
         earlier=job.earlier,
+        carried_out_by=JobOwner.of_lease(owner) if owner else None,
     )
 
 

@@ -16,6 +16,7 @@ from prefect_robomaker.deployments.worker.worker_process import in_words
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.jobs.own_orders import OwnOrder
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
@@ -117,3 +118,46 @@ def test_the_oldest_jobs_begin_first_and_not_more_than_may(service: Service, ord
     assert [job.arn for job in service.catalog.unfinished(["simulation-job"])] == arns[2:]
     go_on.set()
     wait_for(lambda: not mine.counts(), "their end")
+
+
+def test_what_needs_another_environment_is_left_and_takes_nobodys_place(
+    service: Service, order: Order, caplog: pytest.LogCaptureFixture
+) -> None:
+    nicer = replace(service, settings=service.settings.model_copy(update={"nice": 7}))
+    arns: list[str] = []
+    for _ in range(2):
+        with OwnOrder(nicer, HeldLeases()) as own:
+            arns.append(registry()["CreateSimulationJob"].ordered(order(), own.through, nicer)["arn"])
+            own.keep(arns[-1])
+    theirs = call("CreateSimulationJob", order(), service)["arn"]
+    begun: list[str] = []
+    mine = Jobs(service, lambda: None, Watch(service.settings, True), HeldLeases(), find_flow=lambda _: begun.append)
+    pool = JobPool("simulation-job", "CreateSimulationJob", 1)
+
+    mine.begin_some(pool)
+    mine.begin_some(pool)
+    wait_for(lambda: begun and not mine.counts(), "the job that a client ordered")
+
+    assert begun[:1] == [theirs]
+    assert set(begun) == {theirs}
+    assert list(mine.left) == arns
+    assert f"ROBOMAKER_NICE=7 robomaker perform {arns[0]}" in mine.left[arns[0]]
+    [told, _] = [each for each in caplog.messages if "another environment" in each]
+    assert "ROBOMAKER_NICE is 0, not 7" in told
+
+    nice = Jobs(nicer, lambda: None, Watch(service.settings, True), HeldLeases(), find_flow=lambda _: begun.append)
+    nice.begin_some(pool)
+    wait_for(lambda: not nice.counts(), "the job that is as it was ordered")
+    assert begun[-1] == arns[0]
+    assert nice.left == {}
+
+
+def test_jobs_that_were_left_are_looked_at_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    mine = Jobs(service, lambda: None, Watch(service.settings, True), HeldLeases())
+    mine.left["arn"] = "on another machine"
+    mine.look_again()
+    assert mine.left
+    now_s = time.monotonic()
+    monkeypatch.setattr(time, "monotonic", lambda: now_s + 61)
+    mine.look_again()
+    assert not mine.left

@@ -6,7 +6,7 @@ import pytest
 from sqlalchemy import text
 
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
-from prefect_robomaker.tasks.catalog import Catalog
+from prefect_robomaker.tasks.catalog import Catalog, ClientToken, FirstLease
 
 BATCH = "simulation-job-batch"
 
@@ -58,4 +58,65 @@ def test_a_catalog_from_before_losses_were_counted_opens(url: str, clock: Any, m
 
     second = Catalog.open(url, clock=clock)
     assert second.lost_workers(arn) == 0
+    second.close()
+
+
+def test_a_job_that_is_ordered_for_oneself_is_never_free(catalog: Catalog, make_resource: Any, clock: Any) -> None:
+    lease = FirstLease("host:1:a:robomaker run", 30, {"machine": "host"})
+    token = ClientToken("CreateSimulationJob", "a-token", "a-hash")
+    arn = catalog.create(make_resource(1), token=token, lease=lease).arn
+    theirs = catalog.create(make_resource(2), token=None).arn
+    ordered_at = clock()
+
+    assert [job.arn for job in catalog.unfinished(["simulation-job"])] == [theirs]
+    assert not catalog.claim(arn, "another", 30)
+    assert catalog.claim(arn, lease.owner, 30)
+    # An equal call finds it, and changes nothing about whose it is.
+    again = FirstLease("host:2:b:robomaker run", 30, {"machine": "other"})
+    assert catalog.create(make_resource(3), token=token, lease=again).arn == arn
+    assert catalog.lease_of(arn)[0] == lease.owner
+
+    mine, nobodys = (catalog.ownerships([arn, theirs])[each] for each in (arn, theirs))
+    assert (mine.owner, mine.since, mine.is_held, mine.lost_owner) == (lease.owner, ordered_at, True, None)
+    assert mine.needed_environment == {"machine": "host"}
+    assert (nobodys.owner, nobodys.is_held, nobodys.needed_environment) == (None, False, None)
+    assert [job.arn for job in catalog.ordered_for_oneself()] == [arn]
+
+
+def test_who_held_a_job_stays_known(catalog: Catalog, make_resource: Any, clock: Any) -> None:
+    arn = catalog.create(make_resource(1), token=None, lease=FirstLease("host:1:a", 30, {})).arn
+    clock.advance(31)
+    assert not catalog.ownerships([arn])[arn].is_held
+    assert catalog.claim(arn, "host:2:b", 30)
+    taken_at = clock()
+    clock.advance(5)
+    assert catalog.claim(arn, "host:2:b", 30)
+
+    taken = catalog.ownerships([arn])[arn]
+    assert (taken.owner, taken.since, taken.lost_owner) == ("host:2:b", taken_at, "host:1:a")
+    assert catalog.release(arn, "host:2:b")
+    released = catalog.ownerships([arn, f"{arn}0"])
+    assert [(each.owner, each.is_held, each.is_released) for each in released.values()] == [("host:2:b", False, True)]
+
+
+def test_jobs_that_are_left_out_make_no_room_for_themselves(catalog: Catalog, make_resource: Any) -> None:
+    arns = [catalog.create(make_resource(number), token=None).arn for number in range(4)]
+
+    found = catalog.unfinished(["simulation-job"], limit=2, without=arns[:2])
+    assert [job.arn for job in found] == arns[2:]
+
+
+def test_a_catalog_from_before_owners_were_kept_opens(url: str, clock: Any, make_resource: Any) -> None:
+    first = Catalog.open(url, clock=clock)
+    arn = first.create(make_resource(1), token=None).arn
+    with first._engine.begin() as connection:
+        for column in ("last_owner", "owner_since", "lost_owner", "needed_environment"):
+            connection.execute(text(f"ALTER TABLE resources DROP COLUMN {column}"))
+        connection.execute(text("DELETE FROM schema_version WHERE version >= 7"))
+    first.close()
+
+    second = Catalog.open(url, clock=clock)
+    assert second.ownerships([arn])[arn].owner is None
+    assert second.claim(arn, "host:1:a", 30)
+    assert second.ownerships([arn])[arn].since == clock()
     second.close()

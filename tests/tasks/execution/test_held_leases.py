@@ -8,7 +8,14 @@ import pytest
 
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequest
 from prefect_robomaker.schemas.wire.errors import StateConflictError
-from prefect_robomaker.tasks.execution.held_leases import HeldLeases, WorkerStopping, owners_of
+from prefect_robomaker.tasks.execution.held_leases import (
+    HeldLeases,
+    WorkerStopping,
+    died_here,
+    new_owner,
+    owners_of,
+    role_of,
+)
 from prefect_robomaker.tasks.execution.job_leases import Lease
 from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
 from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
@@ -131,3 +138,26 @@ def test_a_lease_is_ours_until_another_takes_it_also_when_it_has_run_out(
         assert held.are_ours(service.catalog)
         service.catalog.claim(job, "another", lease_s=60.0)
         assert not held.are_ours(service.catalog)
+
+
+@pytest.mark.parametrize(
+    ("main", "words", "role"),
+    [
+        ("prefect_robomaker.deployments.worker.__main__", ["x", "5"], "robomaker serve"),
+        ("prefect_robomaker.deployments.cli.ordered_run.__main__", ["x", "5"], "a run of the console"),
+        ("prefect_robomaker.deployments.cli.main", ["main.py", "run", "a.yaml"], "robomaker run"),
+        ("", ["/venv/bin/robomaker", "rerun", "night-1"], "robomaker rerun"),
+        ("", ["/venv/bin/robomaker"], "robomaker"),
+        ("prefect.flow_engine", ["x"], "a run of a Prefect worker"),
+        ("", ["night.py", "secret"], "a Python program"),
+        ("", [], "a Python program"),
+    ],
+)
+def test_an_owner_says_what_it_is(main: str, words: list[str], role: str) -> None:
+    assert role_of(main, words) == role
+
+
+def test_a_new_owner_is_found_by_its_process() -> None:
+    assert new_owner().startswith(owners_of(os.getpid()))
+    assert not died_here(new_owner())
+    assert new_owner() != new_owner()

@@ -44,6 +44,8 @@ def execute(arguments: argparse.Namespace) -> int:
     print_answer(answer, arguments.output)
     if operation in ("DescribeSimulationJob", "DescribeSimulationJobBatch"):
         _tell_waits(answer["arn"], settings)
+    if operation.startswith("Describe") and operation.endswith(("Job", "Batch")):
+        _tell_owner(answer["arn"], settings)
     if OPERATIONS[operation].is_job:
         sys.stderr.write(f"The job is stored; `robomaker perform {answer['arn']}` carries it to its end.\n")
     return 0
@@ -67,6 +69,19 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
         if record.batch == arn or (record.batch is None and record.name == arn.rpartition("/")[2]):
             waited = duration(max(0.0, time.time() - record.since_s))
             sys.stderr.write(f"{record.name} has waited {waited} on this machine: {record.why}\n")
+
+
+def _tell_owner(arn: str, settings: "Settings") -> None:
+    """Says on standard error who carries a job out, and who may go on with it; the service's answer does not."""
+    from .....tasks.jobs.job_standings import standing_of
+    from .....tasks.service.service import Service
+
+    service = Service.open(settings)
+    if (standing := standing_of(service.catalog.get(arn), service)) is None:
+        return
+    sys.stderr.write(f"{arn.rpartition('/')[2]}: {standing.in_words()}\n")
+    if standing.waits_for_command:
+        sys.stderr.write(f"Go on with it on {standing.machine}: {standing.command}\n")
 
 
 def _operations_by_group() -> str:

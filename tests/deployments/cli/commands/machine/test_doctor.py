@@ -20,7 +20,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
     subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "roles", "prefect server"]
-    subjects += ["video", "extras", "containers", "sandbox", "kept outputs"]
+    subjects += ["video", "extras", "containers", "sandbox", "kept outputs", "left jobs"]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0

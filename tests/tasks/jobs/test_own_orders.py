@@ -1,0 +1,168 @@
+"""A job that its process orders for itself is nobody else's, from the transaction that stores it until its end."""
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.paths import BUNDLES
+from helpers.processes import wait_for
+
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.catalog import Resource
+from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.execution.one_worker_per_job import run_if_unclaimed
+from prefect_robomaker.tasks.jobs.job_standings import left_jobs, needs_elsewhere, standing_of, standings_of
+from prefect_robomaker.tasks.jobs.needed_environments import environment_needed
+from prefect_robomaker.tasks.jobs.own_orders import OwnOrder
+from prefect_robomaker.tasks.operations.registry import call, registry
+from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.service.timing import Timing
+
+KIND = "simulation-job"
+SUITE = {"name": "General"}
+Order = Callable[..., dict[str, Any]]
+
+
+@pytest.fixture
+def held() -> HeldLeases:
+    """What a process that has just started holds: nothing."""
+    return HeldLeases()
+
+
+def ordered(own: OwnOrder, request: dict[str, Any], service: Service) -> str:
+    arn = registry()["CreateSimulationJob"].ordered(request, own.through, service)["arn"]
+    own.keep(arn)
+    return arn
+
+
+def test_nobody_takes_it_before_it_is_carried_out_or_meanwhile(
+    service: Service, order: Order, held: HeldLeases, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = replace(service, timing=Timing(lease_s=600.0, renew_lease_every_s=0.01))
+    begun, renewed, renew = list[str](), list[bool](), service.catalog.renew
+
+    def noted(arn: str, owner: str, lease_s: float) -> bool:
+        renewed.append(renew(arn, owner, lease_s))
+        return renewed[-1]
+
+    monkeypatch.setattr(service.catalog, "renew", noted)
+    with OwnOrder(service, held) as own:
+        arn = registry()["CreateSimulationJob"].ordered(order(), own.through, service)["arn"]
+        assert service.catalog.unfinished([KIND]) == ()
+        own.keep(arn)
+        wait_for(lambda: len(renewed) > 2, "it to be renewed again and again")
+        assert set(renewed) == {True}
+        assert not service.catalog.claim(arn, "another", 600)
+        run_if_unclaimed(arn, KIND, service, lambda lease: begun.append(lease.job.arn), held)
+
+    assert begun == [arn]
+    assert service.catalog.lease_of(arn)[0] is None
+    assert service.catalog.lost_workers(arn) == 0
+
+
+def test_an_order_that_is_never_begun_is_given_back(service: Service, order: Order, held: HeldLeases) -> None:
+    with OwnOrder(service, held) as own:
+        arn = ordered(own, order(), service)
+
+    standing = standing_of(service.catalog.get(arn), service)
+    assert standing is not None
+    assert (standing.state, standing.owner.process_id) == ("left", os.getpid())
+    assert [job.arn for job, _ in left_jobs(service)] == [arn]
+    assert [job.arn for job in service.catalog.unfinished([KIND])] == [arn]
+
+
+def test_an_equal_order_of_another_stays_his(service: Service, order: Order, held: HeldLeases) -> None:
+    request = order(clientRequestToken="once")
+    others = HeldLeases()
+    with OwnOrder(service, others) as first:
+        arn = ordered(first, request, service)
+        owner = service.catalog.lease_of(arn)[0]
+        with OwnOrder(service, held) as second:
+            assert ordered(second, request, service) == arn
+            assert not run_if_unclaimed(arn, KIND, service, lambda lease: None, held)
+        assert service.catalog.lease_of(arn)[0] == owner
+
+
+def test_parts_of_a_batch_are_no_orders(service: Service, order: Order, held: HeldLeases) -> None:
+    requests = {"createSimulationJobRequests": [order()]}
+    with OwnOrder(service, held) as own:
+        batch = registry()["StartSimulationJobBatch"].ordered(requests, own.through, service)["arn"]
+
+    assert service.first_lease is None
+    assert [job.arn for job in service.catalog.ordered_for_oneself()] == [batch]
+
+
+def test_a_job_of_a_client_needs_nothing(service: Service, order: Order) -> None:
+    job = service.catalog.get(call("CreateSimulationJob", order(), service)["arn"])
+
+    assert standing_of(job, service) is None
+    assert needs_elsewhere(service.catalog.ownerships([job.arn])[job.arn].needed_environment, service) == []
+    assert left_jobs(service) == []
+
+
+@pytest.fixture
+def imported(service: Service, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """A request whose applications lie on PYTHONPATH."""
+    monkeypatch.setenv("PYTHONPATH", str(BUNDLES / "sleeper"))
+    monkeypatch.syspath_prepend(str(BUNDLES / "sleeper"))
+    suites = {"robotSoftwareSuite": SUITE, "environment": {"uri": "python://sleeper"}}
+    call("CreateRobotApplication", {"name": "mine", **suites}, service)
+    robot = {"application": "mine", "launchConfig": {"launchFile": "make_agent"}}
+    return {"maxJobDurationInSeconds": 60, "robotApplications": [robot]}
+
+
+def test_what_a_job_needs_of_its_environment(service: Service, imported: dict[str, Any], order: Order) -> None:
+    batch = {"createSimulationJobRequests": [imported, imported]}
+    needed = environment_needed("StartSimulationJobBatch", batch, service)
+    assert needed.python_path == (str(BUNDLES / "sleeper"),)
+    assert list(needed.packages) == ["sleeper"]
+    assert needed.variables["ROBOMAKER_BACKEND"] == "local"
+    assert "ROBOMAKER_ROLES_FILE" not in needed.variables
+
+    # What is built in, and worlds, need no import path; archives bring their code and may import more.
+    scout = {"robotApplications": [{"application": "scout", "launchConfig": {}}], "iamRole": "a"}
+    built_in = environment_needed("CreateSimulationJob", scout, service)
+    assert (built_in.python_path, built_in.packages) == (None, {})
+    assert built_in.variables["ROBOMAKER_ROLES_FILE"] == ""
+    assert environment_needed("CreateSimulationJob", order(), service).python_path == needed.python_path
+    worlds = environment_needed("CreateWorldGenerationJob", {}, service)
+    assert worlds.variables == {"ROBOMAKER_MAX_WORLDS_PER_JOB": "50"}
+    nothing = {"robotApplications": [{"application": "nobody", "launchConfig": {}}]}
+    assert environment_needed("CreateSimulationJob", nothing, service).packages == {}
+
+
+@pytest.mark.parametrize(
+    ("variables", "changed", "difference"),
+    [
+        ({}, {}, ""),
+        ({"ROBOMAKER_MAX_JOBS": "1"}, {"max_jobs": 1}, ""),
+        ({}, {"nice": 4}, "ROBOMAKER_NICE is 4, not 0"),
+        ({}, {"sandbox": "off"}, "ROBOMAKER_SANDBOX is off, not auto"),
+        ({}, {"sandbox_show": (Path("/a"), Path("/b"))}, "ROBOMAKER_SANDBOX_SHOW is /a:/b, not unset"),
+        ({"MENAGERIE_ROOT": "/m"}, {}, "MENAGERIE_ROOT is /m, not unset"),
+        ({"PYTHONPATH": ""}, {}, f"PYTHONPATH is not set, not {BUNDLES / 'sleeper'}"),
+    ],
+)
+def test_another_process_compares(
+    service: Service,
+    imported: dict[str, Any],
+    held: HeldLeases,
+    monkeypatch: pytest.MonkeyPatch,
+    variables: dict[str, str],
+    changed: dict[str, Any],
+    difference: str,
+) -> None:
+    with OwnOrder(service, held) as own:
+        job: Resource = service.catalog.get(ordered(own, imported, service))
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    other = replace(service, settings=Settings.model_validate({**dict(service.settings), **changed}))
+    needed = other.catalog.ownerships([job.arn])[job.arn].needed_environment
+
+    assert needs_elsewhere(needed, other) == ([difference] if difference else [])
+    standing = standings_of([job], other)[job.arn]
+    assert standing.waits_for_command == bool(difference)
+    assert str(standing.command).endswith(f"robomaker perform {job.arn}")
