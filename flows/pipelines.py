@@ -59,7 +59,7 @@ from ..tasks.inspection.pipeline_parts import (
 )
 from ..tasks.inspection.preflight import await_store, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
-from ..tasks.jobs.own_orders import OwnOrder
+from ..tasks.jobs.owners.own_orders import OwnOrder
 from ..tasks.notifications.long_waits import LongWaits
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.applications.records import existing_application

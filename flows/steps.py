@@ -24,7 +24,7 @@ from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
-from ..tasks.jobs.own_orders import OwnOrder
+from ..tasks.jobs.owners.own_orders import OwnOrder
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 
@@ -74,7 +74,7 @@ def record(operation: str, request: Shape) -> dict[str, Any]:
 
 
 def order(operation: str, members: Mapping[str, Any]) -> Any:
-    """Orders a job and carries it out: nobody else takes it meanwhile.
+    """Orders a job and carries it out: no other process takes it meanwhile.
 
     Returns:
         As `carry_out`.

@@ -22,7 +22,7 @@ def check_backend(settings: Settings) -> Finding:
         settings: those of a run, with the backend that is examined.
     """
     from ...flows import lookup
-    from ...tasks.jobs.own_orders import OwnOrder
+    from ...tasks.jobs.owners.own_orders import OwnOrder
     from ...tasks.operations.registry import call, registry
     from ...tasks.service.service import Service
     from .prefect_server import use_server

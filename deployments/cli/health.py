@@ -7,7 +7,7 @@ import subprocess
 import sys
 import uuid
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -62,7 +62,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "containers": lambda: check_containers(without_roles),
         "sandbox": lambda: check_sandbox(settings),
         "kept outputs": lambda: check_kept_outputs(without_roles),
-        "left jobs": lambda: check_left_jobs(settings),
+        "left jobs": lambda: check_left_jobs(settings, without_roles),
     }
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
@@ -324,16 +324,21 @@ def check_kept_outputs(settings: Settings) -> Finding:
     return Finding("kept outputs", "ok", "all outputs of jobs that have ended are stored")
 
 
-def check_left_jobs(settings: Settings) -> Finding:
-    """Whether jobs that somebody ordered for himself are carried out by nobody, as he died or left them."""
-    from ...tasks.jobs.job_standings import left_jobs
+def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
+    """Whether no process carries out a job any more, as the process that ordered it for itself died or left it.
+
+    Args:
+        settings: what the jobs' needs are compared with.
+        opened_with: what the catalog is opened with.
+    """
+    from ...tasks.jobs.owners.job_standings import left_jobs
     from ...tasks.service.service import Service
 
-    service = Service.open(settings)
+    service = replace(Service.open(opened_with), settings=settings)
     left = left_jobs(service)
     service.catalog.close()
     if not left:
-        return Finding("left jobs", "ok", "every job that was begun is carried out by somebody")
+        return Finding("left jobs", "ok", "every job that was begun has a process that carries it out")
     found = [f"{job.arn} was {standing.in_words()}" for job, standing in left]
     commands = [f"on {standing.machine}: {standing.command}" for _, standing in left]
     return Finding("left jobs", "warning", "\n".join(found), "\n".join(commands))

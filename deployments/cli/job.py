@@ -22,7 +22,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     Raises:
         ResourceNotFoundException: there is no such job.
     """
-    from ...tasks.jobs.job_standings import standing_of
+    from ...tasks.jobs.owners.job_standings import standing_of
     from ...tasks.service.service import Service
     from .prefect_server import use_server, wait_for_server_once
 
@@ -62,7 +62,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
     Raises:
         ServiceError: the request is refused; nothing was stored.
     """
-    from ...tasks.jobs.own_orders import OwnOrder
+    from ...tasks.jobs.owners.own_orders import OwnOrder
     from ...tasks.operations.registry import registry
     from ...tasks.service.service import Service
 

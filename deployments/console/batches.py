@@ -12,11 +12,11 @@ from markupsafe import Markup, escape
 from starlette.responses import Response
 
 from ...schemas.documents.simulation_job_batches import BatchInBrief, SimulationJobBatchDocument
+from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.summary import Share
-from ...schemas.runs.job_owners import JobStanding
 from ...tasks.catalog import Resource
-from ...tasks.jobs.job_standings import standing_of
+from ...tasks.jobs.owners.job_standings import standing_of
 from .reading.job_lines import Known
 from .rendering import address, icon, render
 from .standing import JOB, RUNNING, WAITING, JobLine, Look, look_of_status, rate_of
@@ -93,7 +93,7 @@ class BatchView:
     concurrency: int
     reason: str
     standing: JobStanding | None
-    """Who carries it out; `None`: nobody has begun."""
+    """Who carries it out; `None`: no process has begun."""
 
     @property
     def grid(self) -> Markup:

@@ -15,7 +15,7 @@ from ...schemas.wire.common import without_escapes
 from ...schemas.wire.globs import Glob
 from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_job
-from ...tasks.jobs.job_standings import standing_of
+from ...tasks.jobs.owners.job_standings import standing_of
 from ...tasks.reporting import view_report
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches

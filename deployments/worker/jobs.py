@@ -18,7 +18,7 @@ from ...tasks.catalog import Resource
 from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ...tasks.execution.one_worker_per_job import run_under_lease
 from ...tasks.execution.retry_limit import fail_job
-from ...tasks.jobs.job_standings import needs_elsewhere, standing_of
+from ...tasks.jobs.owners.job_standings import needs_elsewhere, standing_of
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .pools import JobPool
@@ -82,11 +82,13 @@ class Jobs:
         if free <= 0:
             return
         paused = {arn for arn, trouble in list(self._troubles.items()) if trouble.not_before > time.monotonic()}
-        found = self.service.catalog.unfinished([pool.kind], limit=free + len(paused), without=self.left)
-        for job in found:
-            if free > 0 and job.arn not in paused and not self._leaves(job) and self._reserve(job):
-                self._begin(pool, job)
-                free -= 1
+        known_left = -1
+        while free > 0 and len(self.left) > known_left:  # those that are left may have hidden others
+            known_left = len(self.left)
+            for job in self.service.catalog.unfinished([pool.kind], limit=free + len(paused), without=self.left):
+                if free > 0 and job.arn not in paused and not self._leaves(job) and self._reserve(job):
+                    self._begin(pool, job)
+                    free -= 1
 
     def renew_reservations(self) -> None:
         """Renews the leases of jobs whose flow runs have not begun to renew them."""

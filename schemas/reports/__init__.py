@@ -1,6 +1,6 @@
 """Reports as data: the report, its summary, comparison and history, the record of a run and its progress.
 
-May import: `schemas` (exit codes), `schemas.runs`, `schemas.wire`.
+May import: `schemas` (exit codes, owners of jobs), `schemas.runs`, `schemas.wire`.
 """
 
 # pyright: reportUnsupportedDunderAll=false

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
-from ..runs.job_owners import JobOwner
+from ..job_owners import JobOwner
 from ..runs.plan import Requirement, Verdict
 from ..wire.base import Model
 from .forecast import ForecastCheck

@@ -6,7 +6,6 @@ May import: `schemas` (exit codes), `schemas.wire`.
 # pyright: reportUnsupportedDunderAll=false
 __all__ = [
     "failure_state",
-    "job_owners",
     "machine_waits",
     "manifest",
     "plan",

@@ -94,7 +94,7 @@ class Catalog(CatalogLeases, CatalogRollouts):
             resource: what to add.
             token: the caller's token; `None`: every call adds.
             unique_name: whether no other of its kind may have its name, then or later.
-            lease: its lease, if it is held from the beginning; `None`: whoever comes first may take it.
+            lease: its lease, if it is held from the beginning; `None`: any job worker may take it.
 
         Raises:
             IdempotentParameterMismatchException: the token was used for another request.

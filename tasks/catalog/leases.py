@@ -240,7 +240,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """The jobs that have not ended, and that whoever ordered them carries out himself; oldest first."""
+        """The jobs that have not ended, and that were ordered by the process that carries them out; oldest first."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(_alive(kind))) for kind in LIFECYCLES),
         )

@@ -75,16 +75,16 @@ class Resource(NewResource):
 
 @dataclass(frozen=True)
 class FirstLease:
-    """The lease of a new job that nobody else may take up: it is held from the transaction that stores the job."""
+    """The lease of a new job that no other process may take: it is held from the transaction that stores the job."""
 
     owner: str
-    """Name of who ordered the job for himself, which no other has."""
+    """Name of the process that ordered the job for itself, which no other has."""
 
     lease_s: float
     """After how many seconds another may take it, unless it is renewed."""
 
     needed_environment: Mapping[str, Any]
-    """What whoever carries the job out instead of him has to have; see `schemas.runs.environments`."""
+    """What another process has to have that carries the job out instead; see `schemas.job_owners`."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Ownership:
     """Who carries out a job."""
 
     owner: str | None
-    """Name of who holds its lease, or held it last; `None`: nobody has held it."""
+    """Name of who holds its lease, or held it last; `None`: no process has held it."""
 
     since: datetime | None
     """When the owner took it."""
@@ -104,10 +104,10 @@ class Ownership:
     """Whether the owner has given the lease back."""
 
     lost_owner: str | None
-    """Whose lease ran out, so that another took it; `None`: nobody's did."""
+    """Whose lease ran out, so that another took it; `None`: none did."""
 
     needed_environment: Mapping[str, Any] | None
-    """What who ordered it for himself had; `None`: a client ordered it."""
+    """What the process had that ordered it for itself; `None`: a client ordered it."""
 
 
 @dataclass(frozen=True)

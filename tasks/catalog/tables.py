@@ -66,10 +66,14 @@ resources = Table(
     Column("lease_expires_at", UtcTime),
     # The column keeps the name that it has in the catalogs of earlier versions.
     Column("lost_performers", Integer, key="lost_workers", nullable=False, default=0, server_default="0"),
-    Column("last_owner", String(255), comment="who carries it out, or did last; a lease that is released leaves it"),
+    Column(
+        "last_owner", String(255), comment="the process that carries it out, or did last; releasing the lease leaves it"
+    ),
     Column("owner_since", UtcTime),
     Column("lost_owner", String(255), comment="whose lease ran out, so that the last owner took it"),
-    Column("needed_environment", JSON, comment="of jobs that were ordered for oneself; none of what clients ordered"),
+    Column(
+        "needed_environment", JSON, comment="of jobs that a process ordered for itself; absent where clients ordered"
+    ),
     UniqueConstraint("kind", "unique_name"),
     Index("resources_by_kind", "kind", "sequence"),
     Index("resources_by_name", "kind", "name", "sequence"),

@@ -17,7 +17,7 @@ from prefect.client.orchestration import get_client
 from prefect.exceptions import PrefectException
 from prefect.states import Cancelled, Crashed
 
-from ...schemas.runs.job_owners import NeededEnvironment
+from ...schemas.job_owners import NeededEnvironment
 from ..catalog import Catalog
 from .held_leases import HELD
 from .prefect_settings import on_same_server

@@ -14,6 +14,7 @@ from pydantic import ValidationError
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
+from ...schemas.job_owners import JobOwner
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
@@ -21,7 +22,6 @@ from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRec
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
-from ...schemas.runs.job_owners import JobOwner
 from ...schemas.runs.plan import RunResult
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn

@@ -16,9 +16,6 @@ __all__ = [
     "generation_runs",
     "job_folders",
     "job_runs",
-    "job_standings",
     "kept_outputs",
-    "needed_environments",
-    "own_orders",
     "world_jobs",
 ]

@@ -76,7 +76,7 @@ class Operation:
     def ordered(
         self, data: Mapping[str, Any], through: Callable[[str, Mapping[str, Any]], Service], service: Service
     ) -> dict[str, Any]:
-        """Orders a job, as `answer` does, for the caller himself.
+        """Orders a job, as `answer` does, for the process that carries it out.
 
         Args:
             data: the request's members.

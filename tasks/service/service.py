@@ -103,7 +103,7 @@ class Service:
     """The run of a specification that this service is used by; `None`: none."""
 
     first_lease: FirstLease | None = None
-    """The lease of the job that is ordered through this service by who carries it out; `None`: whoever comes first."""
+    """The lease of the job that this process orders and carries out itself; `None`: any job worker may take it."""
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":

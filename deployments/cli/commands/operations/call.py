@@ -73,7 +73,7 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
 
 def _tell_owner(arn: str, settings: "Settings") -> None:
     """Says on standard error who carries a job out, and who may go on with it; the service's answer does not."""
-    from .....tasks.jobs.job_standings import standing_of
+    from .....tasks.jobs.owners.job_standings import standing_of
     from .....tasks.service.service import Service
 
     service = Service.open(settings)

@@ -17,10 +17,10 @@ from dataclasses import replace
 from types import TracebackType
 from typing import Any, Self
 
-from ...schemas.wire.errors import ServiceUnavailableException
-from ..catalog import FirstLease
-from ..execution.held_leases import HELD, HeldLeases, new_owner
-from ..service.service import Service
+from ....schemas.wire.errors import ServiceUnavailableException
+from ...catalog import FirstLease
+from ...execution.held_leases import HELD, HeldLeases, new_owner
+from ...service.service import Service
 from .needed_environments import environment_needed
 
 _logger = logging.getLogger(__name__)
@@ -71,7 +71,7 @@ class OwnOrder:
     def keep(self, arn: str) -> None:
         """Keeps the lease of the job that was stored.
 
-        A job that an equal call had stored before may be another's; whoever carries it out then waits for its lease.
+        A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
         """
         if self._held.adopt(arn, self._owner):
             self._arn = arn

@@ -9,14 +9,15 @@ from typing import Any
 import pytest
 from helpers.paths import BUNDLES
 from helpers.processes import wait_for
+from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases
 from prefect_robomaker.tasks.execution.one_worker_per_job import run_if_unclaimed
-from prefect_robomaker.tasks.jobs.job_standings import left_jobs, needs_elsewhere, standing_of, standings_of
-from prefect_robomaker.tasks.jobs.needed_environments import environment_needed
-from prefect_robomaker.tasks.jobs.own_orders import OwnOrder
+from prefect_robomaker.tasks.jobs.owners.job_standings import left_jobs, needs_elsewhere, standing_of, standings_of
+from prefect_robomaker.tasks.jobs.owners.needed_environments import environment_needed
+from prefect_robomaker.tasks.jobs.owners.own_orders import OwnOrder
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
@@ -111,7 +112,7 @@ def imported(service: Service, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any
     suites = {"robotSoftwareSuite": SUITE, "environment": {"uri": "python://sleeper"}}
     call("CreateRobotApplication", {"name": "mine", **suites}, service)
     robot = {"application": "mine", "launchConfig": {"launchFile": "make_agent"}}
-    return {"maxJobDurationInSeconds": 60, "robotApplications": [robot]}
+    return {"maxJobDurationInSeconds": 60, "iamRole": ROLE, "robotApplications": [robot]}
 
 
 def test_what_a_job_needs_of_its_environment(service: Service, imported: dict[str, Any], order: Order) -> None:
@@ -120,13 +121,13 @@ def test_what_a_job_needs_of_its_environment(service: Service, imported: dict[st
     assert needed.python_path == (str(BUNDLES / "sleeper"),)
     assert list(needed.packages) == ["sleeper"]
     assert needed.variables["ROBOMAKER_BACKEND"] == "local"
-    assert "ROBOMAKER_ROLES_FILE" not in needed.variables
+    assert needed.variables["ROBOMAKER_ROLES_FILE"] == ""
 
     # What is built in, and worlds, need no import path; archives bring their code and may import more.
-    scout = {"robotApplications": [{"application": "scout", "launchConfig": {}}], "iamRole": "a"}
+    scout = {"robotApplications": [{"application": "scout", "launchConfig": {}}]}
     built_in = environment_needed("CreateSimulationJob", scout, service)
     assert (built_in.python_path, built_in.packages) == (None, {})
-    assert built_in.variables["ROBOMAKER_ROLES_FILE"] == ""
+    assert "ROBOMAKER_ROLES_FILE" not in built_in.variables
     assert environment_needed("CreateSimulationJob", order(), service).python_path == needed.python_path
     worlds = environment_needed("CreateWorldGenerationJob", {}, service)
     assert worlds.variables == {"ROBOMAKER_MAX_WORLDS_PER_JOB": "50"}

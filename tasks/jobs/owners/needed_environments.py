@@ -11,10 +11,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, cast
 
-from ...schemas.runs.job_owners import PYTHON_PATH, NeededEnvironment
-from ...schemas.settings import Settings
-from ..service.service import Service
-from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
+from ....schemas.job_owners import PYTHON_PATH, NeededEnvironment
+from ....schemas.settings import Settings
+from ...service.service import Service
+from ...simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
 
 _SIMULATION = ("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb")
 _SETTINGS: Mapping[str, Sequence[str]] = {

@@ -1,4 +1,4 @@
-"""Who carries out a job, and what somebody else has to have who carries it out instead; pure data and comparisons."""
+"""The process that carries out a job, and what another has to have to carry it out instead; pure data, comparisons."""
 
 import os
 import shlex
@@ -7,15 +7,15 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from .wire.base import Model
 
 PYTHON_PATH = "PYTHONPATH"
 NOT_INSTALLED = ""
 """What stands for the content of a package that is not there."""
 
 OwnerState = Literal["works", "died", "left", "ended"]
-"""Whether who holds a job's lease lives; has died, so that the next may take it; has given it back before the job's
-end; or the job has ended."""
+"""Whether a job's owner lives; has died, so that the next may take the job; has given it back before its end; or the
+job has ended."""
 
 
 class JobOwner(Model):
@@ -39,7 +39,7 @@ class JobOwner(Model):
 
 
 class NeededEnvironment(Model):
-    """What who ordered a job for himself had, as far as the job needs it."""
+    """What the process had that ordered a job for itself, as far as the job needs it."""
 
     machine: str = Field(description="Name of the machine on which it was ordered.")
     python: str = Field(description="Folder of the Python environment in which it was ordered.")
@@ -90,14 +90,12 @@ class NeededEnvironment(Model):
 
 
 class JobStanding(Model):
-    """Who carries out a job, and what becomes of it when he has died."""
+    """Which process carries out a job, and what becomes of the job when that process has died."""
 
-    owner: JobOwner = Field(description="Who carries it out, or did last.")
-    since: datetime | None = Field(description="When he took it.")
-    state: OwnerState = Field(description="Whether he works, has died, has left it, or the job has ended.")
-    lost: JobOwner | None = Field(
-        default=None, description="Who died before, so that the owner took it; absent: nobody."
-    )
+    owner: JobOwner = Field(description="The process that carries it out, or did last.")
+    since: datetime | None = Field(description="When the owner took it.")
+    state: OwnerState = Field(description="Whether the owner works, has died, has left it, or the job has ended.")
+    lost: JobOwner | None = Field(default=None, description="The owner before it, which died; absent: there was none.")
     differences: tuple[str, ...] = Field(
         default=(), description="What this process has otherwise than the job needs; empty: nothing."
     )

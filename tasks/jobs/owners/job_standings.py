@@ -1,13 +1,13 @@
-"""Who carries out a job, whether he lives, and who may go on with it: read from its lease, the same wherever shown."""
+"""Which process carries out a job, whether it lives, and what goes on with the job: the same wherever it is shown."""
 
 import os
 from collections.abc import Iterable, Mapping
 
-from ...schemas.lifecycles import is_terminal
-from ...schemas.runs.job_owners import JobOwner, JobStanding, NeededEnvironment, OwnerState
-from ..catalog import Ownership, Resource
-from ..execution.held_leases import died_here
-from ..service.service import Service
+from ....schemas.job_owners import JobOwner, JobStanding, NeededEnvironment, OwnerState
+from ....schemas.lifecycles import is_terminal
+from ...catalog import Ownership, Resource
+from ...execution.held_leases import died_here
+from ...service.service import Service
 from .needed_environments import environment_here
 
 
@@ -19,13 +19,13 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
         service: where it is stored.
 
     Returns:
-        Its standing; `None`: nobody has begun with it.
+        Its standing; `None`: no process has begun with it.
     """
     return standings_of([job], service).get(job.arn)
 
 
 def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobStanding]:
-    """Who carries out some jobs, by ARN; jobs with which nobody has begun are left out.
+    """Who carries out some jobs, by ARN; jobs that no process has begun with are left out.
 
     Args:
         jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.
@@ -54,7 +54,7 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
 
 
 def left_jobs(service: Service) -> list[tuple[Resource, JobStanding]]:
-    """The jobs that were ordered for oneself, have not ended, and are carried out by nobody any more."""
+    """The jobs that have not ended, and that the process left that ordered them for itself."""
     jobs = service.catalog.ordered_for_oneself()
     standings = standings_of(jobs, service)
     return [(job, standings[job.arn]) for job in jobs if standings[job.arn].state in ("died", "left")]

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.runs.job_owners import JobOwner, JobStanding, NeededEnvironment
+from prefect_robomaker.schemas.job_owners import JobOwner, JobStanding, NeededEnvironment
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1"
 NEEDED = NeededEnvironment(
