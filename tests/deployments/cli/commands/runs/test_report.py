@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.cartpole_spec import PACKAGE, poles
 from helpers.paths import REPOSITORY
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
@@ -13,36 +14,6 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.reports.summary import ReportSummary
 
 SCHEMA = REPOSITORY / "tests" / "tasks" / "reporting" / "junit.xsd"
-BUNDLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
-BATCH = """\
-version: 1
-name: poles
-steps:
-  arena:
-    operation: CreateSimulationApplication
-    input:
-      name: arena
-      environment: {uri: "python://my_cartpole.arena"}
-      robotSoftwareSuite: {name: General}
-      simulationSoftwareSuite: {name: SimulationRuntime}
-  agent:
-    operation: CreateRobotApplication
-    input: {name: agent, environment: {uri: "python://my_cartpole.agent"}, robotSoftwareSuite: {name: General}}
-  balance:
-    operation: StartSimulationJobBatch
-    needs: [arena, agent]
-    input:
-      createSimulationJobRequests:
-"""
-JOB = """\
-        - maxJobDurationInSeconds: 60
-          robotApplications: [{application: agent, launchConfig: {}}]
-          simulationApplications:
-            - application: arena
-              launchConfig: {environmentVariables: {TIME_LIMIT_S: "0.5"}}
-          requirements:
-            - {name: rule, REQUIREMENT}
-"""
 # Passes, fails, breaks: a second is not over, is over, and `math.sqrt` takes no two arguments.
 REQUIREMENTS = (
     "kind: time_limit, limit_s: 1",
@@ -91,9 +62,9 @@ def test_a_batch_of_a_pass_a_fail_and_an_error(
     robomaker_at_server: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     spec, junit = tmp_path / "poles.yaml", tmp_path / "junit.xml"
-    spec.write_text(BATCH + "".join(JOB.replace("REQUIREMENT", each) for each in REQUIREMENTS))
-    monkeypatch.setenv("PYTHONPATH", str(BUNDLE))
-    monkeypatch.syspath_prepend(str(BUNDLE))
+    spec.write_text(poles(*(f"requirements: [{{name: rule, {each}}}]" for each in REQUIREMENTS)))
+    monkeypatch.setenv("PYTHONPATH", str(PACKAGE))
+    monkeypatch.syspath_prepend(str(PACKAGE))
 
     ended = robomaker_at_server("run", spec)
     assert ended.code == 3, ended.err

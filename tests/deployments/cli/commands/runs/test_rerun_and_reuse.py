@@ -8,56 +8,27 @@ from typing import Any
 
 import pytest
 from helpers.batch_task_runs import task_runs
-from helpers.paths import REPOSITORY
+from helpers.cartpole_spec import PACKAGE, poles
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 
 Robomaker = Callable[..., Any]
-CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
-APPLICATIONS = """\
-version: 1
-name: poles
-steps:
-  arena:
-    operation: CreateSimulationApplication
-    ifExists: reuse
-    input:
-      name: arena
-      environment: {uri: "python://my_cartpole.arena"}
-      robotSoftwareSuite: {name: General}
-      simulationSoftwareSuite: {name: SimulationRuntime}
-  agent:
-    operation: CreateRobotApplication
-    ifExists: reuse
-    input: {name: agent, environment: {uri: "python://my_cartpole.agent"}, robotSoftwareSuite: {name: General}}
-  balance:
-    operation: StartSimulationJobBatch
-    needs: [arena, agent]
-    input:
-      createSimulationJobRequests:
-"""
-JOB = """\
-        - maxJobDurationInSeconds: 60
-          seed: SEED
-          robotApplications: [{application: agent, launchConfig: {}}]
-          simulationApplications:
-            - application: arena
-              launchConfig: {environmentVariables: {TIME_LIMIT_S: "0.5"}}
-          requirements:
-            - {name: rule, kind: time_limit, limit_s: MOST}
-"""
+
+
+def job(seed: int, limit: str) -> str:
+    """Members of a job; what takes half a second misses a time limit of 0.1 s."""
+    return f"seed: {seed}\n          requirements: [{{name: rule, kind: time_limit, limit_s: {limit}}}]"
 
 
 def jobs(*limits: str) -> str:
-    """A specification with a job for each time limit; what takes half a second misses one of 0.1 s."""
-    each = (JOB.replace("SEED", str(seed)).replace("MOST", limit) for seed, limit in enumerate(limits, 1))
-    return APPLICATIONS + "".join(each)
+    """A specification with a job for each time limit."""
+    return poles(*(job(seed, limit) for seed, limit in enumerate(limits, 1)))
 
 
 @pytest.fixture
 def package(tmp_path: Path) -> Path:
     """The folder that the example's package is imported from."""
-    return shutil.copytree(CARTPOLE, tmp_path / "package", ignore=shutil.ignore_patterns("__pycache__"))
+    return shutil.copytree(PACKAGE, tmp_path / "package", ignore=shutil.ignore_patterns("__pycache__"))
 
 
 @pytest.fixture
@@ -137,7 +108,7 @@ def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
     spec = tmp_path / "poles.yaml"
     spec.write_text(jobs("1"))
     assert robomaker("run", spec, "-o", "json").code == 0
-    spec.write_text(APPLICATIONS + JOB.replace("SEED", "1").replace("MOST", "1") * 1001)
+    spec.write_text(poles(*[job(1, "1")] * 1001))
 
     planned = json.loads(robomaker("plan", spec, "--reuse", "-o", "json").out)["steps"][2]["parts"]
     assert [part["reuse"] for part in planned] == [True] * 1001
@@ -153,10 +124,7 @@ def test_more_requests_than_a_batch_may_have_are_one_step_of_several_batches(
     assert again.code == 0, again.err
     assert [step.name for step in RunRecord.model_validate_json(again.out).steps] == ["balance_2_of_2"]
 
-    others = [
-        JOB.replace("SEED", seed).replace("MOST", limit) for seed, limit in (("2", "1"), ("3", "0.1"), ("4", "1"))
-    ]
-    spec.write_text(APPLICATIONS + JOB.replace("SEED", "1").replace("MOST", "1") * 998 + "".join(others))
+    spec.write_text(poles(*[job(1, "1")] * 998, job(2, "1"), job(3, "0.1"), job(4, "1")))
     mixed = robomaker("run", spec, "--reuse", "-o", "json")
     assert mixed.code == 1, mixed.err
     batches = [step.arn or "" for step in RunRecord.model_validate_json(mixed.out).steps][2:]
