@@ -128,12 +128,17 @@ def _answer(
             f"out, {strict} when what broke counts as failed; repair that and run it again"
         )
     scope = _scope(judged, fair) if answer != "no difference shown" else ""
-    return answer, f"{_judged_in_words(judged)}, p = {rate.p_value:.2g} ({rate.test} test, alpha {alpha:g}){scope}"
+    words = _judged_in_words(judged, fair)
+    return answer, f"{words}, p = {rate.p_value:.2g} ({rate.test} test, alpha {alpha:g}){scope}"
 
 
-def _judged_in_words(judged: JudgedTrials) -> str:
+def _judged_in_words(judged: JudgedTrials, fair: TrialPairs) -> str:
     words = f"{_counted(len(judged), 'pair')} judged in both runs"
-    return f"{words}, in {_counted(judged.world_count, 'world')}" if judged.has_repeated_worlds else words
+    return (
+        f"{words}, in {_counted(judged.world_count, 'world')}"
+        if fair.has_worlds and judged.has_repeated_worlds
+        else words
+    )
 
 
 def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:

@@ -52,18 +52,23 @@ def newly_missed_briefly(changes: Sequence[RequirementChange]) -> str:
 
 
 def requirement_in_words(change: RequirementChange) -> str:
-    """`gentle: newly missed in 2 of 9 trials`: without the trials themselves."""
+    """`gentle: newly missed in 2 of 9 trials; world and seed are the same, so this is no chance`."""
     of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
-    return f"{change.name}: {', '.join(told)}"
+    fact = "; world and seed are the same, so this is no chance" if _is_certain(change) else ""
+    return f"{change.name}: {', '.join(told)}{fact}"
 
 
 def place_in_words(place: NewlyMissed) -> str:
-    """`drive: world-1 scout, seed 7, trial 12: 9 N, at most 5 N asked (same world, seed and programs: no chance)`."""
+    """`drive: world-1 scout, seed 7, trial 12: 9 N, at most 5 N asked`."""
     where = place.cell.title if place.trial is None else f"{place.cell.title}, trial {place.trial}"
-    certain = " (same world and seed, so this is no chance)" if place.certain else ""
-    return f"{where}: {place.detail}{certain}" if place.detail else f"{where}{certain}"
+    return f"{where}: {place.detail}" if place.detail else where
+
+
+def _is_certain(change: RequirementChange) -> bool:
+    """Whether all of the trials that a change names did the same until now, as programs that repeat do."""
+    return bool(change.places) and all(place.certain for place in change.places)
 
 
 def judged_otherwise_in_words(jobs: int) -> str:
