@@ -4,15 +4,15 @@ import contextvars
 import json
 import os
 import re
-import subprocess
-import sys
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
+from helpers.command_here import Command
 from helpers.endpoint_process import Serve
 from helpers.pool_machines import Pool, cancel_in_prefect, deployed_pool
 from helpers.postgres_server import PROGRAMS
@@ -167,18 +167,17 @@ def test_a_machine_with_another_catalog_is_told_from_the_batch(
 
 @pytest.mark.deep
 def test_a_specification_and_a_batch_that_an_sdk_asks_for_run_on_the_pool_by_its_setting(
-    service: Service, order: Order, pool: Pool, serve: Serve, tmp_path: Path
+    service: Service, order: Order, pool: Pool, serve: Serve, tmp_path: Path, robomaker_at_server: Command
 ) -> None:
     spec = tmp_path / "spec.yaml"
     step = {"operation": "StartSimulationJobBatch", "input": {"createSimulationJobRequests": [order()] * 2}}
     spec.write_text(json.dumps({"version": 1, "name": "there", "steps": {"drives": step}}))
     there = {**pool.variables, "ROBOMAKER_BACKEND": f"workers:{pool.name}"}
-    environ = {**os.environ, **there, "ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
-    command = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main", "run", str(spec)]
     with pool.machine("first"):
-        done = subprocess.run(command, env=environ, capture_output=True, text=True, timeout=300)
+        with mock.patch.dict(os.environ, there):  # and variables that the command sets in its process
+            done = robomaker_at_server("run", spec)
         (batch,) = service.catalog.list("simulation-job-batch").resources
-        assert done.returncode == 0, done.stdout + done.stderr
+        assert done.code == 0, done.out + done.err
         assert ran(pool.ended(batch.arn)) == [2]
 
         with serve(**there) as served:
