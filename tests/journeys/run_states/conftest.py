@@ -46,12 +46,10 @@ def flow_run(prefect_server: str) -> Callable[[str], Any]:
     from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
 
     def find(name: str) -> Any:
-        def look() -> Any:
-            with get_client(sync_client=True) as client:
-                chosen = FlowRunFilter(name=FlowRunFilterName(any_=[name]))
-                return next(iter(client.read_flow_runs(flow_run_filter=chosen)), None)
-
-        return wait_for(look, f"the flow run {name}")
+        chosen = FlowRunFilter(name=FlowRunFilterName(any_=[name]))
+        with get_client(sync_client=True) as client:
+            look = lambda: next(iter(client.read_flow_runs(flow_run_filter=chosen)), None)  # noqa: E731
+            return wait_for(look, f"the flow run {name}")
 
     return find
 
@@ -62,12 +60,13 @@ def state_of(prefect_server: str) -> Callable[..., Any]:
     from prefect.client.orchestration import get_client
 
     def ended(run: UUID, timeout_s: float = 120.0) -> Any:
-        def look() -> Any:
-            with get_client(sync_client=True) as client:
-                state = client.read_flow_run(run).state
-            return state if state is not None and state.is_final() else None
+        with get_client(sync_client=True) as client:
 
-        return wait_for(look, f"the end of {run}", timeout_s)
+            def look() -> Any:
+                state = client.read_flow_run(run).state
+                return state if state is not None and state.is_final() else None
+
+            return wait_for(look, f"the end of {run}", timeout_s)
 
     return ended
 

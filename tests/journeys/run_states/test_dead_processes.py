@@ -53,6 +53,7 @@ def apart(own_server: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str
         yield variables
 
 
+@pytest.mark.endurance  # below, one that slept is closed so, and two that were killed
 def test_a_killed_run_is_closed_with_its_subflows_and_tasks(
     service: Service, order: Order, environ: dict[str, str], spec: Any, flow_run: Any, state_of: Any
 ) -> None:
@@ -139,7 +140,11 @@ def test_a_process_that_slept_takes_its_runs_back_and_goes_on(
         wait_for(lambda: open_task_runs(runs[1]), "an open task run")
         time.sleep(2)
         robomaker.send_signal(signal.SIGSTOP)  # as a machine that is suspended
-        assert [state_of(run, WITHIN_S + SLOW_MACHINE_S).name for run in runs] == ["Crashed", "Crashed"]
+        outer, inner = (state_of(run, WITHIN_S + SLOW_MACHINE_S) for run in runs)
+        assert (outer.name, outer.message.partition(":")[0]) == ("Crashed", "gave no sign of life for 30 s")
+        assert inner.name == "Crashed"
+        closed = lambda: not open_task_runs(runs[0]) + open_task_runs(runs[1])  # noqa: E731
+        wait_for(closed, "the ends of the task runs", WITHIN_S + SLOW_MACHINE_S)
         robomaker.send_signal(signal.SIGCONT)
         wait_for(lambda: [name_of(run) for run in runs] == ["Running", "Running"], "the runs that are taken back", 120)
         _, err = robomaker.communicate(timeout=240)
