@@ -55,7 +55,9 @@ def test_interrupted_jobs_are_gone_on_with_by_the_next_one(
     wait_for(lambda: not alive(processes), "the end of every process")
     assert [status(service, arn) for arn in (long, batch)] == ["Running", "Completing"]
     assert children(service, batch) == ["Running"]
-    assert {"CRASHED"} == {state for arn in (long, batch) for state in flow_run_states(arn)}
+    # On a busy machine Prefect may hear of it from others than the job worker, which has no time to say it twice.
+    ends = lambda: {state for arn in (long, batch) for state in flow_run_states(arn)}  # noqa: E731
+    wait_for(lambda: ends() == {"CRASHED"}, "the ends of the flow runs")
     first_run = service.catalog.get(long).document["runId"]
 
     with serve("--max-jobs", "3", PREFECT_API_URL=prefect_server) as served:
