@@ -1,12 +1,14 @@
 """fleet attest, fleet verify."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
 from helpers.deployed_robots import Yard, good
 from helpers.tested_batches import Batches, courier, etag
 
+from prefect_robomaker.schemas.documents.applications import ApplicationDocument
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.fleet.attestations.required_batches import envelope_key
 from prefect_robomaker.tasks.service.service import Service
@@ -95,6 +97,28 @@ def test_a_batch_is_attested_without_a_deployment(robomaker, yard: Yard, tmp_pat
     assert json.loads(path.read_bytes())["payloadType"] == "application/vnd.in-toto+json"
     assert shown.encode() == path.read_bytes() + b"\n"
     assert robomaker("fleet", "attest", batch).out != shown, "it is about what the application is now"
+
+
+@pytest.mark.parametrize("version", [(), ("--application-version", "1")], ids=["latest", "numbered"])
+def test_an_archive_that_was_overwritten_in_place_after_the_batch_is_not_attested(
+    robomaker, yard: Yard, tmp_path, version: tuple[str, ...]
+) -> None:
+    batch, path = Batches(yard.service, etag(yard.service)).batch(), tmp_path / "attestation.json"
+    assert robomaker("fleet", "attest", batch, *version).code == 0
+    [source] = ApplicationDocument.of(yard.service.catalog.find("robot-application", "courier")).sources
+    archive = yard.service.store.local_path(source.s3_bucket, source.s3_key)
+    before = archive.stat()
+    with archive.open("r+b") as content:
+        content.seek(-1, os.SEEK_END)
+        last = content.read(1)
+        content.seek(-1, os.SEEK_END)
+        content.write(bytes([last[0] ^ 1]))
+    os.utime(archive, ns=(before.st_atime_ns, before.st_mtime_ns))
+
+    refused = robomaker("fleet", "attest", batch, *version, "--file", path)
+
+    assert (refused.code, path.exists()) == (3, False)
+    assert f"{source.s3_key} has changed since" in refused.err
 
 
 @pytest.mark.parametrize(
