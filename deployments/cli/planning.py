@@ -1,5 +1,6 @@
 """The plan of a specification before it runs: order of steps, amounts, limits."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -27,6 +28,12 @@ class PlannedStep:
     """Simulation jobs it makes at most, where the file says it."""
 
     concurrency: int | None = None
+    job_limit_s: int | None = None
+    """The longest `maxJobDurationInSeconds` of its jobs, where the file says it."""
+
+    timeout_s: int | None = None
+    """Of a batch: `timeoutInSeconds`, where the file says it."""
+
     detail: str = ""
     """The same in words."""
 
@@ -59,19 +66,34 @@ def _planned_step(step: CheckedStep, outputs: dict[str, dict[str, Any]]) -> Plan
             detail = f"{counted(made, 'world')}: {counted(variations, 'variation')} of {counted(worlds, 'world')}"
             return PlannedStep(step.name, step.operation, needs, worlds=made, detail=detail)
     if step.operation == "CreateSimulationJob":
-        return PlannedStep(step.name, step.operation, needs, jobs=1, detail=f"1 simulation job{_limit(step.input)}")
+        limits = _limits([step.input])
+        detail = f"1 simulation job{_limit(limits)}"
+        return PlannedStep(
+            step.name, step.operation, needs, jobs=1, job_limit_s=max(limits, default=None), detail=detail
+        )
     if step.operation == "StartSimulationJobBatch" and (requests := child(step.input, "createSimulationJobRequests")):
         jobs, what = _size(requests, outputs)
         concurrency = _number(step.input, "batchPolicy", "maxConcurrency")
         together = f", {concurrency} at a time" if concurrency else ""
-        detail = what + together + _limit(_first(requests))
-        return PlannedStep(step.name, step.operation, needs, jobs=jobs, concurrency=concurrency, detail=detail)
+        limits, timeout_s = _limits(_written(requests)), _number(step.input, "batchPolicy", "timeoutInSeconds")
+        all_of_it = f", at most {duration(timeout_s)} for all" if timeout_s else ""
+        return PlannedStep(
+            step.name,
+            step.operation,
+            needs,
+            jobs=jobs,
+            concurrency=concurrency,
+            job_limit_s=max(limits, default=None),
+            timeout_s=timeout_s,
+            detail=f"{what}{together}{_limit(limits)}{all_of_it}",
+        )
     return PlannedStep(step.name, step.operation, needs)
 
 
-def _first(requests: Node) -> Node | None:
+def _written(requests: Node) -> list[Node]:
+    """The requests for jobs that the file has."""
     construct = for_each_of(requests)
-    return construct.entries["value"] if construct else child(requests, 0)
+    return [construct.entries["value"]] if construct else list(requests.items) if isinstance(requests, ListNode) else []
 
 
 def _size(requests: Node, outputs: dict[str, dict[str, Any]]) -> tuple[int | None, str]:
@@ -103,9 +125,17 @@ def _number(node: Node, *keys: str) -> int | None:
     return value if isinstance(value, int) else None
 
 
-def _limit(request: Node | None) -> str:
-    seconds = _number(request, "maxJobDurationInSeconds") if request is not None else None
-    return "" if seconds is None else f", at most {duration(seconds)} each"
+def _limits(requests: Sequence[Node]) -> list[int]:
+    """Limits of jobs in seconds, where they are written as numbers."""
+    found = (_number(request, "maxJobDurationInSeconds") for request in requests)
+    return [seconds for seconds in found if seconds is not None]
+
+
+def _limit(limits_s: Sequence[int]) -> str:
+    if not limits_s:
+        return ""
+    shortest = f"{duration(min(limits_s))} to " if min(limits_s) < max(limits_s) else ""
+    return f", at most {shortest}{duration(max(limits_s))} each"
 
 
 def counted(count: int, noun: str) -> str:

@@ -54,6 +54,29 @@ class StepForecast(Model):
         default=None, ge=0, description="CPU time of its jobs and worlds; absent: not known."
     )
     size_bytes: int = Field(ge=0, description="Size of their outputs.")
+    timeout_s: float | None = Field(
+        default=None, gt=0, description="Wall-clock time after which its batch is ended; absent: it is no batch."
+    )
+    longest_batch_s: float | None = Field(
+        default=None,
+        ge=0,
+        description="Wall-clock time of its longest batch: more than 1,000 jobs are several; absent: it is no batch.",
+    )
+    over_limit: int = Field(
+        default=0, ge=0, description="Jobs that do not finish before their own limit, `maxJobDurationInSeconds`."
+    )
+    job_s: float | None = Field(default=None, ge=0, description="Time that the slowest of these would need.")
+    job_limit_s: float | None = Field(default=None, ge=0, description="The limit of that job.")
+
+
+class ProbedJob(Model):
+    """A simulation job that a probe ran, and how it ended."""
+
+    job: str = Field(description="Its id.")
+    verdict: str = Field(description="Its verdict; its status where it has none.")
+    reason: str = Field(default="", description="Why it did not pass.")
+    trials: int | None = Field(default=None, ge=0, description="Trials that it ran; absent: it has none.")
+    trials_passed: int | None = Field(default=None, ge=0, description="Trials that passed.")
 
 
 class Forecast(Model):
@@ -72,6 +95,7 @@ class Forecast(Model):
     size_bytes: int = Field(ge=0, description="Size of the outputs of all jobs and worlds.")
     price_per_hour: float | None = Field(default=None, ge=0, description="Price of a machine for an hour, as given.")
     cost: float | None = Field(default=None, ge=0, description="Machines x hours x price; absent: no price is given.")
+    ran: list[ProbedJob] = Field(default=[], description="The jobs of the probe's last pass, with their verdicts.")
     assumed: list[str] = Field(description="What the figures rest on, in words.")
     probes: list[str] = Field(description="Ids of the runs that were measured.")
 

@@ -10,8 +10,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from typing import Any
 
-from ...schemas.reports.forecast import Forecast, JobCost, Places, StepForecast, StepProbe
+from ...schemas.reports.forecast import Forecast, JobCost, Places, ProbedJob, StepForecast, StepProbe
 from ...schemas.specs.batch_splitting import MOST_REQUESTS
 from ...schemas.specs.probe_requests import BATCH, GENERATION, JobAmount
 
@@ -24,6 +25,8 @@ class WholeStep:
     worlds: int = 0
     max_concurrency: int = 1
     """Of a batch: how many jobs it allows at once."""
+    timeout_s: float | None = None
+    """Of a batch: after which time it is ended."""
 
 
 def forecast_run(
@@ -35,6 +38,7 @@ def forecast_run(
     made_at: datetime,
     assumed: Sequence[str],
     probes: Sequence[str],
+    ran: Sequence[ProbedJob] = (),
     price_per_hour: float | None = None,
 ) -> Forecast:
     """Forecasts a run.
@@ -47,6 +51,7 @@ def forecast_run(
         made_at: the time now.
         assumed: what the figures rest on, in words.
         probes: ids of the runs that were measured.
+        ran: the jobs that were measured, with their verdicts.
         price_per_hour: of a machine; absent: there is no cost.
     """
     each = [forecast_step(probe, whole, places) for probe, whole in steps]
@@ -63,6 +68,7 @@ def forecast_run(
         size_bytes=sum(step.size_bytes for step in each),
         price_per_hour=price_per_hour,
         cost=None if price_per_hour is None else places.machines * wall_time_s / 3600 * price_per_hour,
+        ran=list(ran),
         assumed=list(assumed),
         probes=list(probes),
     )
@@ -109,7 +115,7 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
     first = JobAmount(probe.first_trials, math.inf, whole.jobs[0].kind)
     start_s = max(0.0, probe.wall_time_s - costs.of(first).slot_s(first))
     batches = [whole.jobs[first : first + MOST_REQUESTS] for first in range(0, len(whole.jobs), MOST_REQUESTS)]
-    wall_time_s = sum(start_s + _batch_s(jobs, costs, at_once, cpus) for jobs in batches)
+    batches_s = [start_s + _batch_s(jobs, costs, at_once, cpus) for jobs in batches]
     cpu_times_s = [costs.of(job).cpu_time_s(job) for job in whole.jobs]
     known_s = [cpu_time_s for cpu_time_s in cpu_times_s if cpu_time_s is not None]
     return StepForecast(
@@ -118,10 +124,21 @@ def _forecast_jobs(probe: StepProbe, whole: WholeStep, places: Places) -> StepFo
         parts=len(whole.jobs),
         concurrency=at_once,
         start_s=start_s,
-        wall_time_s=wall_time_s,
+        wall_time_s=sum(batches_s),
+        timeout_s=whole.timeout_s,
+        longest_batch_s=max(batches_s) if probe.operation == BATCH else None,
+        **_limits(whole.jobs, costs),
         cpu_time_s=sum(known_s) if len(known_s) == len(cpu_times_s) else None,
         size_bytes=round(sum(costs.of(job).size_bytes(job) for job in whole.jobs)),
     )
+
+
+def _limits(jobs: Sequence[JobAmount], costs: "_Costs") -> dict[str, Any]:
+    """How many jobs their own limit will cut, and the one that would need most."""
+    needed = [(costs.of(job).needed_s(job), job.limit_s) for job in jobs]
+    over = [(needed_s, limit_s) for needed_s, limit_s in needed if needed_s >= limit_s]
+    job_s, job_limit_s = max(over, default=(None, None))
+    return {"over_limit": len(over), "job_s": job_s, "job_limit_s": job_limit_s}
 
 
 def _batch_s(jobs: Sequence[JobAmount], costs: "_Costs", at_once: int, cpus: int) -> float:
@@ -183,8 +200,12 @@ class _MeanCost:
             bytes_per_s=sum(job.size_bytes for job in jobs) / run_s,
         )
 
+    def needed_s(self, job: JobAmount) -> float:
+        """How long its run would take without a limit, as far as the probe was not cut by one."""
+        return job.trials * self.trial_s
+
     def run_s(self, job: JobAmount) -> float:
-        return min(job.trials * self.trial_s, job.limit_s)
+        return min(self.needed_s(job), job.limit_s)
 
     def slot_s(self, job: JobAmount) -> float:
         return self.around_s + self.run_s(job)

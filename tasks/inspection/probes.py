@@ -7,8 +7,8 @@ from typing import Any
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
-from ...schemas.reports.forecast import JobCost, StepProbe
-from ...schemas.reports.run_record import RunRecord, StepRecord
+from ...schemas.reports.forecast import JobCost, ProbedJob, StepProbe
+from ...schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ...schemas.runs.trials import Trials
 from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.probe_requests import BATCH, EXPORT, GENERATION, JOB, jobs_in, kind_of, worlds_in
@@ -142,6 +142,25 @@ def _archive_bytes(arn: str, service: Service) -> int:
         return 0
 
 
+def probed_jobs(last: RunRecord) -> list[ProbedJob]:
+    """The jobs of a probe's pass, with their verdicts."""
+
+    def trials(job: JobRecord, name: str) -> int | None:
+        counted = job.metrics.get(name)
+        return None if counted is None else int(counted)
+
+    return [
+        ProbedJob(
+            job=job.label,
+            verdict=job.verdict or job.status,
+            reason=job.failure_reason or job.verdict_reason or "",
+            trials=trials(job, "trials"),
+            trials_passed=trials(job, "trials_passed"),
+        )
+        for job in last.jobs
+    ]
+
+
 def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
     """How much each step of the whole run does, with worlds of the probe in place of those that it did not make.
 
@@ -159,8 +178,10 @@ def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
         step, output = spec.steps[name], ended[name].output
         request = resolve_input(step, outputs)
         worlds = worlds_in(request) if step.operation == GENERATION else len(request.get("worlds") or [])
-        concurrency = (output.get("batchPolicy") or {}).get("maxConcurrency") or 1
-        whole[name] = WholeStep(jobs_in(step.operation, request), worlds, concurrency)
+        policy = output.get("batchPolicy") or {}
+        timeout_s = policy.get("timeoutInSeconds") if step.operation == BATCH else None
+        jobs = jobs_in(step.operation, request)
+        whole[name] = WholeStep(jobs, worlds, policy.get("maxConcurrency") or 1, timeout_s)
         outputs[name] = _with_all_worlds(output, worlds) if step.operation == GENERATION else output
     return whole
 

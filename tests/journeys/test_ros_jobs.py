@@ -55,6 +55,25 @@ LAUNCH = """<launch>
   </node>
 </launch>"""
 
+WAITS = '<node pkg="my_robot" type="node.py" name="node"><env name="AWAITS" value="nobody"/></node>'
+"""A node beside those that cannot be launched: `roslaunch` goes on for it."""
+FAILING = {
+    "executable": (
+        '<node pkg="my_robot" type="gone.py" name="gone"/>',
+        "failed in its launch: cannot launch node of type [my_robot/gone.py]: ",
+    ),
+    "package": (
+        '<node pkg="no_such_robot" type="gone.py" name="gone"/>',
+        "failed in its launch: cannot launch node of type [no_such_robot/gone.py]: ",
+    ),
+    "required": (
+        '<node pkg="my_robot" type="dies.py" name="dies" required="true"/>',
+        "has died! process has died [pid ",
+    ),
+    "found": ('<param name="map" value="$(find no_such_robot)"/>', "Resource not found: no_such_robot"),
+}
+"""Launch files that cannot be launched as they are, and what their jobs say."""
+
 Ending = dict[str, Any]
 
 
@@ -64,11 +83,14 @@ def launch_config(service: Service, tmp_path: Path) -> Callable[..., dict[str, A
     package = tmp_path / "bundle" / "src" / "my_robot"
     files = {
         "package.xml": MANIFEST, "scripts/node.py": NODE, "launch/drive.launch": LAUNCH,
+        "scripts/dies.py": "#!/usr/bin/env python3\nraise SystemExit(3)\n",
+        **{f"launch/{name}.launch": f"<launch>{node}{WAITS}</launch>" for name, (node, _) in FAILING.items()},
     }  # fmt: skip
     for name, text in files.items():
         (package / name).parent.mkdir(parents=True, exist_ok=True)
         (package / name).write_text(text)
-    (package / "scripts" / "node.py").chmod(0o755)
+    for script in (package / "scripts").iterdir():
+        script.chmod(0o755)
     pack_tar_gz(tmp_path / "bundle", tmp_path / "bundle.tar.gz")
     for bucket in ("applications", "results"):
         service.store.ensure_bucket(bucket)
@@ -255,3 +277,18 @@ def test_nodes_tag_and_cancel_their_job_and_its_topics_are_recorded(
     with AnyReader([bag]) as reader:
         spoken = [reader.deserialize(raw, c.msgtype) for c, _, raw in reader.messages() if c.topic == "/spoken"]
     assert "hello 19" in [getattr(message, "data", None) for message in spoken]
+
+
+@pytest.mark.parametrize("failing", FAILING)
+@pytest.mark.parametrize("roles", [("robot",), ("simulation",), ("robot", "simulation"), ("simulation", "robot")])
+def test_a_launch_that_does_not_launch_all_fails_its_job_with_the_line_that_says_so(
+    service: Service, launch_config: Callable[..., dict[str, Any]], failing: str, roles: tuple[str, ...]
+) -> None:
+    """The first role is the one whose launch fails; the other one would wait for ever."""
+    configs = {role: launch_config(role, AWAITS="nobody") for role in roles}
+    configs[roles[0]] = launch_config(roles[0], f"{failing}.launch", AWAITS="nobody")
+
+    job = ended(service, ordered(service, **configs))
+
+    assert (job["status"], job["failureCode"]) == ("Failed", f"{roles[0].capitalize()}ApplicationCrash"), job
+    assert FAILING[failing][1] in job["failureReason"]

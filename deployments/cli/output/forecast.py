@@ -1,12 +1,18 @@
 """A forecast in lines: what the whole run takes, each step, and what the figures rest on."""
 
+from collections import Counter
 from typing import TYPE_CHECKING
 
 from .durations import duration
 
 if TYPE_CHECKING:
-    from ....schemas.reports.forecast import Forecast, StepForecast
+    from collections.abc import Sequence
 
+    from ....schemas.reports.forecast import Forecast, ProbedJob, StepForecast
+
+_MOST_TOLD = 5
+_AS_MUCH = 1.05
+"""A job that the limit ended in the probe is known to need that much, but not how much more."""
 _UNITS = ("bytes", "kB", "MB", "GB", "TB")
 
 
@@ -24,9 +30,48 @@ def forecast_lines(forecast: "Forecast") -> list[str]:
     lines = [f"forecast for {where}:", *(f"  {name:<10} {value}" for name, value in rows)]
     longest = max(len(step.step) for step in forecast.steps)
     lines += ["", *(f"  {step.step:<{longest}}  {_step(step)}" for step in forecast.steps)]
+    if warnings := [line for step in forecast.steps for line in _warnings(step)]:
+        lines += ["", *(f"  warning: {words}" for words in warnings)]
+    if forecast.ran:
+        lines += ["", *_ran(forecast.ran)]
     if forecast.assumed:
         lines += ["", *(f"  assumed: {words}" for words in forecast.assumed)]
     return [*lines, f"  measured: {', '.join(forecast.probes)}"]
+
+
+def _warnings(step: "StepForecast") -> list[str]:
+    """That a batch or its jobs do not finish before they are ended."""
+    told = []
+    timeout_s, takes_s = step.timeout_s, step.longest_batch_s
+    if timeout_s is not None and takes_s is not None and takes_s > timeout_s:
+        told.append(
+            f"{step.step}: its batch takes {duration(takes_s)} and is ended after {duration(timeout_s)} "
+            f"(batchPolicy.timeoutInSeconds is {timeout_s:.0f}); jobs that have not finished by then fail"
+        )
+    limit_s, needs_s = step.job_limit_s, step.job_s
+    if limit_s is not None and needs_s is not None:
+        jobs = "1 job is" if step.over_limit == 1 else f"{step.over_limit} jobs are"
+        needs = "more" if needs_s < _AS_MUCH * limit_s else f"about {duration(needs_s)}"
+        told.append(
+            f"{step.step}: {jobs} ended by the limit (maxJobDurationInSeconds is {limit_s:.0f}); {needs} would be right"
+        )
+    return told
+
+
+def _ran(jobs: "Sequence[ProbedJob]") -> list[str]:
+    """Verdicts of the jobs that a probe ran: how many there are of each, then those that did not pass."""
+    counts = Counter(job.verdict for job in jobs)
+    told = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    lines = [f"  ran: {len(jobs)} {'job' if len(jobs) == 1 else 'jobs'}: {told}"]
+    bad = [job for job in jobs if job.verdict != "PASS"]
+    lines += [f"    {_verdict(job)}" for job in bad[:_MOST_TOLD]]
+    return lines + ([f"    … and {len(bad) - _MOST_TOLD} more"] if len(bad) > _MOST_TOLD else [])
+
+
+def _verdict(job: "ProbedJob") -> str:
+    trials = "" if job.trials is None else f", {job.trials_passed or 0} of {job.trials} trials pass"
+    reason = job.reason.partition("\n")[0]
+    return f"{job.job} {job.verdict}{trials}{f': {reason}' if reason else ''}"
 
 
 def size(size_bytes: int) -> str:

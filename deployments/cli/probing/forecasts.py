@@ -15,7 +15,7 @@ from ....schemas.specs.model import CheckedSpec
 from ....schemas.specs.probe_requests import BATCH, JOB, ProbeSize
 from ....tasks.inspection.forecasting import WholeStep, forecast_run
 from ....tasks.inspection.kept_forecasts import keep_forecast
-from ....tasks.inspection.probes import measured, whole_steps
+from ....tasks.inspection.probes import measured, probed_jobs, whole_steps
 from ....tasks.service.service import Service
 from .machines import Machines
 from .passes import CpuTimes, run_pass
@@ -76,6 +76,7 @@ def probe(
         made_at=service.clock(),
         assumed=_assumed(settings, last, whole, is_alone=last is first),
         probes=list(dict.fromkeys((first.run_id, last.run_id))),
+        ran=probed_jobs(last),
         price_per_hour=machines.price_per_hour,
     )
     keep_forecast(forecast, spec, settings)

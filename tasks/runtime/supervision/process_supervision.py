@@ -208,6 +208,7 @@ class Supervision:
         if time.monotonic() < self._next_look_s:
             return
         excess = self._meter.look()
+        self._look_at_launches()
         for log in self._logs:
             log.look()
         self._tell_trials()
@@ -217,6 +218,18 @@ class Supervision:
         elif self._disk_writer is None and self._disk.look():
             self._is_over = True  # files are measured and reported once no process writes to them
             self._disk_writer = self._meter.busiest_writer()
+
+    def _look_at_launches(self) -> None:
+        for program in self._programs:
+            if program.plan.kind == "application" and program.is_running and not self._is_stopping:
+                self._has_launch_failed(program)
+
+    def _has_launch_failed(self, program: Program) -> bool:
+        """Whether a program has said that it could not launch its nodes; that counts as its crash."""
+        if (said := program.launch_failure()) is None:
+            return False
+        self._on_crash(_crash_of(program, f"failed in its launch: {said}"))
+        return True
 
     def _tell_trials(self) -> None:
         """Tells the launcher how many trials have finished, if there are more than it knows of."""
@@ -257,6 +270,8 @@ class Supervision:
             pause_s = program.pause(how_it_ended(status))
             program.clear_away()
             self._after(pause_s, partial(self._start, program))
+        elif program.plan.kind == "application" and self._has_launch_failed(program):
+            return
         elif program.plan.kind == "tool" or status != 0:
             if program.plan.kind == "tool" or not self._is_failing_by_itself():
                 self._on_crash(_crash_of(program, how_it_ended(status)))

@@ -12,6 +12,7 @@ from ....schemas.runs.programs import ProgramPlan, ToolEnds
 from ..limits.capped_logs import CappedLog
 from ..limits.logs import LOG_FOLDER, program_logs
 from ..sandbox.forking import fork_beside
+from .launch_failures import LaunchWatch
 
 FIRST_PAUSE_S = 0.5
 """Pause before a tool is started again; doubles with each time."""
@@ -71,6 +72,7 @@ class Program:
         stdout, stderr = program_logs(plan.name)
         folder = output_dir / LOG_FOLDER
         self.logs = (CappedLog(folder / stdout), CappedLog(folder / stderr))
+        self._watches = [LaunchWatch(log.descriptor) for log in self.logs]
 
     @property
     def is_running(self) -> bool:
@@ -89,6 +91,10 @@ class Program:
             self._note(f"start {self._starts} of this tool")
         self.pid = spawn(self.plan.argv, self.plan.folder, self._environment, self.logs, self._confine, self._fork)
         self.ended = os.pidfd_open(self.pid)
+
+    def launch_failure(self) -> str | None:
+        """What a program that launches nodes of ROS could not launch, if it has said so since the last call."""
+        return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:
         """Returns the wait status of a program that has ended, and leaves it to be reaped.

@@ -1,6 +1,7 @@
 """What a probe says of the whole run."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 import pytest
@@ -163,3 +164,19 @@ def test_steps_without_parts_take_what_they_took() -> None:
     forecast = run_of((quick, WholeStep()), (waits(1), whole(1)))
     assert forecast.wall_time_s == 12.25
     assert math.isclose(sum(map(took, forecast.steps)), forecast.wall_time_s)
+
+
+def test_limits_that_come_before_the_end_are_found() -> None:
+    probe = waits(1)  # 9 s for a trial
+    found = forecast_step(probe, replace(whole(20, at_once=2), timeout_s=60.0), ONE)
+    assert (found.timeout_s, found.longest_batch_s, found.over_limit) == (60.0, found.wall_time_s, 0)
+    assert found.wall_time_s > 60
+    mixed = WholeStep([JobAmount(1, 60.0), JobAmount(4, 30.0), JobAmount(3, 20.0)], max_concurrency=2)
+    cut = forecast_step(probe, mixed, ONE)
+    assert (cut.over_limit, cut.job_s, cut.job_limit_s) == (2, pytest.approx(36.0), 30.0)
+    assert forecast_step(probe, whole(1, limit_s=9.0), ONE).over_limit == 1, "the limit may have cut the probe as well"
+
+
+def test_each_batch_of_many_jobs_has_the_timeout_for_itself() -> None:
+    two = forecast_step(waits(1), replace(whole(2000, at_once=2), timeout_s=1e6), ONE)
+    assert two.longest_batch_s == pytest.approx(two.wall_time_s / 2)

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.deployments.cli.output.forecast import forecast_lines, size
-from prefect_robomaker.schemas.reports.forecast import Forecast, Places, StepForecast
+from prefect_robomaker.schemas.reports.forecast import Forecast, Places, ProbedJob, StepForecast
 
 
 def forecast(**changes: Any) -> Forecast:
@@ -49,6 +49,38 @@ def test_what_a_reader_wants_to_know_comes_first() -> None:
         "  assumed: all 20 jobs take as long as the 2 that ran",
         "  measured: night-probe-1",
     ]
+
+
+def test_what_does_not_finish_in_time_and_what_the_probe_found_is_said() -> None:
+    [quick, drive] = forecast().steps
+    late = {"timeout_s": 600.0, "longest_batch_s": 3600.0, "over_limit": 3, "job_s": 90.0, "job_limit_s": 60.0}
+    ran = [
+        ProbedJob(job="sim-1", verdict="PASS", trials=4, trials_passed=4),
+        ProbedJob(job="sim-2", verdict="FAIL", reason="quick: late\nmore", trials=4, trials_passed=1),
+        ProbedJob(job="sim-3", verdict="NONE"),
+    ]
+
+    lines = forecast_lines(forecast(steps=[quick, drive.model_copy(update=late)], ran=ran))
+
+    assert lines[8:16] == [
+        "",
+        "  warning: drive: its batch takes 1 h and is ended after 10 min (batchPolicy.timeoutInSeconds is 600); "
+        "jobs that have not finished by then fail",
+        "  warning: drive: 3 jobs are ended by the limit (maxJobDurationInSeconds is 60); about 1 min 30 s would be "
+        "right",
+        "",
+        "  ran: 3 jobs: 1 PASS, 1 FAIL, 1 NONE",
+        "    sim-2 FAIL, 1 of 4 trials pass: quick: late",
+        "    sim-3 NONE",
+        "",
+    ]
+    cut = drive.model_copy(update={"over_limit": 1, "job_s": 60.5, "job_limit_s": 60.0})
+    [warning] = [line for line in forecast_lines(forecast(steps=[cut])) if "warning" in line]
+    assert warning == (
+        "  warning: drive: 1 job is ended by the limit (maxJobDurationInSeconds is 60); more would be right"
+    )
+    in_time = drive.model_copy(update={"timeout_s": 3600.0, "longest_batch_s": 3600.0})
+    assert not any("warning" in line for line in forecast_lines(forecast(steps=[in_time])))
 
 
 def test_what_is_not_known_is_left_out_or_said() -> None:

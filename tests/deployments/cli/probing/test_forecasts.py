@@ -32,7 +32,7 @@ def specification(steps: dict[str, Any], name: str = "night") -> CheckedSpec:
 
 
 def batch(requests: Any, **members: Any) -> dict[str, Any]:
-    policy = {"maxConcurrency": 2}
+    policy = {"maxConcurrency": 2, "timeoutInSeconds": 600}
     order = {"createSimulationJobRequests": requests, "batchPolicy": policy, **members}
     return {"operation": "StartSimulationJobBatch", "input": order}
 
@@ -74,6 +74,9 @@ def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
     assert forecast.cpu_time_s > 0
     assert forecast.size_bytes > 0
     assert len(forecast.probes) == 2
+    assert {job.verdict for job in forecast.ran} == {"NONE"}
+    assert wait.timeout_s == 600.0
+    assert (wait.longest_batch_s, wait.over_limit) == (wait.wall_time_s, 0)
     assert find_forecast(spec, settings) == forecast
 
     record = run(spec, settings)

@@ -63,7 +63,9 @@ def test_a_plan_shows_order_and_amounts(robomaker) -> None:
     steps = [line.split() for line in lines if line[:3].strip().isdigit()]
     assert [words[1] for words in steps] == ["template", "worlds", "export", "drive"]
     assert lines[3].endswith("CreateWorldGenerationJob  after template  4 worlds: 2 floor plans, 2 × furnished")
-    assert lines[5].endswith("4 simulation jobs, one for each world, 2 at a time, at most 5 min each")
+    assert lines[5].endswith(
+        "4 simulation jobs, one for each world, 2 at a time, at most 5 min each, at most 30 min for all"
+    )
 
 
 def test_a_plan_as_json(robomaker) -> None:
@@ -72,6 +74,35 @@ def test_a_plan_as_json(robomaker) -> None:
     assert by_name["houses"]["worlds"] == 10
     assert by_name["drive"]["jobs"] == 20
     assert by_name["drive"]["needs"] == ["flats", "houses"]
+
+
+def test_a_plan_shows_the_limits_of_jobs_and_of_their_batch(robomaker, spec) -> None:
+    path = spec("""\
+version: 1
+name: limits
+steps:
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      batchPolicy: {timeoutInSeconds: 7200}
+      createSimulationJobRequests:
+        - maxJobDurationInSeconds: 60
+          robotApplications: [{application: scout, launchConfig: {command: [./drive]}}]
+        - maxJobDurationInSeconds: 300
+          robotApplications: [{application: scout, launchConfig: {command: [./drive]}}]
+  last:
+    operation: CreateSimulationJob
+    input:
+      iamRole: arn:aws:iam::000000000000:role/local
+      maxJobDurationInSeconds: 90
+      robotApplications: [{application: scout, launchConfig: {command: [./drive]}}]
+""")
+    ended = robomaker("plan", path)
+    assert "2 simulation jobs, at most 1 min to 5 min each, at most 2 h for all\n" in ended.out
+    assert "1 simulation job, at most 1 min 30 s each\n" in ended.out
+    steps = json.loads(robomaker("plan", path, "-o", "json").out)["steps"]
+    limits = [(step["job_limit_s"], step["timeout_s"]) for step in steps]
+    assert limits == [(300, 7200), (90, None)]
 
 
 def test_amounts_that_only_a_run_can_tell_are_not_guessed(robomaker, spec) -> None:
