@@ -17,6 +17,12 @@ BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "Ti
 _STATES: dict[str, RunState] = {**BAD_ENDS, "PartialFailed": "broken"}
 # From worst to best: what several steps or jobs make of a run.
 _SEVERITY: tuple[RunState, ...] = ("canceled", "timed out", "broken", "failed", "succeeded")
+_OTHER_ENDS: dict[CaseOutcome, str] = {
+    "broken": "broke",
+    "canceled": "canceled",
+    "unfinished": "unfinished",
+    "no verdict": "without a verdict",
+}
 _MOST_NAMED = 3
 _MOST_OF_REASON = 160
 """Characters of each reason."""
@@ -116,13 +122,12 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
 
 
 def counts_in_words(jobs: Sequence[JobRecord]) -> str:
-    """`3 of 4 verdicts pass, 1 broke, 2 canceled`; empty when there is nothing to count."""
-    verdicts = list(verdicts_of(jobs).values())
-    judged = [verdict for verdict in verdicts if verdict in ("PASS", "FAIL")]
+    """`3 of 4 verdicts pass, 1 broke, 2 canceled`: each job once; empty when there is nothing to count."""
     counts = count_outcomes(jobs)
-    told = [f"{judged.count('PASS')} of {len(judged)} verdicts pass"] if judged else []
-    told += [f"{counts['broken']} broke"] if counts.get("broken") else []
-    told += [f"{counts['canceled']} canceled"] if counts.get("canceled") else []
+    passed = counts.get("passed", 0)
+    judged = passed + counts.get("failed", 0)
+    told = [f"{passed} of {judged} verdicts pass"] if judged else []
+    told += [f"{counts[outcome]} {words}" for outcome, words in _OTHER_ENDS.items() if counts.get(outcome)]
     return ", ".join(told)
 
 

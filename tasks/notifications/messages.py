@@ -21,7 +21,14 @@ WORST = 3
 """How many failures a message has."""
 
 _MAX_REASON = 300
-_WORDS: Mapping[CaseOutcome, str] = {"passed": "pass", "failed": "fail", "broken": "broke", "canceled": "canceled"}
+_WORDS: Mapping[CaseOutcome, str] = {
+    "passed": "pass",
+    "failed": "fail",
+    "broken": "broke",
+    "canceled": "canceled",
+    "unfinished": "unfinished",
+    "no verdict": "without a verdict",
+}
 
 
 @dataclass(frozen=True)

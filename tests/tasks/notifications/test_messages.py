@@ -5,12 +5,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.night_records import make_job, make_night
 
 from prefect_robomaker.schemas.reports.report import RunState
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.comparison.history import since_last_run
+from prefect_robomaker.tasks.comparison.nights import NightRun
 from prefect_robomaker.tasks.notifications.messages import failed_jobs, is_due, message_of
 
 MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
@@ -138,3 +141,24 @@ def test_settings_say_who_is_told_and_when() -> None:
         ConfigurationError, match="ROBOMAKER_NOTIFY_WHEN is 'never'; it has to be some of failure, reco"
     ):
         Settings.from_environment({"ROBOMAKER_NOTIFY_WHEN": "never"})
+
+
+def test_another_way_of_failing_is_in_the_title() -> None:
+    """Both nights fail; a reader of titles sees that this one is another."""
+
+    def night(number: int, *missed: str) -> RunRecord:
+        job = make_job(0, "F", night=number)
+        asked = [
+            job.requirements[0].model_copy(update={"name": name, "satisfied": name not in missed})
+            for name in ("goal", "gentle", "upright")
+        ]
+        night = make_night([job.model_copy(update={"requirements": asked})], number)
+        return night.model_copy(update={"state": "failed"})
+
+    first, second = night(0, "goal"), night(1, "gentle", "upright")
+    since = since_last_run([NightRun.of(first), NightRun.of(second)])
+    message = message_of(second, first, since)
+    assert message.title == f"nightly: {second.state}, 0 pass, 1 fail of 1 job, newly missed: gentle, upright"
+    assert "gentle: newly missed in 1 of 1 trial; world and seed are the same, so this is no chance" in message.body
+    assert "goal: newly met in 1 of 1 trial" in message.body
+    assert since.still_failing[0].newly_missed == ["gentle", "upright"]
