@@ -7,6 +7,7 @@ kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a
 import inspect
 import logging
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any, ParamSpec
 
 import httpx
@@ -17,13 +18,17 @@ from prefect.context import FlowRunContext
 from prefect.exceptions import PrefectException
 from prefect.runtime import flow_run
 
+from ..schemas.job_owners import NeededEnvironment
 from ..schemas.operations.registry import OPERATIONS
 from ..schemas.wire.base import Shape
+from ..schemas.wire.errors import ServiceUnavailableException
 from ..tasks.execution.artifacts import shown_progress
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
+from ..tasks.execution.held_leases import died_here
 from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
+from ..tasks.jobs.owners.job_standings import needs_elsewhere
 from ..tasks.jobs.owners.own_orders import OwnOrder
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
@@ -108,6 +113,7 @@ def carry_out(operation: str, arn: str) -> Any:
     """
     service = Service.current()
     _name_run_after(arn)
+    _warn_of_environment(arn, service)
     with (
         ends_as_cancelled(),
         watched_run(service.catalog, lambda: _cancel(arn, service)),
@@ -118,6 +124,22 @@ def carry_out(operation: str, arn: str) -> Any:
     wait = CatalogWait(arn, lambda: service.catalog.standing(arn), lambda: False, service.timing.after_outage_s)
     result = wait.outlasting(lambda: job_result(operation, answer, service))
     return end_state(result, answer, verdict_fails_run=service.settings.verdict_fails_run)
+
+
+def _warn_of_environment(arn: str, service: Service) -> None:
+    """Says that a job was ordered in another environment; the person or deployment that names it here decides."""
+    with suppress(ServiceUnavailableException):
+        ownership = service.catalog.ownerships([arn]).get(arn)
+        if ownership is None or (ownership.is_held and not died_here(ownership.owner or "")):
+            return
+        if differences := needs_elsewhere(ownership.needed_environment, service):
+            command = NeededEnvironment.of_stored(ownership.needed_environment or {}).command(arn)
+            _logger.warning(
+                "%s was ordered in another environment, and goes on in this one: %s; as it was ordered: %s",
+                arn.rpartition("/")[2],
+                "; ".join(differences),
+                command,
+            )
 
 
 def _cancel(arn: str, service: Service) -> None:

@@ -2,8 +2,9 @@
 
 import os
 import shlex
+from collections.abc import Mapping
 from datetime import datetime
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
@@ -48,6 +49,11 @@ class NeededEnvironment(Model):
     )
     variables: dict[str, str] = Field(description="Variables of RoboMaker and their values, set or not.")
     packages: dict[str, str] = Field(description="Installed packages of its applications, with what they contain.")
+
+    @classmethod
+    def of_stored(cls, stored: Mapping[str, Any]) -> "NeededEnvironment":
+        """Reads what the catalog keeps with a job."""
+        return cls.model_validate(stored, strict=False)
 
     def differences(self, here: "NeededEnvironment") -> list[str]:
         """What another process has otherwise, in words.

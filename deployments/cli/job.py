@@ -22,17 +22,11 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     Raises:
         ResourceNotFoundException: there is no such job.
     """
-    from ...tasks.jobs.owners.job_standings import standing_of
     from ...tasks.service.service import Service
     from .prefect_server import use_server, wait_for_server_once
 
     service = Service.open(settings)
-    # Before a server is started for a job that is not there.
-    if (standing := standing_of(service.catalog.get(arn), service)) is not None and standing.waits_for_command:
-        sys.stderr.write(f"robomaker: {arn.rpartition('/')[2]} was ordered in another environment: ")
-        sys.stderr.write(
-            f"{'; '.join(standing.differences)}\nAs it was ordered, on {standing.machine}: {standing.command}\n"
-        )
+    service.catalog.get(arn)  # before a server is started for a job that is not there
     api_url = use_server(settings)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES

@@ -8,7 +8,7 @@ simulations and world builders die with it. So does a job worker's process that 
 import logging
 import os
 import threading
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from uuid import UUID
 
@@ -52,9 +52,7 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
     """
     with _ended(1):
         arns = HELD.give_back_all(catalog)
-        words = "its Prefect worker has died, so that it ended itself"
-        if arns:
-            words += f"; `{_command(catalog, arns[-1])}` goes on with what it ran"
+        words = words_of_end(catalog, arns)
         _tell_prefect(lambda: _say_crashed(flow_run, words))
 
 
@@ -81,12 +79,21 @@ def _ended(exit_code: int) -> Generator[None]:
         os._exit(exit_code)
 
 
-def _command(catalog: Catalog, arn: str) -> str:
-    """What a person types to go on with a job as it was ordered."""
-    ownership = catalog.ownerships([arn]).get(arn)
-    if ownership is None or ownership.needed_environment is None:
-        return f"robomaker perform {arn}"
-    return NeededEnvironment.model_validate(ownership.needed_environment, strict=False).command(arn)
+def words_of_end(catalog: Catalog, arns: Sequence[str]) -> str:
+    """Says that an orphan has ended itself, and what a person types to go on with what it ran, as it was ordered.
+
+    Args:
+        catalog: where its jobs are.
+        arns: the jobs that it held, those of batches before the batches.
+    """
+    words = "its Prefect worker has died, so that it ended itself"
+    if not arns:
+        return words
+    ownership = catalog.ownerships(arns[-1:]).get(arns[-1])
+    command = f"robomaker perform {arns[-1]}"
+    if ownership is not None and ownership.needed_environment is not None:
+        command = NeededEnvironment.of_stored(ownership.needed_environment).command(arns[-1])
+    return f"{words}; `{command}` goes on with what it ran"
 
 
 def _tell_prefect(tell: Callable[[], None]) -> None:

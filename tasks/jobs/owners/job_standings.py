@@ -49,7 +49,7 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
     """
     if needed is None:
         return []
-    wanted = NeededEnvironment.model_validate(needed, strict=False)
+    wanted = NeededEnvironment.of_stored(needed)
     return wanted.differences(environment_here(wanted, service.settings, os.environ))
 
 
@@ -70,7 +70,7 @@ def _standing(job: Resource, ownership: Ownership, above: Ownership | None, serv
     needed = ownership.needed_environment or (above.needed_environment if above else None)
     if needed is None or standing.state not in ("died", "left"):
         return standing
-    wanted = NeededEnvironment.model_validate(needed, strict=False)
+    wanted = NeededEnvironment.of_stored(needed)
     here = environment_here(wanted, service.settings, os.environ)
     arn = job.arn if ownership.needed_environment else job.parent or job.arn
     return standing.model_copy(

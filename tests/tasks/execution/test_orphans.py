@@ -8,6 +8,11 @@ from contextlib import suppress
 
 import pytest
 
+from prefect_robomaker.schemas.job_owners import NeededEnvironment
+from prefect_robomaker.tasks.catalog import FirstLease, Resource
+from prefect_robomaker.tasks.execution.orphans import words_of_end
+from prefect_robomaker.tasks.service.service import Service
+
 PROGRAM = """
 import os, sys, threading, time, uuid
 from prefect_robomaker.tasks.execution import orphans
@@ -90,3 +95,20 @@ def test_the_death_of_the_parent_counts_until_the_run_ends_and_ends_the_process_
                     os.kill(child, signal.SIGKILL)
 
     assert told == ["watching\norphaned\n", "watching\n", "watching\n"]
+
+
+def test_what_goes_on_with_the_jobs_of_an_orphan_has_what_they_need(service: Service) -> None:
+    needed = NeededEnvironment(
+        machine="lab", python="/venv", python_path=("/robot",), variables={"ROBOMAKER_NICE": "3"}, packages={}
+    )
+    lease = FirstLease("lab:1:a:a run of a Prefect worker", 30, needed.model_dump(mode="json"))
+    arns = [service.arn("simulation-job", name) for name in ("sim-a", "sim-b")]
+    for arn, held in zip(arns, (lease, None), strict=True):
+        job = Resource.new(arn=arn, kind="simulation-job", id=arn.rpartition("/")[2], status="Pending")
+        service.catalog.create(job, token=None, lease=held)
+
+    ended = "its Prefect worker has died, so that it ended itself"
+    assert words_of_end(service.catalog, ()) == ended
+    mine = f"`PYTHONPATH=/robot ROBOMAKER_NICE=3 /venv/bin/robomaker perform {arns[0]}` goes on with what it ran"
+    assert words_of_end(service.catalog, arns[:1]) == f"{ended}; {mine}"
+    assert words_of_end(service.catalog, arns) == f"{ended}; `robomaker perform {arns[1]}` goes on with what it ran"

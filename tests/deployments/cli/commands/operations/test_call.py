@@ -2,14 +2,20 @@
 
 import io
 import json
+import os
 import re
+import socket
 import time
+from dataclasses import replace
 
 import pytest
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.tasks.execution.held_leases import HeldLeases
+from prefect_robomaker.tasks.jobs.owners.own_orders import OwnOrder
 from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles, WaiterRecord
+from prefect_robomaker.tasks.operations.registry import registry
 from prefect_robomaker.tasks.service.service import Service
 
 BODY = {"name": "two rooms", "templateBody": '{"Version": "1"}'}
@@ -103,6 +109,33 @@ def test_a_job_can_be_carried_to_its_end(robomaker_at_server) -> None:
     refused = robomaker_at_server("perform", "arn:aws:robomaker:us-east-1:000000000000:world/x")
     assert refused.code == 2
     assert "names a world; jobs and batches can be performed" in refused.err
+
+
+def test_who_left_a_job_and_what_goes_on_with_it_is_told(robomaker_at_server, service: Service) -> None:
+    nice = replace(service, settings=service.settings.model_copy(update={"nice": 7}))
+    request = {
+        "maxJobDurationInSeconds": 60,
+        "iamRole": "arn:aws:iam::000000000000:role/test",
+        "robotApplications": [{"application": "scout", "launchConfig": {}}],
+    }
+    with OwnOrder(nice, HeldLeases()) as own:
+        arn = registry()["CreateSimulationJob"].ordered(request, own.through, nice)["arn"]
+        own.keep(arn)
+    name, differences = arn.rpartition("/")[2], "ROBOMAKER_NICE is 0, not 7"
+    command = f"ROBOMAKER_NICE=7 robomaker perform {arn}"
+
+    described = robomaker_at_server("call", "DescribeSimulationJob", "--input", json.dumps({"job": arn}))
+    assert "carriedOutBy" not in described.out, "the wire stays as it is"
+    first, second = described.err.splitlines()
+    assert first.startswith(f"{name}: carried out by a Python program (process {os.getpid()} on ")
+    assert first.endswith(f", which has left it; job workers with another environment leave it: {differences}")
+    assert second == f"Go on with it on {socket.gethostname()}: {command}"
+
+    done = robomaker_at_server("perform", arn)
+    assert json.loads(done.out)["status"] == "Failed", "it names no world"
+    assert f"{name} was ordered in another environment, and goes on in this one: {differences}" in done.err
+    described = robomaker_at_server("call", "DescribeSimulationJob", "--input", json.dumps({"job": arn}))
+    assert "leave it" not in described.err
 
 
 def test_a_verdict_of_fail_ends_a_waited_call_with_1(robomaker_at_server, swing, service: Service) -> None:
