@@ -24,17 +24,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     # Prefect sends nothing anywhere, nor prints a notice about it when it is imported, unless the user says so.
     os.environ.setdefault("DO_NOT_TRACK", "1")
     try:
-        code = _execute(words)
+        code = _executed(words)
         sys.stdout.flush()
-    except KeyboardInterrupt as interruption:
-        return _interrupted(interruption)
     except BrokenPipeError:
         # Python would complain when it flushes standard output at the end.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return exit_codes.PIPE_CLOSED
+    return code
+
+
+def _executed(words: Sequence[str]) -> int:
+    """Executes the command and says what went wrong; answers the exit code.
+
+    Raises:
+        BrokenPipeError: who reads the output or the errors has gone away.
+    """
+    try:
+        return _execute(words)
+    except KeyboardInterrupt as interruption:
+        return _interrupted(interruption)
+    except BrokenPipeError:
+        raise
     except Exception as error:
         return _report(error, debug="--debug" in words or bool(os.environ.get("ROBOMAKER_DEBUG")))
-    return code
 
 
 def _interrupted(interruption: KeyboardInterrupt) -> int:

@@ -95,6 +95,17 @@ def test_a_reader_that_goes_away_is_no_error() -> None:
     assert ended.stderr == ""
 
 
+@pytest.mark.parametrize("arguments", ["validate nowhere.yaml", "call DescribeWorld --input nowhere.yaml", "schema"])
+def test_a_reader_of_all_that_goes_away_is_no_error_whatever_was_to_be_said(arguments: str) -> None:
+    """The pipe is closed before the command begins."""
+    command = f"{sys.executable} -m prefect_robomaker.deployments.cli.main {arguments}"
+    reading, writing = os.pipe()
+    os.close(reading)
+    with os.fdopen(writing, "wb") as closed:
+        ended = subprocess.run(command.split(), stdout=closed, stderr=subprocess.STDOUT, check=False)
+    assert ended.returncode == 141
+
+
 LOOKS_AT_IMPORTS = """
 import os, sys
 
