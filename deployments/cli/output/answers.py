@@ -1,14 +1,34 @@
-"""Responses as text: JSON or YAML, times in ISO 8601."""
+"""Answers of commands as text: responses in JSON or YAML, with times in ISO 8601; lines with styles."""
 
 import json
 import sys
+from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, TextIO
+
+Cell = tuple[str, str]
+"""Text and style."""
 
 
 def print_answer(answer: dict[str, Any], form: str) -> None:
     """Prints a response as JSON or YAML."""
     sys.stdout.write(_as_yaml(answer) if form == "yaml" else _as_json(answer))
+
+
+def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:
+    """Prints lines of styled cells; paths and ARNs stay in one piece, however narrow the window: people copy them.
+
+    Raises:
+        BrokenPipeError: nobody reads the stream any more; a console would end the process with 1.
+    """
+    from rich.console import Console
+    from rich.text import Text
+
+    console = Console(file=stream, highlight=False, soft_wrap=True)
+    with console.capture() as printed:
+        for line in lines:
+            console.print(Text.assemble(*line) if line else "")
+    stream.write(printed.get())
 
 
 def _as_json(answer: dict[str, Any]) -> str:

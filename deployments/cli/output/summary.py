@@ -6,6 +6,7 @@ from typing import TextIO
 
 from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord
 from ....schemas.reports.run_states import counts_in_words
+from .answers import Cell, print_lines
 from .durations import duration
 
 _STATE_STYLES = {"succeeded": "bold green", "failed": "bold red", "broken": "bold red"}
@@ -15,9 +16,6 @@ _MAX_REASON = 240
 """Characters of a reason; the report has all of it."""
 _END_OF_REASON = 100
 """How much of it is the end, which says where it happened: the joint, the line, the last words of a log."""
-
-Cell = tuple[str, str]
-"""Text and style."""
 
 
 def print_summary(
@@ -39,13 +37,7 @@ def print_summary(
         page: address of the run's page in the console; empty: not shown.
         lost: lines about what it judges less than earlier runs.
     """
-    from rich.console import Console
-    from rich.text import Text
-
-    # Paths stay in one piece, however narrow the window: people copy them.
-    console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in summary_lines(record, command, server=server, page=page, lost=lost):
-        console.print(Text.assemble(*line) if line else "")
+    print_lines(summary_lines(record, command, server=server, page=page, lost=lost), stream)
 
 
 def summary_lines(

@@ -3,8 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
-Cell = tuple[str, str]
-"""Text and style."""
+from .answers import Cell, print_lines
 
 Line = list[Cell]
 
@@ -39,13 +38,7 @@ def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
 
 
 def _print(lines: list[Line], stream: TextIO) -> None:
-    from rich.console import Console
-    from rich.text import Text
-
-    # Paths and ARNs stay in one piece, however narrow the window: people copy them.
-    console = Console(file=stream, highlight=False, soft_wrap=True)
-    for line in lines:
-        console.print(Text.assemble(*((_printable(text), style) for text, style in line)) if line else "")
+    print_lines([[(_printable(text), style) for text, style in line] for line in lines], stream)
 
 
 def fact_lines(facts: dict[str, Any]) -> list[Line]:

@@ -1,0 +1,23 @@
+"""Answers as text."""
+
+import os
+from io import StringIO
+
+import pytest
+
+from prefect_robomaker.deployments.cli.output.answers import print_lines
+
+
+def test_lines_stay_in_one_piece_without_styles_where_there_is_no_terminal() -> None:
+    stream = StringIO()
+    print_lines([[("PASS", "green"), (f" {'x' * 300}", "")], [], [("end", "bold")]], stream)
+    assert stream.getvalue() == f"PASS {'x' * 300}\n\nend\n"
+
+
+def test_a_reader_that_has_gone_away_is_told_to_the_caller() -> None:
+    """A console of rich would end the process with 1 instead, which is the exit code of a failed verdict."""
+    reading, writing = os.pipe()
+    os.close(reading)
+    with pytest.raises(BrokenPipeError), os.fdopen(writing, "w") as stream:
+        print_lines([[("PASS", "green")]], stream)
+        stream.flush()
