@@ -19,7 +19,7 @@ def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:
     """Prints lines of styled cells; paths and ARNs stay in one piece, however narrow the window: people copy them.
 
     Raises:
-        BrokenPipeError: nobody reads the stream any more; a console would end the process with 1.
+        BrokenPipeError: who reads the stream has gone away; a console would end the process with 1.
     """
     from rich.console import Console
     from rich.text import Text
