@@ -66,7 +66,7 @@ def carry_out(
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         asked = None if outage.is_on else api_url
         _tell(record, command, asked, settings.home, as_json=arguments.output == "json")
-    if interrupted:
+    if interrupted and record.state != "succeeded":  # else it came too late to stop anything
         raise interrupted
     if record.report_path and wanted(arguments.open):
         open_file(record.report_path)

@@ -5,12 +5,16 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
+from helpers.night_records import make_night
 
 from prefect_robomaker.deployments.cli.commands.specifications.run import again
 from prefect_robomaker.deployments.cli.grammar import build_parser
+from prefect_robomaker.flows import pipelines
 from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.tasks.inspection.pipeline_parts import RunInterrupted
 
 QUICK = """\
 version: 1
@@ -132,3 +136,21 @@ def test_the_command_that_does_the_same_again_names_the_backend() -> None:
     arguments = build_parser().parse_args(["run", "spec.yaml", "--backend", "dask:tcp://head:8786"])
 
     assert again(arguments) == ["robomaker", "run", "spec.yaml", "--backend", "dask:tcp://head:8786"]
+
+
+@pytest.mark.parametrize(("letters", "code"), [("P", 0), ("F", 130), ("C", 130)])
+def test_ctrl_c_after_the_last_step_of_a_run_that_succeeded_stopped_nothing(
+    robomaker_at_server: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, letters: str, code: int
+) -> None:
+    """Its JUnit file has no error, so the exit code is 0."""
+    night = make_night(letters, runs=tmp_path)
+    if letters == "C":
+        night = night.model_copy(update={"state": "canceled", "exit_code": 4})
+
+    def run_spec(*_: Any, **__: Any) -> RunRecord:
+        raise RunInterrupted(night)
+
+    monkeypatch.setattr(pipelines, "run_spec", run_spec)
+    spec = tmp_path / "s.yaml"
+    spec.write_text("version: 1\nname: nightly\nsteps:\n  worlds: {operation: ListWorlds}\n")
+    assert robomaker_at_server("run", spec).code == code
