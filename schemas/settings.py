@@ -12,6 +12,7 @@
 | `ROBOMAKER_JOB_MEMORY_MB` | memory that has to be available for a job to begin beside others, in MB; `0`: any | 300 |
 | `ROBOMAKER_MIN_FREE_DISK_MB` | what has to be free on the disk of the home for a job to begin, in MB; `0`: any | 200 |
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
+| `ROBOMAKER_FAILURE_VIDEO_LIMIT_S` | seconds that drawing a failed run may take; its last 10 s come first | 300 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
 | `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
@@ -64,6 +65,7 @@ DEFAULT_JOB_MEMORY_MB = 300
 DEFAULT_MIN_FREE_DISK_MB = 200
 """A disk with less is all but full: even a short job may fail there, and so may everything else on the machine."""
 MOST_NICE = 19
+DEFAULT_FAILURE_VIDEO_LIMIT_S = 300
 DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
 DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
@@ -111,6 +113,11 @@ class Settings(Model):
         ge=0,
         le=MOST_NICE,
         description="Niceness of simulations; with 19 all else on the machine comes first.",
+    )
+    failure_video_limit_s: int = Field(
+        default=DEFAULT_FAILURE_VIDEO_LIMIT_S,
+        ge=1,
+        description="How long the videos of a failed run may take, in seconds; that of its last 10 s comes first.",
     )
     max_job_disk_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
@@ -198,6 +205,9 @@ class Settings(Model):
             "job_memory_mb": _number(environ, "ROBOMAKER_JOB_MEMORY_MB", DEFAULT_JOB_MEMORY_MB, 0, _MOST_MB),
             "min_free_disk_mb": _number(environ, "ROBOMAKER_MIN_FREE_DISK_MB", DEFAULT_MIN_FREE_DISK_MB, 0, _MOST_MB),
             "nice": _number(environ, "ROBOMAKER_NICE", 0, 0, MOST_NICE),
+            "failure_video_limit_s": _number(
+                environ, "ROBOMAKER_FAILURE_VIDEO_LIMIT_S", DEFAULT_FAILURE_VIDEO_LIMIT_S, 1
+            ),
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
             "max_worlds_per_job": max_worlds_per_job(environ),
             "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),

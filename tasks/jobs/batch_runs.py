@@ -5,7 +5,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -97,6 +97,7 @@ class BatchRun:
         )
         self._waits_for: Wait | None = None
         self._is_news = False  # since progress was told; the next look tells it, once for all that happened meanwhile
+        self._finishing = threading.BoundedSemaphore(1)
         self._concurrency: int | None = None
         self._workers = ""
         self._looks_for_worker_at_s = 0.0
@@ -184,13 +185,14 @@ class BatchRun:
         most = min(self._policy.max_concurrency, len(indices))
         if self._service.backend is None:
             most = min(most, self._service.settings.max_jobs)  # no more run on this machine
+        self._finishing = threading.BoundedSemaphore(most)
         with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
             try:
                 if self._service.backend is None:
                     self._run_tasks(
                         indices,
                         lambda index: self._simulate(index, slots),
-                        most,
+                        min(2 * most, len(indices)),
                         lambda: self._look_or_miss(self._look),
                     )
                 else:
@@ -279,14 +281,30 @@ class BatchRun:
             self._workers = workers
 
     def _simulate(self, index: int, slots: "Slots") -> None:
-        """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it."""
+        """Turns one request into a job, while holding a slot of the batch and one of the machine, and runs it.
+
+        The slots are given back when the job's programs have ended: drawing and storing hold up no other job. At most
+        as many jobs as there are slots finish so at once; further ones keep their slots until they have ended.
+        """
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
-        with slots.hold(should_stop) as may_run, self._machine.hold(should_stop, name, self._wants_more) as turn:
+        with ExitStack() as finishing, ExitStack() as held:
+
+            def give_back() -> None:
+                if self._finishing.acquire(blocking=False):
+                    finishing.callback(self._finishing.release)
+                    held.close()
+
+            may_run = held.enter_context(slots.hold(should_stop))
+            turn = held.enter_context(self._machine.hold(should_stop, name, self._wants_more))
             job = self._outlasting(lambda: self.create_job(index)) if may_run and turn is not None else None
             if job is not None and turn is not None:
                 self._is_news = True
-                self._outlasting(lambda: perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s))
+                self._outlasting(
+                    lambda: perform_job(
+                        job.arn, self._service, self._why_stop, waited_s=turn.waited_s, on_simulated=give_back
+                    )
+                )
         self._is_news = True
 
     def _note_wait(self, wait: Wait | None) -> None:

@@ -66,6 +66,7 @@ def perform_job(
     run_step: RunStep = directly,
     on_trials: OnTrials | None = None,
     waited_s: Mapping[Scarce, float] | None = None,
+    on_simulated: Callable[[], None] = lambda: None,
 ) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
@@ -81,11 +82,14 @@ def perform_job(
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
         on_trials: see `OnTrials`; absent: nothing is told.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
+        on_simulated: called when its programs have ended for good; its videos and uploads follow.
     """
     remove_abandoned_containers(service)
-    run_under_lease(
-        arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials, waited_s or {}).run()
-    )
+
+    def run(lease: Lease) -> None:
+        JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, on_simulated).run()
+
+    run_under_lease(arn, KIND, service, run)
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
@@ -139,7 +143,10 @@ class JobRun:
         run_step: RunStep = directly,
         on_trials: OnTrials | None = None,
         waited_s: Mapping[Scarce, float] | None = None,
+        on_simulated: Callable[[], None] = lambda: None,
     ) -> None:
+        self._on_simulated = on_simulated
+        self._finishes = False
         self._on_trials = on_trials
         self._waited_s = noticed(waited_s or {})
         self._run_step = run_step
@@ -153,7 +160,7 @@ class JobRun:
         """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
         next_run = _Next.GO_ON  # with what a dead job worker may have left
         while next_run is not _Next.NONE:
-            left = None
+            left, self._finishes = None, False
             if next_run is _Next.GO_ON and not self._why_stop():
                 left = self._left_by_a_dead_worker()
                 if left is None:
@@ -316,8 +323,19 @@ class JobRun:
                 on_crash=self._note_crash,
                 on_trials=lambda finished: self._note_trials(finished, plan),
                 on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
+                on_simulated=self._note_simulated,
                 try_again=lambda: self._may_try_again(plan.run_id),
             )
+
+    def _note_simulated(self) -> None:
+        """Lets the next job of the batch begin: what is left is to draw and to store.
+
+        From here on the batch's timeout ends the job no more; the job's own end still does what it did.
+        """
+        status, reason = self._asked()
+        self._finishes = reason is None and status != "Restarting"
+        if self._finishes:
+            self._on_simulated()
 
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""
@@ -360,7 +378,8 @@ class JobRun:
             return self._lease.job.status, StopReason.CANCELED  # the worker that took over runs the job again
         try:
             status, canceled = self._service.catalog.standing(self._lease.job.arn)
-            return status, StopReason.CANCELED if canceled else self._stop()
+            reason = StopReason.CANCELED if canceled else self._stop()
+            return status, None if self._finishes and reason is StopReason.BATCH_TIMED_OUT else reason
         except ServiceUnavailableException as error:  # nothing to end a run for; it is asked again at once
             _logger.warning("whether %s is to be stopped is not known: %s", self._lease.job.arn, error)
             return self._lease.job.status, None

@@ -91,6 +91,7 @@ class Launcher:
         on_crash: OnCrash | None = None,
         on_trials: Callable[[int], None] = lambda *_: None,
         on_stopped: Callable[[], None] = lambda: None,
+        on_simulated: Callable[[], None] = lambda: None,
         try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
@@ -104,6 +105,7 @@ class Launcher:
                 limit is reached, and fails then.
             on_trials: Called now and then with the number of trials that have finished.
             on_stopped: Called when none of its processes is left, before its outputs are looked at.
+            on_simulated: Called once the run has ended and its result is written; videos of a failure follow.
             try_again: Asked when the run was killed from outside; when it is, its outputs are left as they are.
             clock: Seconds, for the duration limit.
 
@@ -158,7 +160,9 @@ class Launcher:
             timed_out=decided.timed_out,
             finished=finished,
         )
-        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **inherited_environment()})
+        on_simulated()
+        limit_s = Settings.from_environment(os.environ).failure_video_limit_s
+        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **inherited_environment()}, limit_s=limit_s)
         return outcome
 
     def _box(self) -> BoxPlan:

@@ -19,8 +19,6 @@ from ..rendering.backends import best_video_backend
 from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, unfinished
 from .video_settings import settings_of
 
-VIDEO_LIMIT_S = 300.0
-"""Wall-clock limit for the videos of one run."""
 _PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
 _REMARKS_FILE = "film.log"
 _POLL_S = 0.1
@@ -33,7 +31,7 @@ def record_failure_videos(
     stop: Callable[[], str | None],
     environment: Mapping[str, str],
     *,
-    limit_s: float = VIDEO_LIMIT_S,
+    limit_s: float,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
     """Makes the videos that a run's policy asks for, once the run's outcome is known.
@@ -63,7 +61,10 @@ def record_failure_videos(
         problem = str(error)
     if problem:
         _remove_unfinished(plan.output_dir)
-        add_note(plan.output_dir, f"The video of the failure is missing: {problem}.")
+        missing = (
+            f"{VIDEO_FILE} of the failure" if (plan.output_dir / CLIP_FILE).exists() else "The video of the failure"
+        )
+        add_note(plan.output_dir, f"{missing} is missing: {problem}.")
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:

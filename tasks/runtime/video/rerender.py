@@ -32,7 +32,8 @@ from .view_renderer import ViewRenderer
 
 CLIP_S = 10.0
 _PR_SET_PDEATHSIG = 1
-_NICENESS = 5
+_NICENESS = 15
+"""Drawing gets a thirtieth of a processor that a simulation wants, and all of one that none does."""
 _TOLERANCE_S = 5e-7
 """Forgives rounding in sums of time steps, as the loop of a run does."""
 

@@ -1,0 +1,42 @@
+"""Jobs that draw and store after their programs have ended: they hold up no other job, and no timeout ends them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from helpers.swing_fixtures import outputs_of
+
+from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.operations.registry import call, registry
+from prefect_robomaker.tasks.service.service import Service
+
+Simulate = Callable[..., dict[str, Any]]
+FAILS = {"video": "on-failure", "requirements": [{"name": "quick", "kind": "time_limit", "limit_s": 0.05}]}
+
+
+@pytest.mark.parametrize("reason", [StopReason.BATCH_TIMED_OUT, StopReason.CANCELED])
+def test_a_timeout_of_the_batch_ends_no_job_that_draws(reason: StopReason, service: Service, swing: Simulate) -> None:
+    """A cancellation does, as ever."""
+    job = swing(perform=False, job=FAILS)
+    reasons: list[StopReason] = []
+    perform_job(
+        job["arn"], service, lambda: reasons[0] if reasons else None, on_simulated=lambda: reasons.append(reason)
+    )
+    ended = call("DescribeSimulationJob", {"job": job["arn"]}, service)
+    assert ended["status"] == ("Completed" if reason is StopReason.BATCH_TIMED_OUT else "Canceled")
+    assert (outputs_of(service, job) / "last-10s.mp4").exists() == (reason is StopReason.BATCH_TIMED_OUT)
+
+
+def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, prefect_server: str) -> None:
+    request = service.catalog.get(swing(perform=False, job=FAILS)["arn"]).document["request"]
+    requests = [{**request, "seed": seed} for seed in (1, 2, 3)]
+    policy = {"maxConcurrency": 1, "timeoutInSeconds": 600}
+    batch = call("StartSimulationJobBatch", {"batchPolicy": policy, "createSimulationJobRequests": requests}, service)
+    registry()["StartSimulationJobBatch"].perform(batch["arn"], service)
+    jobs = sorted(service.catalog.children(batch["arn"], kind="simulation-job"), key=lambda job: job.created_at)
+    assert [job.status for job in jobs] == ["Completed"] * 3
+    assert all((outputs_of(service, {"arn": job.arn}) / "last-10s.mp4").exists() for job in jobs)
+    first, second, third = jobs
+    assert second.created_at < first.updated_at, "the slot is free while the first one is drawn"
+    assert third.created_at >= min(first.updated_at, second.updated_at), "at most twice as many as slots"
