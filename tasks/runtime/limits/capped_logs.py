@@ -61,10 +61,12 @@ class CappedLog:
     def _cut(self, size: int, length: int, remark: bytes = b"") -> None:
         """Keeps the beginning and the end: a program that is fast may have written its last line by now."""
         end = self._end(max(length, size - MAX_END_BYTES), size)
+        if remark:
+            self._write_at(length, remark)
         with suppress(OSError):
-            os.ftruncate(self.descriptor, length)
+            os.ftruncate(self.descriptor, length + len(remark))
             self._kept_bytes = length + len(remark)
-            self._append(remark + end)
+            self._append(end)
 
     def _remark(self) -> bytes:
         words = f"this log became longer than {self._max_bytes:,} bytes; from here only its end is kept"
@@ -74,6 +76,16 @@ class CappedLog:
         with suppress(OSError):
             return os.pread(self.descriptor, size - start, start)
         return b""
+
+    def _write_at(self, place: int, data: bytes) -> None:
+        """Writes before the log is cut: what a program appends meanwhile would come before a remark appended after."""
+        with suppress(OSError):
+            # Linux appends whatever is written to a descriptor that appends, also where `pwrite` names a place.
+            descriptor = os.open(f"/proc/self/fd/{self.descriptor}", os.O_WRONLY | os.O_CLOEXEC)
+            try:
+                os.pwrite(descriptor, data, place)
+            finally:
+                os.close(descriptor)
 
     def _append(self, data: bytes) -> None:
         with suppress(OSError):

@@ -22,9 +22,7 @@ pytestmark = [
     NEEDS_NETWORKS,
     NEEDS_POSTGRESQL,
     needs("ssh", SSH, "an SSH server and client are not installed (Debian's dropbear-bin and openssh-client)"),
-    # Parts of it are seen by CI: the page's settings, ports and commands and what the compose file sets up in
-    # tests/deployments/test_cluster_files.py, a pool of two machines that share a catalog and a store beside this.
-    pytest.mark.endurance,
+    pytest.mark.deep,
     pytest.mark.timeout(2400),
 ]
 PAGE = REPOSITORY / "docs" / "machines.md"
