@@ -48,11 +48,13 @@ class OwnOrder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Gives the lease back, unless that has happened."""
+        """Gives the lease back, unless that has happened; an interruption (Ctrl-C, a signal) cancels the job."""
         self._ended.set()
         if self._arn is None:
             return
         try:
+            if kind is not None and not issubclass(kind, Exception):
+                self._service.catalog.request_cancel(self._arn)  # it may not have begun; one that has ended stays
             self._held.cancel_reservation(self._arn, self._service.catalog)
         except ServiceUnavailableException as unavailable:
             _logger.warning("the lease of %s runs out by itself: %s", self._arn, unavailable)

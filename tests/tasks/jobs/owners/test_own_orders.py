@@ -75,6 +75,19 @@ def test_an_order_that_is_never_begun_is_given_back(service: Service, order: Ord
     assert [job.arn for job in service.catalog.unfinished([KIND])] == [arn]
 
 
+@pytest.mark.parametrize(("error", "is_cancelled"), [(KeyboardInterrupt, True), (RuntimeError, False)])
+def test_an_order_that_is_interrupted_before_it_begins_is_cancelled(
+    service: Service, order: Order, held: HeldLeases, error: type[BaseException], is_cancelled: bool
+) -> None:
+    own = OwnOrder(service, held)
+    arn = ordered(own, order(), service)
+    with pytest.raises(error), own:
+        raise error
+
+    assert service.catalog.cancel_requested(arn) == is_cancelled
+    assert service.catalog.lease_of(arn)[0] is None
+
+
 def test_an_equal_order_of_another_stays_his(service: Service, order: Order, held: HeldLeases) -> None:
     request = order(clientRequestToken="once")
     others = HeldLeases()
@@ -94,6 +107,15 @@ def test_parts_of_a_batch_are_no_orders(service: Service, order: Order, held: He
 
     assert service.first_lease is None
     assert [job.arn for job in service.catalog.ordered_for_oneself()] == [batch]
+
+
+def test_an_order_that_has_ended_when_it_is_stored_is_held_by_no_process(service: Service, held: HeldLeases) -> None:
+    with OwnOrder(service, held) as own:
+        through = own.through("CreateSimulationJob", {})
+        job = through.store_job(KIND, "sim", {}, tags=None, token=None, status="Completed")
+
+    assert service.catalog.lease_of(job.arn)[0] is None
+    assert standing_of(job, service) is None
 
 
 def test_a_job_of_a_client_needs_nothing(service: Service, order: Order) -> None:
