@@ -100,6 +100,20 @@ def test_an_equal_order_of_another_stays_his(service: Service, order: Order, hel
         assert service.catalog.lease_of(arn)[0] == owner
 
 
+def test_what_another_thread_of_the_process_carries_out_stays_its(
+    service: Service, order: Order, held: HeldLeases
+) -> None:
+    arn = call("CreateSimulationJob", order(), service)["arn"]
+    with held.owner_of(arn) as owner:
+        assert service.catalog.claim(arn, owner, 600)
+        with OwnOrder(service, held) as own:
+            own.keep(arn)
+        assert service.catalog.lease_of(arn)[0] == owner
+
+    held.give_back_all(service.catalog)
+    assert not held.adopt(arn, "a process that ends")
+
+
 def test_parts_of_a_batch_are_no_orders(service: Service, order: Order, held: HeldLeases) -> None:
     requests = {"createSimulationJobRequests": [order()]}
     with OwnOrder(service, held) as own:
