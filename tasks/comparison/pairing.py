@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...schemas.reports.comparison import PairedJob
 from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
-from .nights import HEALTH, JUDGED, CellTable, name_of, outcome_of, reason_of
+from .nights import HEALTH, JUDGED, TRIALS, CellTable, name_of, outcome_of, reason_of
 
 Asked = tuple[str, str | None, float | None]
 """Name, kind and limit of a requirement."""
@@ -85,7 +85,12 @@ def _own(job: JobRecord) -> frozenset[Asked]:
 
 
 def _requirements(job: JobRecord) -> frozenset[Asked]:
-    """What a job was judged by. The limit of what an environment asks for itself may depend on how the run went."""
+    """What a job was judged by; with trials, what each of them was.
+
+    The limit of what an environment asks for itself may depend on how the run went; that of trials is the worst one's.
+    """
+    if any(item.counts and item.name == TRIALS for item in job.requirements):
+        return frozenset((item.name, item.kind, None) for item in job.requirements if item.kind != HEALTH)
     return frozenset(
         (item.name, item.kind, item.limit if item.kind is not None else None)
         for item in job.requirements

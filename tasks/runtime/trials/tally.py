@@ -207,12 +207,14 @@ class _RequirementCount:
 
     trials: int = 0
     met: int = 0
+    kind: str | None = None
     worst: Requirement | None = field(default=None)
     """Of the smallest margin."""
 
     def take(self, requirement: Requirement) -> None:
         self.trials += 1
         self.met += requirement.satisfied
+        self.kind = requirement.kind
         if requirement.margin is not None and (
             self.worst is None or self.worst.margin is None or requirement.margin < self.worst.margin
         ):
@@ -220,10 +222,11 @@ class _RequirementCount:
 
     def requirement(self, name: str) -> Requirement:
         """What the job's result says of it; the job is judged by its trials, not by this again."""
-        told = {"kind", "value", "limit", "unit", "margin"}
+        told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(
             name=name,
+            kind=self.kind,
             satisfied=self.met == self.trials,
             detail=f"met in {self.met} of {_trials(self.trials)}",
             counts=False,

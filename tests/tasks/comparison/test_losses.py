@@ -220,6 +220,22 @@ def test_fewer_trials_are_named_everywhere_and_no_night_is_good_again() -> None:
     assert "2 trials, 20 before" in page
 
 
+def test_trials_that_are_judged_by_less_are_no_fair_pair() -> None:
+    def night(number: int, *names: str) -> RunRecord:
+        own = Requirement(name="trials", satisfied=True, detail="none of 9 trials failed")
+        each = [
+            Requirement(name=name, kind="goal", satisfied=True, detail="met in 9 of 9", counts=False) for name in names
+        ]
+        fell = Requirement(name="above_floor", kind="health", satisfied=False, detail="it fell", counts=False)
+        (job,) = jobs("P", number)
+        return night_of(number, job.model_copy(update={"requirements": [own, *each, *([fell] if number else [])]}))
+
+    assert compare(*map(NightRun.of, (night(0, "east", "north"), night(1, "east")))).other_requirements == 1
+    same = night(0, "east"), night(1, "east")
+    assert compare(*map(NightRun.of, same)).other_requirements == 0
+    assert not lost(list(same)).has_losses
+
+
 def test_another_seed_in_the_place_of_one_that_failed_is_said() -> None:
     before, after = night_of(0, *jobs("PF"), state="failed"), night_of(1, jobs("P", 1)[0])
     other = make_job(1, "P", night=1, world=None, seed=9)
