@@ -248,8 +248,8 @@ def test_another_seed_in_the_place_of_one_that_failed_is_said() -> None:
 
 @pytest.mark.parametrize(("now", "title"), [
     ("PP-", "nightly: succeeded, 2 pass of 2 jobs, 1 job gone"),
-    ("PPN", "nightly: succeeded, 2 pass of 3 jobs, 1 no longer judged"),
-    ("NNN", "nightly: succeeded, 0 pass of 3 jobs, 3 no longer judged"),
+    ("PPN", "nightly: succeeded, 2 pass, 1 without a verdict of 3 jobs, 1 no longer judged"),
+    ("NNN", "nightly: succeeded, 0 pass, 3 without a verdict of 3 jobs, 3 no longer judged"),
 ])  # fmt: skip
 def test_a_night_that_shrinks_is_not_good_again(now: str, title: str) -> None:
     records = nights("PPF", now)

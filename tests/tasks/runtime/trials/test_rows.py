@@ -126,6 +126,15 @@ def test_the_job_is_judged_by_its_trials(found: tuple[Trials, list[TrialRow]]) -
         assert sum(each.total for each in summary.combinations) == len(rows)
 
 
+def test_a_defect_of_a_trial_stays_one_in_the_result_of_its_job() -> None:
+    """Nights are compared by what was asked for, and no defect was."""
+    fell = Requirement(name="above_floor", kind="health", satisfied=False, detail="it fell")
+    tally = Tally(Trials(seeds=1))
+    tally.take(TrialRow(trial=0, seed=0, verdict="FAIL", requirements=[fell]))
+    told = {item.name: item for item in tally.result("environment", 0, {}, []).requirements}
+    assert (told["above_floor"].kind, told["above_floor"].counts) == ("health", False)
+
+
 def test_the_summary_stays_small_however_many_trials_fail() -> None:
     trials = Trials(seeds=5000)
     tally = Tally(trials)
