@@ -21,6 +21,8 @@ class Outcome(Part):
     failure_reason: str | None = Field(default=None, description="The same in words.")
     simulation_time_millis: int | None = Field(default=None, description="How long the run took; absent: none ran.")
     cpu_time_s: float | None = Field(default=None, description="CPU time that the run took; absent: not known.")
+    video_s: float | None = Field(default=None, description="How long videos of its failure were made; absent: none.")
+    upload_s: float | None = Field(default=None, description="How long its outputs were stored; absent: not known.")
     verdict: Verdict | None = Field(default=None, description="Verdict of its result; absent: none was written.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
@@ -33,7 +35,8 @@ class Outcome(Part):
 
     def about_run(self) -> dict[str, Any]:
         """What the manifest of its outputs says of it; `result.json` beside it has the verdict."""
-        return self.model_copy(update={"verdict": None, "verdict_reason": None}).to_json()
+        left_out: dict[str, None] = dict.fromkeys(("verdict", "verdict_reason", "video_s", "upload_s"))
+        return self.model_copy(update=left_out).to_json()
 
     def announced(self, *, finished: bool | None) -> "SimulationJobProgress":
         """The same members, and the outcome itself, while the outputs are not stored yet.
@@ -50,7 +53,7 @@ class Outcome(Part):
 
 _OF_JOB = (
     *("failure_code", "failure_reason", "verdict", "verdict_reason"),
-    *("simulation_time_millis", "cpu_time_s", "outputs"),
+    *("simulation_time_millis", "cpu_time_s", "video_s", "upload_s", "outputs"),
 )
 
 
@@ -145,6 +148,12 @@ class SimulationJobProgress(FailureChanges):
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
     cpu_time_s: float | None = Field(
         default=None, description="CPU time of all processes of that run; absent: not known, or it was taken over."
+    )
+    video_s: float | None = Field(
+        default=None, description="How long videos of that run's failure were made, by the clock; absent: none were."
+    )
+    upload_s: float | None = Field(
+        default=None, description="How long its outputs were stored, by the clock; absent: not known, or not yet."
     )
     verdict: Verdict | None = Field(
         default=None, description="What its last run was judged to be; absent: it has no result, or was canceled."

@@ -71,6 +71,8 @@ class ReportedJob(Model):
         default={},
         description="How long it waited for its machine before, in seconds, by what that had too little of.",
     )
+    video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
+    upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
     inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."

@@ -161,6 +161,9 @@ class RunOutcome(Model):
     failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
+    video_s: float | None = Field(
+        default=None, description="How long the videos of its failure were made, by the clock; absent: none were."
+    )
     cpu_time_s: float | None = Field(
         default=None,
         description="CPU time of its processes, those of containers left out; absent: its supervisor was killed.",

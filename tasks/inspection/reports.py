@@ -353,6 +353,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         removed_files=removed,
         duration_s=None if duration is None else duration / 1000,
         waited_s=document.waited_s,
+        video_s=document.video_s,
+        upload_s=document.upload_s,
         reused_from=_origin(document.reused_from),
     )
 

@@ -263,6 +263,8 @@ class JobRun:
             reached_s=0.0,
             trials_finished=None,
             waited_s=self._waited_s,
+            video_s=None,
+            upload_s=None,
         )
         self._lease.transition("prepare", begun)
         service = self._service.patient(self._lease.job.id, self._is_stopped)
@@ -311,7 +313,9 @@ class JobRun:
                 raise
             self._earlier.keep_restarted(run_id, ended)
             return _Next.RESTART
-        self._settle(self._run_step("upload", lambda: self._published(run_id, outcome)))
+        began_s = time.monotonic()
+        published = self._run_step("upload", lambda: self._published(run_id, outcome))
+        self._settle(published.model_copy(update={"upload_s": round(time.monotonic() - began_s, 3)}))
         return _Next.NONE
 
     def _simulated(self, plan: RunPlan) -> RunOutcome:

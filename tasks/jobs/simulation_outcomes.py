@@ -29,7 +29,11 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     elif run.status == "Canceled":
         outcome = stopped(stopped_because or StopReason.CANCELED, "the job was stopped while it ran")
     duration = run.ended_at - run.started_at
-    took = {"simulation_time_millis": round(duration.total_seconds() * 1000), "cpu_time_s": run.cpu_time_s}
+    took = {
+        "simulation_time_millis": round(duration.total_seconds() * 1000),
+        "cpu_time_s": run.cpu_time_s,
+        "video_s": run.video_s,
+    }
     return outcome.model_copy(update=took)
 
 

@@ -18,6 +18,7 @@ from .summaries import folder_of, summarize, why_broken
 from .trials import TrialsView, view_trials
 from .worlds import WorldView, view_worlds
 
+_SHOWN_S = 0.1
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 
 
@@ -136,6 +137,22 @@ class Page:
         told = [f"{wording.duration(total_s)} for {words}" for words, total_s in totals if total_s]
         jobs = f"{len(self.jobs)} {'job' if len(self.jobs) == 1 else 'jobs'}"
         return f"{len(waited)} of {jobs}: {', '.join(told)} in all"
+
+    @property
+    def times(self) -> str:
+        """Where the time went: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
+        jobs = [job.job for job in self.jobs if job.job.reused_from is None]
+        if not jobs:
+            return ""
+        worlds = (step.duration_s for step in self.report.steps if step.operation == "CreateWorldGenerationJob")
+        parts = {
+            "worlds": sum(worlds),
+            "waiting": sum(sum(job.waited_s.values()) for job in jobs),
+            "simulation": sum(job.duration_s or 0.0 for job in jobs),
+            "videos of failures": sum(job.video_s or 0.0 for job in jobs),
+            "uploads": sum(job.upload_s or 0.0 for job in jobs),
+        }
+        return ", ".join(f"{name} {wording.duration(time_s)}" for name, time_s in parts.items() if time_s >= _SHOWN_S)
 
     @property
     def origins(self) -> list[str]:

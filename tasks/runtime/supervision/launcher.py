@@ -162,8 +162,10 @@ class Launcher:
         )
         on_simulated()
         limit_s = Settings.from_environment(os.environ).failure_video_limit_s
-        record_failure_videos(plan, outcome, stop, {**DEFAULT_VARIABLES, **inherited_environment()}, limit_s=limit_s)
-        return outcome
+        began_s = clock()
+        variables = {**DEFAULT_VARIABLES, **inherited_environment()}
+        has_drawn = record_failure_videos(plan, outcome, stop, variables, limit_s=limit_s)
+        return outcome.model_copy(update={"video_s": round(clock() - began_s, 3)}) if has_drawn else outcome
 
     def _box(self) -> BoxPlan:
         with self._lock:

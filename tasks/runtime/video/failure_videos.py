@@ -33,7 +33,7 @@ def record_failure_videos(
     *,
     limit_s: float,
     clock: Callable[[], float] = time.monotonic,
-) -> None:
+) -> bool:
     """Makes the videos that a run's policy asks for, once the run's outcome is known.
 
     With `on-failure` these are `video.mp4`, `last-10s.mp4` and `poster.png` of a run that failed; with `always` a
@@ -47,12 +47,15 @@ def record_failure_videos(
         environment: Variables of the rendering process.
         limit_s: Wall-clock limit.
         clock: Seconds, for the limit.
+
+    Returns:
+        Whether anything was to be drawn.
     """
     if plan.video == "none" or not plan.has_episode or plan.trials is not None:
-        return
+        return False
     _remove_unfinished(plan.output_dir)
     if not has_failed(plan, outcome):
-        return
+        return False
     try:
         request = _request(plan)
         variables = {**environment, **({} if request.backend == "rays" else {"MUJOCO_GL": request.backend})}
@@ -65,6 +68,7 @@ def record_failure_videos(
             f"{VIDEO_FILE} of the failure" if (plan.output_dir / CLIP_FILE).exists() else "The video of the failure"
         )
         add_note(plan.output_dir, f"{missing} is missing: {problem}.")
+    return True
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:

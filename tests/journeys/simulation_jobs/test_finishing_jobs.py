@@ -1,14 +1,18 @@
 """Jobs that draw and store after their programs have ended: they hold up no other job, and no timeout ends them."""
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from helpers.swing_fixtures import outputs_of
 
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.tasks.inspection.reports import report_of_job
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
+from prefect_robomaker.tasks.reporting import view_report
 from prefect_robomaker.tasks.service.service import Service
 
 Simulate = Callable[..., dict[str, Any]]
@@ -40,3 +44,8 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
     first, second, third = jobs
     assert second.created_at < first.updated_at, "the slot is free while the first one is drawn"
     assert third.created_at >= min(first.updated_at, second.updated_at), "at most twice as many as slots"
+    # The report says where the time went.
+    documents = [SimulationJobDocument.of(job) for job in jobs]
+    assert all(document.video_s and document.upload_s for document in documents)
+    page = view_report(report_of_job(first.arn, service))
+    assert re.fullmatch(r"(simulation .*, )?videos of failures [^,]*(, uploads .*)?", page.times)
