@@ -139,6 +139,8 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         run_id=run.run_id,
         started_at=run.started_at,
         state=run.state,
+        jobs=len(run.jobs),
+        trials=len(run.results),
         success=rates.of_table("", run.results),
         source=run.source,
         changed=changed_nights(before, run) if before else [],

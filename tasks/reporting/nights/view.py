@@ -105,7 +105,13 @@ def _headline(history: History) -> str:
     if share.rate is None:
         return f"{runs}; nothing was judged in the last one"
     broke = f", {share.errors} broke" if share.errors else ""
-    return f"{runs}; {share.passed} of {share.passed + share.failed} passed in the last one{broke}"
+    return f"{runs}; {_passed(history.nights[-1])} in the last one{broke}"
+
+
+def _passed(night: Night) -> str:
+    """`18 of 20 passed`; where jobs have trials, these are counted, and named."""
+    of = f"{night.success.passed} of {night.success.passed + night.success.failed}"
+    return f"{of} {'passed' if night.trials == night.jobs else 'trials passed'}"
 
 
 def _view_night(night: Night, folder: Path) -> NightView:
@@ -119,7 +125,7 @@ def _view_night(night: Night, folder: Path) -> NightView:
 
 def _title(view: NightView) -> str:
     share = view.night.success
-    rate = "nothing judged" if share.rate is None else f"{share.passed} of {share.passed + share.failed} passed"
+    rate = "nothing judged" if share.rate is None else _passed(view.night)
     changed = f"\nchanged: {view.changed}" if view.changed else ""
     return f"{wording.moment(view.night.started_at)}: {rate}{changed}"
 
