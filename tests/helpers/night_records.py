@@ -10,7 +10,7 @@ import pyarrow as pa
 
 from prefect_robomaker.schemas.reports.inputs import JobInputs, SourceCommit, UsedApplication
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord, RunRecord
-from prefect_robomaker.schemas.runs.plan import Requirement
+from prefect_robomaker.schemas.runs.plan import Requirement, Verdict
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.tasks.inspection.run_records import write_record
 from prefect_robomaker.tasks.results.columns import Names, columns_of, schema_of
@@ -112,6 +112,9 @@ def store_night(record: RunRecord) -> Path:
     return record.run_dir
 
 
+_OF_TRIALS: Mapping[str, Verdict] = {"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}
+
+
 def trials_of(letters: str, *, parameters: Mapping[str, str] | None = None) -> pa.Table:
     """The table of a job's trials, one a letter, with seeds from 100; each is judged by `gentle`."""
     rows = [
@@ -119,7 +122,7 @@ def trials_of(letters: str, *, parameters: Mapping[str, str] | None = None) -> p
             trial=number,
             seed=100 + number,
             parameters=dict(parameters or {}),
-            verdict={"P": "PASS", "F": "FAIL", "E": "ERROR", "N": "NONE"}[letter],
+            verdict=_OF_TRIALS[letter],
             requirements=make_job(0, letter).requirements,
             metrics={"distance_m": float(number)} if letter in "PF" else {},
         )

@@ -179,6 +179,7 @@ def test_serve_leaves_what_needs_another_environment_and_the_command_that_is_tol
     with serve(**environ) as served, browsing(tmp_path / "profile") as browser, browser.page() as page:
         served.wait_until_ready()
         left = wait_for(lambda: served.worker().get("left"), "a job that is left", 300)
+        assert left is not None
         assert list(left) == [batch]
         assert f"{name} was carried out by robomaker run" in served.log.read_text()
 

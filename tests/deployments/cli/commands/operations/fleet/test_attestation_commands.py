@@ -105,8 +105,11 @@ def test_an_archive_that_was_overwritten_in_place_after_the_batch_is_not_atteste
 ) -> None:
     batch, path = Batches(yard.service, etag(yard.service)).batch(), tmp_path / "attestation.json"
     assert robomaker("fleet", "attest", batch, *version).code == 0
-    [source] = ApplicationDocument.of(yard.service.catalog.find("robot-application", "courier")).sources
+    courier = yard.service.catalog.find("robot-application", "courier")
+    assert courier is not None
+    [source] = ApplicationDocument.of(courier).sources or []
     archive = yard.service.store.local_path(source.s3_bucket, source.s3_key)
+    assert archive is not None
     before = archive.stat()
     with archive.open("r+b") as content:
         content.seek(-1, os.SEEK_END)
