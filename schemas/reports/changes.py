@@ -58,7 +58,7 @@ class NewlyMissed(Model):
     trial: int | None = Field(default=None, description="Its number; absent: the job has no trials.")
     detail: str = Field(default="", description="Value found and value asked for, in words.")
     certain: bool = Field(
-        description="Whether it is no chance: same world, same seed, and programs that do the same every time."
+        description="Whether it is not by chance: same world, same seed, and programs that do the same every time."
     )
 
 

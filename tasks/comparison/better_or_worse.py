@@ -17,13 +17,16 @@ from ...schemas.reports.comparison import (
     RateChange,
 )
 from ..reporting import Outcome
-from .decisions import JudgedTrials, mean_change, needed_pairs, rate_change
+from .decisions import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
 from .failures import appearances_of
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
 from .pairing import Pair, Pairing, pair_jobs
 from .requirement_changes import RequirementChanges, requirement_changes
 from .trial_pairs import ENDED, PASSED, TrialPairs, pair_trials
+
+_LARGEST = 1e100
+"""Numbers from here on are left out of means: their squares are not finite."""
 
 
 def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, difference: float | None = None) -> Comparison:
@@ -46,7 +49,7 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
     trials = pair_trials(pairing.pairs, before, after)
     is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
     fair = trials.only(is_fair[trials.jobs])
-    judged = _judged(fair.only(fair.judged))
+    judged = _judged(fair.only(fair.judged), alpha)
     rate = rate_change(judged, alpha) if len(judged) else None
     answer, why = _answer(before, after, pairing, fair, judged, rate, alpha)
     requirements = requirement_changes(trials, pairing.pairs)
@@ -75,7 +78,7 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         rate=rate,
         needed=needed_pairs(judged, alpha, difference) if answer == "no difference shown" else None,
         metrics=_changes("metric", trials, alpha),
-        margins=_changes("margin", trials, alpha),
+        margins=_changes("margin", fair, alpha),
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
 
@@ -84,10 +87,10 @@ def _told(pair: Pair, requirements: RequirementChanges) -> PairedJob:
     return pair.told().model_copy(update={"newly_missed": requirements.missed_by(pair.after)})
 
 
-def _judged(trials: TrialPairs) -> JudgedTrials:
+def _judged(trials: TrialPairs, alpha: float) -> JudgedTrials:
     """Pairs with what passed; all that did not is failed."""
     old, new = trials.outcomes
-    return JudgedTrials(old == PASSED, new == PASSED, trials.worlds)
+    return JudgedTrials(old == PASSED, new == PASSED, trials.worlds, fewest_worlds(alpha))
 
 
 def _compared(run: NightRun) -> ComparedRun:
@@ -112,15 +115,15 @@ def _answer(
         if any(pair.has_same_requirements for pair in pairing.pairs):
             return "not comparable", "no trial of one run has the seed and the parameters of one of the other run"
         return "not comparable", (
-            f"the {_counted(len(pairing.pairs), 'pair')} were judged by different requirements: a verdict says whether "
-            "they were met, so that one of other requirements says something else"
+            f"{_counted(len(pairing.pairs), 'pair')} of jobs, all judged by different requirements: a verdict says "
+            "whether they were met, so that one of other requirements says something else"
         )
     if rate is None:
         return "not comparable", (
             f"none of the {_counted(len(fair), 'pair')} was judged in both runs: {_without_verdicts(before, after)}"
         )
     answer = _tested(rate, alpha)
-    told = _judged(fair.only(fair.told))
+    told = _judged(fair.only(fair.told), alpha)
     broken = len(told) - rate.pairs
     if broken and (strict := _tested(rate_change(told, alpha), alpha)) != answer:
         return "not comparable", (
@@ -134,11 +137,10 @@ def _answer(
 
 def _judged_in_words(judged: JudgedTrials, fair: TrialPairs) -> str:
     words = f"{_counted(len(judged), 'pair')} judged in both runs"
-    return (
-        f"{words}, in {_counted(judged.world_count, 'world')}"
-        if fair.has_worlds and judged.has_repeated_worlds
-        else words
-    )
+    if not fair.has_worlds or not judged.has_repeated_worlds:
+        return words
+    worlds = f"{words}, in {_counted(judged.world_count, 'world')}"
+    return f"{worlds} of which {judged.changed_worlds} changed" if judged.flips_worlds else worlds
 
 
 def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
@@ -163,7 +165,7 @@ def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
     names = trials.after.metrics if kind == "metric" else trials.after.requirements
     for name in sorted(names):
         values = ended.numbers(f"{kind}.{name}")
-        finite = np.isfinite(values[0]) & np.isfinite(values[1])
+        finite = np.isfinite(values[0]) & np.isfinite(values[1]) & (np.abs(values).max(axis=0) < _LARGEST)
         if finite.any():
             found[name] = (values[0][finite], values[1][finite], ended.only(finite))
     tested = sum(len(pairs) > 1 for _, _, pairs in found.values())
@@ -176,7 +178,7 @@ def _metric(
     name: str, before: NDArray[np.float64], after: NDArray[np.float64], pairs: TrialPairs, alpha: float
 ) -> MetricChange:
     differences = after - before
-    interval = mean_change(_judged(pairs), differences, alpha) if len(differences) > 1 else None
+    interval = mean_change(_judged(pairs, alpha), differences, alpha) if len(differences) > 1 else None
     return MetricChange(
         name=name,
         pairs=len(differences),

@@ -1,5 +1,6 @@
 """The test that decides whether two runs differ: it knows that trials of one world are alike."""
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,12 @@ POWER = 0.8
 FEWEST_WORLDS = 6
 """Flipping the signs of fewer worlds shows nothing at 5 %: five of five that got worse have p = 2 / 2**5 = 0.0625."""
 
+
+def fewest_worlds(alpha: float) -> int:
+    """The fewest worlds of which all have to get worse for p = 2 / 2**worlds to be at most alpha; at least 6."""
+    return max(FEWEST_WORLDS, math.ceil(1 - math.log2(alpha)))
+
+
 _USUAL_DIFFERENCE = 0.1
 _SEED = 20  # of simulated comparisons: the same runs get the same answer
 
@@ -37,6 +44,8 @@ class JudgedTrials:
     """Whether it passed in the second run."""
     worlds: NDArray[np.int64]
     """Number of its world."""
+    fewest_worlds: int = FEWEST_WORLDS
+    """From how many worlds on whole worlds are flipped."""
 
     def __len__(self) -> int:
         return len(self.before)
@@ -57,14 +66,19 @@ class JudgedTrials:
         return self.world_count < len(self)
 
     @property
+    def changed_worlds(self) -> int:
+        """In how many worlds more trials became better than worse, or fewer."""
+        return int(np.count_nonzero(self.by_world(self.change)[0]))
+
+    @property
     def flips_worlds(self) -> bool:
         """Whether the test that flips whole worlds decides; the exact McNemar test does otherwise."""
-        return self.has_repeated_worlds and self.world_count >= FEWEST_WORLDS
+        return self.has_repeated_worlds and self.world_count >= self.fewest_worlds
 
     @property
     def is_of_few_worlds(self) -> bool:
         """Whether an answer holds in these worlds only, since there are too few of them to tell of others."""
-        return self.has_repeated_worlds and self.world_count < FEWEST_WORLDS
+        return self.has_repeated_worlds and self.world_count < self.fewest_worlds
 
     def by_world(self, values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Sums of values in each world, and how many pairs it has."""

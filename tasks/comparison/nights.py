@@ -7,6 +7,8 @@ from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from ...schemas.reports.changes import CellName
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.run_record import JobRecord, RunRecord
@@ -72,7 +74,8 @@ class NightRun:
         trouble = ""
         if self.results_path is not None:
             try:
-                return ResultTable.read(self.results_path), ""
+                found = ResultTable.read(self.results_path)
+                return found, self._without_trials(found)
             except FileNotFoundError:
                 if any(item.name == TRIALS for job in self.jobs for item in job.requirements):
                     trouble = f"{self.results_path} is not there"
@@ -80,6 +83,18 @@ class NightRun:
                 trouble = str(error)
         mend = f"{trouble}: each job of it counts as one trial; `robomaker report {self.run_id}` writes it again"
         return ResultTable.of(self.jobs), mend if trouble else ""
+
+    def _without_trials(self, results: ResultTable) -> str:
+        """Says which jobs have trials that the table lacks, since they could not be read when it was written."""
+        has_number = ~np.isnan(results.numbers("trial"))
+        lost = [
+            job.label
+            for job in self.jobs
+            if job.status == "Completed"
+            and any(item.name == TRIALS for item in job.requirements)
+            and not has_number[results.rows_of(job)].any()
+        ]
+        return f"the trials of {', '.join(lost[:3])} are not in {self.results_path}: each counts as one" if lost else ""
 
     @property
     def has_inputs(self) -> bool:

@@ -86,8 +86,7 @@ def worlds_needed(
     def draw(worlds: int) -> NDArray[np.float64]:
         if not spread.any():  # nothing is known of how worlds differ: each trial by itself
             return chance.binomial(max(1, round(trials)), difference, (_DRAWS, worlds)) / max(1.0, trials)
-        drawn = difference + chance.choice(spread, (_DRAWS, worlds))
-        return np.clip(drawn, -1, 1).astype(np.float64)
+        return (difference + chance.choice(spread, (_DRAWS, worlds))).astype(np.float64)
 
     def shows(worlds: int) -> bool:
         if worlds > _SIMULATED_WORLDS:

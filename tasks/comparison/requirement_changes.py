@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 
 from ...schemas.reports.changes import NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
+from ...schemas.runs.plan import Requirement
 from .nights import HEALTH, name_of
 from .pairing import Pair
 from .trial_pairs import FAILED, TrialPairs
 
+_Limit = tuple[str | None, float | None]
 _MOST_PLACES = 10
 """Trials that a change names."""
 
@@ -43,11 +45,15 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
         trials: the trials of both runs.
         pairs: the jobs of both runs that they belong to.
     """
-    found = RequirementChanges()
+    found, asked = RequirementChanges(), _Asked(trials)
     for name in dict.fromkeys((*trials.after.requirements, *trials.before.requirements)):
         before, after = trials.met(name)
-        before = np.where(_only_told_when_missed(name, before, after, trials), np.int8(1), before)
+        appeared = _only_told_when_missed(name, before, after, trials)
+        is_health = bool(appeared.any())
+        before = np.where(appeared, np.int8(1), before)
         newly_missed, newly_met = (before == 1) & (after == 0), (before == 0) & (after == 1)
+        same = asked.same(name, newly_missed | newly_met)
+        newly_missed, newly_met = newly_missed & same, newly_met & same
         if not newly_missed.any() and not newly_met.any():
             continue
         for index in np.unique(trials.jobs[newly_missed]).tolist():
@@ -56,13 +62,44 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
         found.changes.append(
             RequirementChange(
                 name=name,
-                pairs=int(((before >= 0) & (after >= 0)).sum()),
+                pairs=max(int(((before >= 0) & (after >= 0)).sum()), int(trials.judged.sum()) if is_health else 0),
                 newly_missed=int(newly_missed.sum()),
                 newly_met=int(newly_met.sum()),
                 places=[_place(name, index, trials, pairs) for index in _spread(newly_missed, trials.jobs)],
             )
         )
     return RequirementChanges(_worst_first(found.changes), found.jobs)
+
+
+class _Asked:
+    """What was asked of jobs; all trials of a job are asked the same."""
+
+    def __init__(self, trials: TrialPairs) -> None:
+        self._trials = trials
+        self._known: dict[int, tuple[dict[str, _Limit], dict[str, _Limit]]] = {}
+
+    def same(self, name: str, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Of some pairs, those that were asked the same under a name; one that is told when it is missed counts too."""
+        found = np.zeros_like(which)
+        for index in np.flatnonzero(which).tolist():
+            before, after = self._of_job(int(self._trials.jobs[index]), index)
+            limits = before.get(name), after.get(name)
+            found[index] = None in limits or limits[0] == limits[1]
+        return found
+
+    def _of_job(self, job: int, index: int) -> tuple[dict[str, _Limit], dict[str, _Limit]]:
+        if job not in self._known:
+            trials = self._trials
+            self._known[job] = (
+                _limits(trials.before.requirements_at(int(trials.before_rows[index]))),
+                _limits(trials.after.requirements_at(int(trials.after_rows[index]))),
+            )
+        return self._known[job]
+
+
+def _limits(requirements: Iterable[Requirement]) -> dict[str, _Limit]:
+    """Kinds and limits by name; what an environment asks by itself may have a limit that depends on the run."""
+    return {item.name: (item.kind, item.limit if item.kind is not None else None) for item in requirements}
 
 
 def _worst_first(changes: Iterable[RequirementChange]) -> list[RequirementChange]:

@@ -5,6 +5,7 @@ import platform
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -206,17 +207,32 @@ def report_of_world(arn: str, service: Service) -> Report:
 def _write_results(
     jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
 ) -> ResultTable:
-    """Writes the table of results of a run, with the trials of its jobs as far as they are stored."""
-    results = ResultTable.of(jobs, lambda job: _trials_of(job, places, service))
+    """Writes the table of results of a run, with the trials of its jobs; one that has more than is stored now stays."""
+    lost = False
+
+    def trials_of(job: JobRecord) -> "pa.Table | None":
+        nonlocal lost
+        found = _trials_of(job, places, service)
+        lost = lost or job.status == "Deleted" or (found is None and _has_trials(job))
+        return found
+
+    results = ResultTable.of(jobs, trials_of)
+    if lost:
+        with suppress(OSError, ValueError):
+            return ResultTable.read(folder / RESULTS_FILE)
     folder.mkdir(parents=True, exist_ok=True)
     results.write(folder / RESULTS_FILE)
     return results
 
 
+def _has_trials(job: JobRecord) -> bool:
+    return any(item.name == TRIALS for item in job.requirements)
+
+
 def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Service) -> "pa.Table | None":
     """The table of a job's trials; None: it has none, or it is not stored any more."""
     place = places.get(job.arn or "")
-    if place is None or not any(item.name == TRIALS for item in job.requirements):
+    if place is None or not _has_trials(job):
         return None
     try:
         return read_trials(service.store.get_bytes(place.bucket, f"{place.prefix}/{TRIALS_FILE}"))
@@ -335,6 +351,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
     files, result, poster, removed = _outputs(document.outputs, service)
     duration = document.simulation_time_millis
+    if result is None and document.verdict and job.status == "Completed":
+        result = _judged_without_outputs(document)
     if result is not None and job.status == "Canceled":
         result = result.unjudged()  # earlier releases wrote a verdict
     return ReportedJob(
@@ -356,6 +374,21 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
         video_s=document.video_s,
         upload_s=document.upload_s,
         reused_from=_origin(document.reused_from),
+    )
+
+
+def _judged_without_outputs(document: SimulationJobDocument) -> RunResult:
+    """What the catalog knows of a result whose file cannot be read: a run that failed stays one."""
+    took_s = (document.simulation_time_millis or 0) / 1000
+    return RunResult(
+        verdict=document.verdict or "NONE",
+        summary=document.verdict_reason or "",
+        notes=["result.json cannot be read: only the verdict is known"],
+        sim_time_s=0.0,
+        wall_time_s=took_s,
+        real_time_factor=0.0,
+        ended_by="",
+        seed=document.seed,
     )
 
 

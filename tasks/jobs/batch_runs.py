@@ -98,6 +98,8 @@ class BatchRun:
         self._waits_for: Wait | None = None
         self._is_news = False  # since progress was told; the next look tells it, once for all that happened meanwhile
         self._finishing = threading.BoundedSemaphore(1)
+        self._simulating: set[int] = set()  # requests whose jobs run here
+        self._drawing: set[int] = set()  # requests whose jobs have given back their slots
         self._concurrency: int | None = None
         self._workers = ""
         self._looks_for_worker_at_s = 0.0
@@ -291,7 +293,9 @@ class BatchRun:
         with ExitStack() as finishing, ExitStack() as held:
 
             def give_back() -> None:
-                if self._finishing.acquire(blocking=False):
+                self._simulating.discard(index)
+                if index not in self._drawing and self._finishing.acquire(blocking=False):
+                    self._drawing.add(index)  # once, also if the job is restarted meanwhile
                     finishing.callback(self._finishing.release)
                     held.close()
 
@@ -300,6 +304,8 @@ class BatchRun:
             job = self._outlasting(lambda: self.create_job(index)) if may_run and turn is not None else None
             if job is not None and turn is not None:
                 self._is_news = True
+                self._simulating.add(index)
+                finishing.callback(self._simulating.discard, index)
                 self._outlasting(
                     lambda: perform_job(
                         job.arn, self._service, self._why_stop, waited_s=turn.waited_s, on_simulated=give_back
@@ -436,13 +442,19 @@ class BatchRun:
             Whether no further requests are to become jobs.
         """
         self._save_failures()
-        self._note_stop()
+        if not self._only_finishes():
+            self._note_stop()
         if self._trials.look() or self._is_news:
             self._is_news = False
             self._report()
         if self._lease.job.status == "InProgress" and not self._waiting():
             self._lease.transition("drain")
         return self._why_stop() is not None
+
+    def _only_finishes(self) -> bool:
+        """Whether the timeout came when nothing waited or simulated any more: it ends nothing then."""
+        is_timeout = self._why_stop() is StopReason.BATCH_TIMED_OUT and self._service.backend is None
+        return is_timeout and not self._simulating and not self._waiting()
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""

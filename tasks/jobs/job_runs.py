@@ -338,8 +338,12 @@ class JobRun:
         """
         status, reason = self._asked()
         self._finishes = reason is None and status != "Restarting"
-        if self._finishes:
+        if not self._finishes:
+            return
+        try:
             self._on_simulated()
+        except Exception:  # a run that was judged is not lost for that
+            _logger.exception("%s keeps its slots until it has ended", self._lease.job.arn)
 
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""

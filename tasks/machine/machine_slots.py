@@ -116,9 +116,11 @@ class MachineSlots:
             yield None if slot is None else Turn(self.waited_s(before_s))
         finally:
             if slot is not None:
-                if wants_more():
-                    self._keep_turn(name)
-                self.give_back(slot)
+                try:
+                    if wants_more():
+                        self._keep_turn(name)
+                finally:
+                    self.give_back(slot)
 
     def take(self, name: str = "a job") -> int | None:
         """Takes a slot, if a job may begin now; `give_back` has to follow.
@@ -192,11 +194,11 @@ class MachineSlots:
     def _keep_turn(self, name: str) -> None:
         """Waits already, for a thread that will; if none does, others are held back for some seconds."""
         with self._lock:
-            self._threads += 1
-            self._kept += 1
             now_s = self._clock()
             self._since_s = self._since_s or now_s
-            self._waiters.write(self._ticket, self._record(name, None), now_s)
+            self._waiters.write(self._ticket, self._record(name, None), now_s)  # a full disk keeps no turn
+            self._threads += 1
+            self._kept += 1
             self._written = now_s, None
 
     def _why_wait(self, slots: Slots, now_s: float) -> Wait | None:

@@ -21,24 +21,24 @@ _REQUIREMENTS = TypeAdapter(list[Requirement])
 class Names:
     """The names of metrics and requirements that columns are made for."""
 
-    def __init__(self) -> None:
+    def __init__(self, most: int = MAX_COLUMNS) -> None:
+        self._most = most
         self.metrics: dict[str, None] = {}
         self.requirements: dict[str, None] = {}
 
     @classmethod
-    def of(cls, rows: Iterable[TrialRow]) -> "Names":
-        """Collects the names that rows have."""
-        names = cls()
+    def of(cls, rows: Iterable[TrialRow], most: int = MAX_COLUMNS) -> "Names":
+        """Collects the names that rows have, at most so many of each kind."""
+        names = cls(most)
         for row in rows:
-            _add(names.metrics, row.metrics)
-            _add(names.requirements, (each.name for each in row.requirements))
+            names._add(names.metrics, row.metrics)
+            names._add(names.requirements, (each.name for each in row.requirements))
         return names
 
-
-def _add(names: dict[str, None], more: Any) -> None:
-    for name in more:
-        if name not in names and len(names) < MAX_COLUMNS:
-            names[name] = None
+    def _add(self, names: dict[str, None], more: Iterable[str]) -> None:
+        for name in more:
+            if name not in names and len(names) < self._most:
+                names[name] = None
 
 
 def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
@@ -73,7 +73,8 @@ def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
 
 def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[str, Any]:
     """One row by columns."""
-    requirements = [each for each in row.requirements if each.name in names.requirements]
+    # Of several of one name, which an environment may report, the one that was missed by most.
+    requirements = [each for each in reversed(_worst_first(row.requirements)) if each.name in names.requirements]
     return {
         "trial": row.trial,
         "seed": row.seed,
@@ -110,6 +111,13 @@ def read_trials(content: bytes) -> "pa.Table":
         return pq.read_table(pa.BufferReader(content))
     except pa.ArrowException as error:
         raise ValueError(f"{len(content)} bytes are no table of trials: {error}") from error
+
+
+def _worst_first(requirements: Iterable[Requirement]) -> list[Requirement]:
+    return sorted(
+        requirements,
+        key=lambda each: (each.satisfied or not each.counts, each.margin if each.margin is not None else 0.0),
+    )
 
 
 def _met(requirement: Requirement) -> bool | None:

@@ -1,6 +1,7 @@
 """The table of results of a run, `results.parquet` in its folder: one row a trial; a job without trials is one."""
 
 import os
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -97,6 +98,11 @@ class ResultTable:
             raise ValueError(f"{path} is no table of results: {error}") from error
         if missing := {*_OF_JOBS, "trial", "seed", "requirements"} - set(file.schema_arrow.names):
             raise ValueError(f"{path} is no table of results: it has no column {min(missing)}")
+        try:
+            for name in file.schema_arrow.names:
+                file.read(columns=[name])  # a damaged page is told now, not in the midst of a report
+        except (pa.ArrowException, OSError) as error:
+            raise ValueError(f"{path} is damaged: {error}") from error
         kept: dict[str, pa.ChunkedArray] = {}
 
         def column(name: str) -> pa.ChunkedArray:
@@ -227,7 +233,7 @@ def _rows_of(jobs: Sequence[JobRecord]) -> "pa.Table":
         )
         for job in jobs
     ]
-    names = Names.of(rows)
+    names = Names.of(rows, most=sys.maxsize)
     of_jobs = [pa.field(name, pa.string()) for name in _OF_JOBS]
     seed_known = [job.inputs is not None and job.inputs.seed is not None for job in jobs]
     columns = [
@@ -249,7 +255,9 @@ def _of_trials(job: JobRecord, trials: "pa.Table") -> "pa.Table":
     import pyarrow as pa
 
     count = trials.num_rows
-    outcomes = [_OUTCOMES.get(verdict or "", "no verdict") for verdict in trials["verdict"].to_pylist()]
+    of_the_job = case_outcome(job.status, job.verdict, job.failure_code)
+    stopped = of_the_job if of_the_job in ("canceled", "unfinished") else None  # then nothing was judged
+    outcomes = [stopped or _OUTCOMES.get(verdict or "", "no verdict") for verdict in trials["verdict"].to_pylist()]
     recorded = zip(trials["trial"].to_pylist(), trials["recorded"].to_pylist(), strict=True)
     outputs = [
         f"{job.output_uri}/{trial_folder(number)}" if kept and job.output_uri else None for number, kept in recorded

@@ -75,7 +75,11 @@ class OwnOrder:
 
         A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
         """
-        if self._held.adopt(arn, self._owner):
+        if self._service.catalog.lease_of(arn)[0] != self._owner:
+            return
+        if not self._held.adopt(arn, self._owner):
+            self._service.catalog.release(arn, self._owner)  # this process ends
+        else:
             self._arn = arn
             threading.Thread(target=self._renew, args=(arn,), name=f"order of {arn}", daemon=True).start()
 

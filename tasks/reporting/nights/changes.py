@@ -52,11 +52,11 @@ def newly_missed_briefly(changes: Sequence[RequirementChange]) -> str:
 
 
 def requirement_in_words(change: RequirementChange) -> str:
-    """`gentle: newly missed in 2 of 9 trials; world and seed are the same, so this is no chance`."""
+    """`gentle: newly missed in 2 of 9 trials; world and seed are the same, so this is not by chance`."""
     of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
-    fact = "; world and seed are the same, so this is no chance" if _is_certain(change) else ""
+    fact = "; world and seed are the same, so this is not by chance" if _is_certain(change) else ""
     return f"{change.name}: {', '.join(told)}{fact}"
 
 

@@ -15,7 +15,10 @@ _COLOURS = re.compile(rb"\x1b\[[0-9;]*m")
 _STAMP = rb"^(?:\d+\.\d+ )?"
 _CANNOT = re.compile(rb"^ERROR: (cannot launch node of type .*)")
 _REQUIRED_1 = re.compile(rb"^=*(REQUIRED process \[[^\]]*\] has died!)")
-_EXCEPTION = re.compile(_STAMP + rb"\[ERROR\] \[launch\]: (Caught (?:exception|multiple exceptions) in launch.*)")
+_EXCEPTION = re.compile(
+    _STAMP
+    + rb"\[ERROR\] \[launch\]: (Caught (?:exception|multiple exceptions) (?:in launch|when trying to load file).*)"
+)
 _NOT_EXECUTED = re.compile(_STAMP + rb"\[ERROR\] \[([^\]]+)\]: exception occurred while executing process:")
 _DIED_2 = re.compile(_STAMP + rb"\[ERROR\] \[([^\]]+)\]: (process has died .*)")
 _REQUIRED_2 = re.compile(_STAMP + rb"\[INFO\] \[launch\]: process\[([^\]]+)\] was required: shutting down")
@@ -65,7 +68,7 @@ class LaunchWatch:
         return b"%s %s" % (said, line) if line.startswith(b"process has died") else None
 
     def _after_traceback(self, node: bytes, line: bytes) -> bytes | None:
-        if line.startswith(_TRACEBACK):
+        if not line.strip() or line.startswith(_TRACEBACK):
             return None
         self._awaited = None
         return b"%s cannot be executed: %s" % (node, line)

@@ -2,6 +2,8 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -10,7 +12,7 @@ from helpers.swing_fixtures import outputs_of
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.runs.stops import StopReason
 from prefect_robomaker.tasks.inspection.reports import report_of_job
-from prefect_robomaker.tasks.jobs.job_runs import perform_job
+from prefect_robomaker.tasks.jobs.job_runs import JobRun, perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.reporting import view_report
 from prefect_robomaker.tasks.service.service import Service
@@ -49,3 +51,38 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
     assert all(document.video_s and document.upload_s for document in documents)
     page = view_report(report_of_job(first.arn, service))
     assert re.fullmatch(r"(simulation .*, )?videos of failures [^,]*(, uploads .*)?", page.times)
+
+
+def test_slots_that_cannot_be_given_back_cost_no_result(service: Service, swing: Simulate) -> None:
+    """Such as those of a machine whose disk is full."""
+
+    def full() -> None:
+        raise OSError(28, "No space left on device")
+
+    job = swing(perform=False, job=FAILS)
+    perform_job(job["arn"], service, on_simulated=full)
+    ended = SimulationJobDocument.of(service.catalog.get(job["arn"]))
+    assert (ended.verdict, ended.failure_code) == ("FAIL", None)
+
+
+def test_a_timeout_that_comes_when_all_jobs_only_draw_ends_no_batch(
+    service: Service, swing: Simulate, prefect_server: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    request = service.catalog.get(swing(perform=False, job=FAILS)["arn"]).document["request"]
+    batch = call(
+        "StartSimulationJobBatch",
+        {"batchPolicy": {"timeoutInSeconds": 600}, "createSimulationJobRequests": [request]},
+        service,
+    )
+    late: list[float] = []
+
+    def note_simulated(run: JobRun) -> None:
+        note(run)
+        late.append(601.0)
+
+    note = JobRun._note_simulated
+    monkeypatch.setattr(JobRun, "_note_simulated", note_simulated)
+    shifted = replace(service, clock=lambda: service.clock() + timedelta(seconds=sum(late)))
+    ended = registry()["StartSimulationJobBatch"].perform(batch["arn"], shifted)
+    assert ended["status"] == "Completed"
+    assert [each["status"] for each in ended["createdRequests"]] == ["Completed"]

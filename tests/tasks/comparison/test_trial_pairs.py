@@ -122,3 +122,36 @@ def test_trials_are_matched_by_their_parameters_too(tmp_path: Path) -> None:
     found = compare(*runs)
     assert (found.trials, found.answer) == (0, "not comparable")
     assert "no trial of one run has the seed and the parameters" in found.why
+
+
+def test_another_limit_is_no_other_way_of_failing() -> None:
+    """9 N were at most 10 N, and are more than 5 N: the question changed, not the robot."""
+    lenient = make_job(0, "P", limit=10.0)
+    strict = make_job(0, "F", night=1, limit=5.0)
+    found = compare(NightRun.of(make_night([lenient])), NightRun.of(make_night([strict], 1)))
+    assert (found.answer, found.requirements, found.margins) == ("not comparable", [], [])
+
+
+def test_a_job_that_was_canceled_after_ten_trials_judged_none(tmp_path: Path) -> None:
+    before = make_trials_night(["P" * 10], 0, runs=tmp_path)
+    canceled = make_trials_night(["F" * 10], 1, runs=tmp_path)
+    jobs = [job.model_copy(update={"status": "Canceled", "verdict": None}) for job in canceled.jobs]
+    ResultTable.of(jobs, lambda job: trials_of("F" * 10)).write(canceled.run_dir / RESULTS_FILE)
+    found = compare(NightRun.of(before), NightRun.of(canceled.model_copy(update={"jobs": jobs})))
+    assert (found.answer, found.unjudged) == ("not comparable", 10)
+
+
+def test_a_stricter_alpha_takes_more_worlds_to_flip(tmp_path: Path) -> None:
+    """At 1 % six worlds cannot show anything: 2 / 2**6 is 3 %."""
+    runs = [make_trials_night([each * 8] * 6, night, runs=tmp_path) for night, each in enumerate("PF")]
+    found = compare(*(NightRun.of(each) for each in runs), alpha=0.01)
+    assert (found.answer, found.rate and found.rate.test) == ("worse", "exact McNemar")
+
+
+def test_trials_that_were_lost_are_said(tmp_path: Path) -> None:
+    """A store that was away while the report was made."""
+    before, after = (make_trials_night(["P" * 9], night, runs=tmp_path) for night in (0, 1))
+    ResultTable.of(after.jobs).write(after.run_dir / RESULTS_FILE)
+    found = compare(NightRun.of(before), NightRun.of(after))
+    assert found.trials == 0
+    assert f"the trials of {after.jobs[0].label} are not in" in found.troubles[0]

@@ -107,3 +107,30 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
         ResultTable.read(tmp_path / RESULTS_FILE)
     with pytest.raises(FileNotFoundError):
         ResultTable.read(tmp_path / "other.parquet")
+
+
+def test_a_damaged_page_is_told_when_the_table_is_opened(tmp_path: Path) -> None:
+    _, results = jobs_of(["PFPFPF" * 50, "P"])
+    results.write(tmp_path / RESULTS_FILE)
+    content = bytearray((tmp_path / RESULTS_FILE).read_bytes())
+    content[100:600] = bytes(500)
+    (tmp_path / RESULTS_FILE).write_bytes(content)
+    with pytest.raises(ValueError, match=r"results\.parquet is damaged"):
+        ResultTable.read(tmp_path / RESULTS_FILE)
+
+
+def test_of_two_requirements_of_one_name_the_missed_one_counts() -> None:
+    job = make_job(0, "F")
+    met = job.requirements[0].model_copy(update={"satisfied": True, "margin": 1.0})
+    for requirements in ([met, *job.requirements], [*job.requirements, met]):
+        results = ResultTable.of([job.model_copy(update={"requirements": requirements})])
+        assert results.met("gentle").tolist() == [0]
+        assert results.numbers("margin.gentle").tolist() == [-4.0]
+
+
+def test_no_requirement_of_a_night_is_left_out_however_many_there_are() -> None:
+    jobs = [
+        job.model_copy(update={"requirements": [job.requirements[0].model_copy(update={"name": f"r{number}"})]})
+        for number, job in enumerate(make_job(index, "F") for index in range(300))
+    ]
+    assert len(rates.by_requirement(ResultTable.of(jobs))) == 300
