@@ -76,7 +76,7 @@ def carry_out(
 def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: Path, *, as_json: bool) -> None:
     """Prints how the run ended; with a link to the server's pages, if it is to be asked for one, and to the console."""
     from ..console_note import console_of
-    from .output.comparison import lost_lines
+    from .output.comparison import changed_lines
     from .output.summary import print_summary
     from .prefect_server import pages
 
@@ -88,7 +88,7 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: 
         server = pages(api_url, os.environ.get("PREFECT_API_AUTH_STRING")) if api_url and is_local else ""
         console = console_of(home)
         page = f"{console}/runs/{record.run_id}" if console else ""
-        print_summary(record, command, sys.stdout, server=server, page=page, lost=lost_lines(record))
+        print_summary(record, command, sys.stdout, server=server, page=page, lost=changed_lines(record))
     sys.stdout.flush()
 
 

@@ -38,6 +38,9 @@ class JobInputs(Model):
     applications: list[UsedApplication] = Field(
         default=[], description="Its applications; one that was never started is missing."
     )
+    requirements_sha256: str | None = Field(
+        default=None, description="SHA-256 of the requirements that its request names; absent: it names none."
+    )
     request_sha256: str = Field(
         description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
         "requirements, without ARNs, which are others every night."

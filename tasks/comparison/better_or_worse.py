@@ -17,6 +17,7 @@ from ...schemas.reports.comparison import (
     RateChange,
 )
 from ..reporting import Outcome
+from ..results.rates import margin_units
 from .decisions import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
 from .failures import appearances_of
 from .losses import losses_of, told_losses
@@ -162,7 +163,7 @@ def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
     old, new = trials.outcomes
     ended = trials.only(np.isin(old, ENDED) & np.isin(new, ENDED))
     found = {}
-    names = trials.after.metrics if kind == "metric" else trials.after.requirements
+    names = trials.after.metrics if kind == "metric" else _with_margins(trials)
     for name in sorted(names):
         values = ended.numbers(f"{kind}.{name}")
         finite = np.isfinite(values[0]) & np.isfinite(values[1]) & (np.abs(values).max(axis=0) < _LARGEST)
@@ -172,6 +173,12 @@ def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:
     share = alpha / max(tested, 1)
     changes = [_metric(name, old, new, pairs, share) for name, (old, new, pairs) in found.items()]
     return sorted(changes, key=lambda change: not change.changed)
+
+
+def _with_margins(trials: TrialPairs) -> list[str]:
+    """Requirements whose margins have the same unit in both runs, so that they can be compared."""
+    before, after = (margin_units(table) for table in (trials.before, trials.after))
+    return [name for name, units in after.items() if len(units) == 1 and before.get(name) == units]
 
 
 def _metric(

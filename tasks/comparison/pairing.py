@@ -8,8 +8,8 @@ from ...schemas.reports.run_record import JobRecord
 from ..reporting import Outcome
 from .nights import HEALTH, JUDGED, TRIALS, CellTable, name_of, outcome_of, reason_of
 
-Asked = tuple[str, str | None, float | None]
-"""Name, kind and limit of a requirement."""
+Asked = tuple[str, str | None]
+"""Name and kind of a requirement; its limit is in the request, since that of a result depends on how the run went."""
 
 
 @dataclass(frozen=True)
@@ -32,10 +32,18 @@ class Pair:
     @property
     def has_same_requirements(self) -> bool:
         """Whether both were judged by the same; one without any, because it broke, does not count as other."""
+        if not self.asks_for_the_same:
+            return False
         before, after = _requirements(self.before), _requirements(self.after)
         # Goals that end a run when they are reached make the environment's own not count in that run.
         own = _own(self.before) & _own(self.after)
         return before - own == after - own or (not self.is_judged and not (before and after))
+
+    @property
+    def asks_for_the_same(self) -> bool:
+        """Whether both requests name the same requirements, with the same limits."""
+        before, after = self.before.inputs, self.after.inputs
+        return before is None or after is None or before.requirements_sha256 == after.requirements_sha256
 
     @property
     def has_same_request(self) -> bool:
@@ -81,18 +89,12 @@ def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairin
 
 def _own(job: JobRecord) -> frozenset[Asked]:
     """Names of an environment's own requirements, whether they count or not."""
-    return frozenset((item.name, None, None) for item in job.requirements if item.kind is None)
+    return frozenset((item.name, None) for item in job.requirements if item.kind is None)
 
 
 def _requirements(job: JobRecord) -> frozenset[Asked]:
-    """What a job was judged by; with trials, what each of them was.
-
-    The limit of what an environment asks for itself may depend on how the run went; that of trials is the worst one's.
-    """
-    if any(item.counts and item.name == TRIALS for item in job.requirements):
-        return frozenset((item.name, item.kind, None) for item in job.requirements if item.kind != HEALTH)
+    """What a job was judged by; with trials, what each of them was."""
+    has_trials = any(item.counts and item.name == TRIALS for item in job.requirements)
     return frozenset(
-        (item.name, item.kind, item.limit if item.kind is not None else None)
-        for item in job.requirements
-        if item.counts and item.kind != HEALTH
+        (item.name, item.kind) for item in job.requirements if (item.counts or has_trials) and item.kind != HEALTH
     )

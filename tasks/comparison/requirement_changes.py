@@ -45,7 +45,7 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
         trials: the trials of both runs.
         pairs: the jobs of both runs that they belong to.
     """
-    found, asked = RequirementChanges(), _Asked(trials)
+    found, asked = RequirementChanges(), _Asked(trials, pairs)
     for name in dict.fromkeys((*trials.after.requirements, *trials.before.requirements)):
         before, after = trials.met(name)
         appeared = _only_told_when_missed(name, before, after, trials)
@@ -72,19 +72,24 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
 
 
 class _Asked:
-    """What was asked of jobs; all trials of a job are asked the same."""
+    """What was asked of jobs whose requests ask for different things; all trials of a job are asked the same."""
 
-    def __init__(self, trials: TrialPairs) -> None:
+    def __init__(self, trials: TrialPairs, pairs: Sequence[Pair]) -> None:
         self._trials = trials
+        self._pairs = pairs
         self._known: dict[int, tuple[dict[str, _Limit], dict[str, _Limit]]] = {}
 
     def same(self, name: str, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Of some pairs, those that were asked the same under a name; one that is told when it is missed counts too."""
         found = np.zeros_like(which)
         for index in np.flatnonzero(which).tolist():
-            before, after = self._of_job(int(self._trials.jobs[index]), index)
-            limits = before.get(name), after.get(name)
-            found[index] = None in limits or limits[0] == limits[1]
+            job = int(self._trials.jobs[index])
+            if not self._pairs[job].asks_for_the_same:
+                before, after = self._of_job(job, index)
+                limits = before.get(name), after.get(name)
+                found[index] = None in limits or limits[0] == limits[1]
+            else:
+                found[index] = True
         return found
 
     def _of_job(self, job: int, index: int) -> tuple[dict[str, _Limit], dict[str, _Limit]]:

@@ -15,6 +15,7 @@ from ...schemas.reports.inputs import JobInputs, UsedApplication
 from ...schemas.reports.report import ReportedJob
 from ...schemas.runs.programs import ApplicationRole
 from ...schemas.runs.provenance import PROVENANCE_FILE
+from ...schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, StorageError
 from ..service.service import Service
@@ -86,8 +87,20 @@ def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs
     return JobInputs(
         seed=int(given) if seed is None and str(given or "").isdecimal() else seed,
         seed_given=given is not None,
+        requirements_sha256=_requirements_digest(request),
         request_sha256=_digest_of(request),
     )
+
+
+def _requirements_digest(request: Mapping[str, Any]) -> str | None:
+    """The digest of what a request requires, by its member or the launch variable for SDKs that do not know it."""
+    configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
+    variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
+    asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
+    if not any(asked):
+        return None
+    text = json.dumps(asked, sort_keys=True, default=str, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _digest_of(request: Mapping[str, Any]) -> str:

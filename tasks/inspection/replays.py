@@ -26,8 +26,7 @@ from ..simulations.containers.cleanup import remove_containers
 from ..simulations.planning.run_plans import run_plan
 from ..simulations.ros.domains import own_domain
 from ..storage import MANIFEST_NAME
-from .found_runs import FoundRun, found_run, scratch_folder
-from .found_trials import found_trial, plan_of_found_trial
+from .found_runs import FoundRun, found_run, found_trial, plan_of_found_trial, scratch_folder
 
 _MOST_ALTERATIONS = 10
 

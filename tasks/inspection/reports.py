@@ -5,12 +5,9 @@ import platform
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from pydantic import ValidationError
 
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
@@ -18,38 +15,35 @@ from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.inputs import SourceCommit
-from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportedStep, ReportedWorld, RunState
+from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, RunState
 from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
-from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
     InvalidParameterException,
-    ObjectNotFoundError,
     ResourceNotFoundException,
     StorageError,
 )
 from ..catalog import Resource
-from ..comparison.nights import TRIALS, NightRun
+from ..comparison.nights import NightRun
 from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
-from ..results.columns import read_trials
 from ..results.table import RESULTS_FILE, ResultTable
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
-from ..storage import read_manifest, removed_before
 from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
+from .job_outputs import judged_without_outputs, outputs_of, places_of, write_results
 from .run_records import is_night, since_last, write_record
 
 if TYPE_CHECKING:
-    import pyarrow as pa
+    pass
 
 REPORT_NAME = "report.html"
 _MOST_LOST = 10
@@ -80,9 +74,9 @@ def publish_report(
         The run's simulation jobs in short, and the report's path.
     """
     reported = jobs_of(steps, service, rerun_of)
-    places = _places(reported, service)
+    places = places_of(reported, service)
     records = _job_records(reported, places, service)
-    results = _write_results(records, places, service, folder)
+    results = write_results(records, places, service, folder)
     state = state_of(records)
     run = NightRun(run_id, name, started_at, state, records, dict(versions), source, results_path=folder / RESULTS_FILE)
     report = Report(
@@ -120,9 +114,9 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
         OSError: a file cannot be written.
     """
     report = report_of(record, service)
-    places = _places(report.jobs, service)
+    places = places_of(report.jobs, service)
     jobs = _job_records(report.jobs, places, service)
-    results = _write_results(jobs, places, service, record.run_dir)
+    results = write_results(jobs, places, service, record.run_dir)
     if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
         record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
         write_record(record)
@@ -202,42 +196,6 @@ def report_of_world(arn: str, service: Service) -> Report:
         jobs=[],
         command=f"robomaker world view {arn}",
     )
-
-
-def _write_results(
-    jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
-) -> ResultTable:
-    """Writes the table of results of a run, with the trials of its jobs; one that has more than is stored now stays."""
-    lost = False
-
-    def trials_of(job: JobRecord) -> "pa.Table | None":
-        nonlocal lost
-        found = _trials_of(job, places, service)
-        lost = lost or job.status == "Deleted" or (found is None and _has_trials(job))
-        return found
-
-    results = ResultTable.of(jobs, trials_of)
-    if lost:
-        with suppress(OSError, ValueError):
-            return ResultTable.read(folder / RESULTS_FILE)
-    folder.mkdir(parents=True, exist_ok=True)
-    results.write(folder / RESULTS_FILE)
-    return results
-
-
-def _has_trials(job: JobRecord) -> bool:
-    return any(item.name == TRIALS for item in job.requirements)
-
-
-def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Service) -> "pa.Table | None":
-    """The table of a job's trials; None: it has none, or it is not stored any more."""
-    place = places.get(job.arn or "")
-    if place is None or not _has_trials(job):
-        return None
-    try:
-        return read_trials(service.store.get_bytes(place.bucket, f"{place.prefix}/{TRIALS_FILE}"))
-    except (StorageError, ValueError):
-        return None
 
 
 def _publish(report: Report, records: Sequence[JobRecord], results: ResultTable, folder: Path) -> Path:
@@ -349,10 +307,10 @@ def installed_versions() -> dict[str, str]:
 
 def _reported_job(job: Resource, service: Service) -> ReportedJob:
     document = SimulationJobDocument.of(job)
-    files, result, poster, removed = _outputs(document.outputs, service)
+    files, result, poster, removed = outputs_of(document.outputs, service)
     duration = document.simulation_time_millis
     if result is None and document.verdict and job.status == "Completed":
-        result = _judged_without_outputs(document)
+        result = judged_without_outputs(document)
     if result is not None and job.status == "Canceled":
         result = result.unjudged()  # earlier releases wrote a verdict
     return ReportedJob(
@@ -377,21 +335,6 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
     )
 
 
-def _judged_without_outputs(document: SimulationJobDocument) -> RunResult:
-    """What the catalog knows of a result whose file cannot be read: a run that failed stays one."""
-    took_s = (document.simulation_time_millis or 0) / 1000
-    return RunResult(
-        verdict=document.verdict or "NONE",
-        summary=document.verdict_reason or "",
-        notes=["result.json cannot be read: only the verdict is known"],
-        sim_time_s=0.0,
-        wall_time_s=took_s,
-        real_time_factor=0.0,
-        ended_by="",
-        seed=document.seed,
-    )
-
-
 def _origin(reused_from: ReusedFrom | None) -> str | None:
     """Where results come from that a job has taken over: the run, and the job where no run ordered it."""
     return reused_from and (reused_from.spec_run or short_name(reused_from.job))
@@ -405,53 +348,6 @@ def _application(request: Mapping[str, Any]) -> str | None:
         return ResourceArn.parse(said).name
     except InvalidParameterException:
         return said or None
-
-
-def _outputs(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes, int]:
-    """Files, result and poster of a run, and how many files were removed; nothing of outputs that cannot be read."""
-    if place is None:
-        return [], None, b"", 0
-    bucket, prefix = place.bucket, place.prefix
-    try:
-        manifest = read_manifest(service.store, bucket, prefix)
-        entries = manifest.files
-        names = {entry.path for entry in entries}
-        result = service.store.get_bytes(bucket, f"{prefix}/result.json") if "result.json" in names else None
-        poster = service.store.get_bytes(bucket, f"{prefix}/poster.png") if "poster.png" in names else b""
-        parsed = RunResult.model_validate_json(result) if result else None
-    except ObjectNotFoundError:
-        return _unfinished(bucket, prefix, service), None, b"", 0
-    except (StorageError, ValidationError):
-        return [], None, b"", 0
-    files = [
-        ReportedFile(
-            name=entry.path, uri=service.store.uri(bucket, f"{prefix}/{entry.path}"), size_bytes=entry.size_bytes
-        )
-        for entry in entries
-    ]
-    return files, parsed, poster, removed_before(manifest)[0]
-
-
-def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
-    """What a crashed or killed run left: no manifest names it, and its logs say why."""
-    try:
-        return [
-            ReportedFile(
-                name=item.key.removeprefix(f"{prefix}/"),
-                uri=service.store.uri(bucket, item.key),
-                size_bytes=item.size_bytes,
-            )
-            for item in service.store.list(bucket, f"{prefix}/")
-        ]
-    except StorageError:
-        return []
-
-
-def _places(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
-    """Where the outputs of jobs are, by their ARNs."""
-    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
-    found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
-    return {arn: place for arn, place in found.items() if place is not None}
 
 
 def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:

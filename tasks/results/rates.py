@@ -105,7 +105,7 @@ def requirement_counts(results: ResultTable) -> dict[str, Counts]:
 
 def by_requirement(results: ResultTable) -> list[Share]:
     """Judgements by the requirement's name, the worst first; of each the smallest margin and the job that had it."""
-    units = _units(results)
+    units = margin_units(results)
     return _worst_first(
         _with_margin(counts.share(name), units.get(name, set()), results)
         for name, counts in requirement_counts(results).items()
@@ -124,12 +124,16 @@ def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> 
     return share.model_copy(update={"worst_margin": float(margins[row]), "worst_job": job, "unit": unit})
 
 
-def _units(results: ResultTable) -> dict[str, set[str | None]]:
-    """Units of margins by requirement; all trials of a job have the same requirements."""
+def margin_units(results: ResultTable) -> dict[str, set[str | None]]:
+    """Units of margins by requirement, of those that have one unit however a run goes.
+
+    All trials of a job have the same requirements. Those that say yes or no have none, and the margin of a goal is in
+    seconds where it was reached and in metres where it was not.
+    """
     units: dict[str, set[str | None]] = {}
     for row in results.first_rows:
         for each in results.requirements_at(row):
-            if each.counts and each.margin is not None and each.kind != "predicate":
+            if each.counts and each.margin is not None and each.kind not in ("predicate", "goal"):
                 units.setdefault(each.name, set()).add(each.unit)
     return units
 

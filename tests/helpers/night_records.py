@@ -63,6 +63,7 @@ def make_job(
             seed_given=seed is not None,
             world=content,
             applications=[UsedApplication(role="robot", name="scout", digest=digest(robot))],
+            requirements_sha256=digest(f"limit {limit}"),
             request_sha256=digest(request or "request"),
         ),
         requirements=requirements if letter in "PF" else [],

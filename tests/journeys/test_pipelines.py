@@ -142,7 +142,9 @@ def test_a_specification_runs_to_its_report_and_runs_again(
         assert record.jobs[2].rooms_visited == record.jobs[2].rooms_total == 2
         assert (record.state, record.exit_code) == ("broken", 3)
         assert record.versions["mujoco"]
-        assert {path.name for path in record.run_dir.iterdir()} == {"run.json", "spec.yaml", "report.html"}
+        assert {path.name for path in record.run_dir.iterdir()} == {
+            "run.json", "spec.yaml", "report.html", "results.parquet"
+        }  # fmt: skip
         assert RunRecord.model_validate_json((record.run_dir / "run.json").read_text()).jobs == record.jobs
         copy = (record.run_dir / "spec.yaml").read_text()
         assert "hunter2" not in copy

@@ -92,15 +92,19 @@ def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
     lines = []
     for change in changes[:_MOST_JOBS]:
         lines.append(requirement_in_words(change))
-        lines += [f"  {place_in_words(place)}" for place in change.places[:_MOST_PLACES]]
+        named = change.places[:_MOST_PLACES]
+        lines += [f"  {place_in_words(place)}" for place in named]
+        if change.newly_missed > len(named):
+            lines.append(f"  … and {change.newly_missed - len(named)} more")
     return lines + ([f"… and {len(changes) - _MOST_JOBS} more"] if len(changes) > _MOST_JOBS else [])
 
 
-def lost_lines(record: RunRecord) -> list[str]:
-    """Losses of a run: jobs and requirements that it judges less than earlier runs; none for reruns and probes."""
+def changed_lines(record: RunRecord) -> list[str]:
+    """Requirements that a run newly misses, and what it judges less than earlier runs; none for reruns and probes."""
     if not is_night(record):
         return []
-    return losses_in_words(since_last(NightRun.of(record), record.run_dir.parent), _MOST_JOBS)
+    since = since_last(NightRun.of(record), record.run_dir.parent)
+    return [*requirement_lines(since.requirements), *losses_in_words(since, _MOST_JOBS)]
 
 
 def _pairs(comparison: Comparison) -> str:

@@ -57,7 +57,7 @@ def summary_lines(
         lines += [[], *(_step_line(step) for step in failed)]
     if record.jobs:
         lines += [[], *_job_lines(record.jobs)]
-    lines += _lost_lines(lost)
+    lines += _changed_lines(lost)
     lines.append([])
     if record.report_path:
         lines.append(_place("report", str(record.report_path)))
@@ -72,7 +72,7 @@ def summary_lines(
     return lines
 
 
-def _lost_lines(lost: Sequence[str]) -> list[list[Cell]]:
+def _changed_lines(lost: Sequence[str]) -> list[list[Cell]]:
     return [[], *([(f"  {line}", "yellow")] for line in lost)] if lost else []
 
 

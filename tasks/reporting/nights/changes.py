@@ -56,7 +56,8 @@ def requirement_in_words(change: RequirementChange) -> str:
     of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
-    fact = "; world and seed are the same, so this is not by chance" if _is_certain(change) else ""
+    same = "world and seed are" if all(place.cell.world for place in change.places) else "the seed is"
+    fact = f"; {same} the same, so this is not by chance" if _is_certain(change) else ""
     return f"{change.name}: {', '.join(told)}{fact}"
 
 

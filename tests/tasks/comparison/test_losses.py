@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from helpers.night_records import make_job, make_night, store_night
 
-from prefect_robomaker.deployments.cli.output.comparison import comparison_lines, history_lines, lost_lines
+from prefect_robomaker.deployments.cli.output.comparison import changed_lines, comparison_lines, history_lines
 from prefect_robomaker.schemas.reports.changes import Losses
 from prefect_robomaker.schemas.reports.run_record import JobRecord, RerunOf, RunRecord
 from prefect_robomaker.schemas.runs.plan import Requirement
@@ -274,12 +274,13 @@ def test_what_was_lost_in_a_bad_night_keeps_the_next_from_being_good_again() -> 
 def test_reruns_and_probes_are_no_nights(tmp_path: Path) -> None:
     first, second = (each.model_copy(update={"run_dir": tmp_path / each.run_id}) for each in nights("PPF", "--P"))
     store_night(first)
-    assert lost_lines(second) == ["2 jobs are gone: drive: request 1 scout, seed 1 (passed before); "
+    assert changed_lines(second) == ["gentle: newly met in 1 of 1 trial",
+                                     "2 jobs are gone: drive: request 1 scout, seed 1 (passed before); "
                                   "drive: request 2 scout, seed 2 (passed before)"]  # fmt: skip
     assert len(since_last_good(second).gone) == 2
     rerun = RerunOf(run_id=first.run_id, selection="failed", jobs_total=3, earlier={})
-    assert lost_lines(second.model_copy(update={"rerun_of": rerun})) == []
-    assert lost_lines(second.model_copy(update={"probe": True})) == []
+    assert changed_lines(second.model_copy(update={"rerun_of": rerun})) == []
+    assert changed_lines(second.model_copy(update={"probe": True})) == []
     store_night(second.model_copy(update={"probe": True}))
     third = nights("PPF", "PPF", "PPF")[2].model_copy(update={"run_dir": tmp_path / "nightly-3"})
     assert not since_last_good(third).has_losses
