@@ -155,7 +155,7 @@ def _place(name: str, index: int, trials: TrialPairs, pairs: Sequence[Pair]) -> 
 
 
 def _repeats(pair: Pair, trials: TrialPairs, index: int) -> bool:
-    """Whether the same programs would have done the same in both runs: then the difference is no chance."""
+    """Whether the same programs would have done the same in both runs: then the difference is not chance."""
     seeds = (
         table.numbers("seed")[rows[index]]
         for table, rows in ((trials.before, trials.before_rows), (trials.after, trials.after_rows))

@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from ....schemas.reports.forecast import Forecast, ProbedJob, StepForecast
 
 _MOST_TOLD = 5
+_ENDING_S = 5.0
+"""What a job takes besides that is ended by its limit: how much it would need is not known then."""
 _AS_MUCH = 1.05
 """A job that the limit ended in the probe is known to need that much, but not how much more."""
 _UNITS = ("bytes", "kB", "MB", "GB", "TB")
@@ -51,7 +53,7 @@ def _warnings(step: "StepForecast") -> list[str]:
     limit_s, needs_s = step.job_limit_s, step.job_s
     if limit_s is not None and needs_s is not None:
         jobs = "1 job is" if step.over_limit == 1 else f"{step.over_limit} jobs are"
-        needs = "more" if needs_s < _AS_MUCH * limit_s else f"about {duration(needs_s)}"
+        needs = "more" if needs_s < max(_AS_MUCH * limit_s, limit_s + _ENDING_S) else f"about {duration(needs_s)}"
         told.append(
             f"{step.step}: {jobs} ended by the limit (maxJobDurationInSeconds is {limit_s:.0f}); {needs} would be right"
         )

@@ -153,6 +153,10 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
         steps = f"{episode.steps} step{'' if episode.steps == 1 else 's'}"
         notes.append(f"the robot application ended the run after {steps}, at {episode.sim_time_s:.2f} s simulated")
     is_judged = judged != "NONE" or bool(own or added)
+    cut = "the job's duration limit ended the run at"  # requirements with a time of their own may say more of it
+    is_told = any(note.startswith(cut) for note in notes)
+    if is_judged and episode.ended_by == "duration limit" and not episode.unanswered and not is_told:
+        notes.append(f"{cut} {episode.sim_time_s:.2f} s simulated")
     defects: list[Requirement] = []
     for defect in (*_defects_of(episode), *(defect for finding in findings for defect in finding.defects)):
         if is_judged or (episode.judges and (episode.unanswered or not episode.steps)):
