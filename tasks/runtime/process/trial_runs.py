@@ -84,6 +84,7 @@ def _run_rest(
         row = _in_its_environment(run, trial, lambda trial=trial: stage.play(trial))
         progress.mark(Phase.FINISHING)
         if row is None:
+            tally.unanswered = stage.unanswered
             return
         journal.append(row)
         tally.take(row)

@@ -82,6 +82,8 @@ class TrialStage:
         self._agent: Any = None
         self._parameters: Mapping[str, str] = {}
         """Those that the environment was made with."""
+        self.unanswered = ""
+        """Who did not answer when a trial was stopped from outside; empty: nobody was waited for."""
         self._between_substeps: Any = None
         """What its physics called between substeps when it was made."""
 
@@ -124,6 +126,7 @@ class TrialStage:
             log_failure(error)
             return _broken(self._told(trial), report_of(error, self._progress))
         if episode.ended_by in _STOPPED:
+            self.unanswered = episode.unanswered
             return None
         summary = digest.close()
         findings = [observer.close(episode.ended_by) for observer in (health, failures, requirements)]

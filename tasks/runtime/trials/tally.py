@@ -51,6 +51,8 @@ class Tally:
         self._steps = 0
         self.rows = 0
         """How many trials were counted."""
+        self.unanswered = ""
+        """Who did not answer in the trial in which the job was stopped; empty: nobody was waited for."""
 
     def take(self, row: TrialRow) -> None:
         """Counts a row."""
@@ -173,6 +175,7 @@ class Tally:
             text += f"; {unjudged} of {self.rows} have no verdict"
         if not self.is_whole:
             text += f"; stopped in trial {self.rows} of {self._trials.count}"
+            text += f": {self.unanswered}" if self.unanswered else ""
         return text
 
     def _metrics(self, counts: TrialCounts) -> dict[str, float]:

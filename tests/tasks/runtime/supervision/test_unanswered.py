@@ -12,6 +12,7 @@ from helpers.run_processes import limit_reached, never
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ApplicationRole, ProgramPlan
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
+from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 YARD = BUNDLES / "yard"
@@ -121,3 +122,14 @@ def test_a_program_that_never_connects_is_unhealthy_whichever_limit_comes_first(
     assert (outcome.status, outcome.failure_code) == ("Failed", "RobotApplicationHealthCheckFailure")
     assert "driver did not connect before the job's duration limit of 120 s" in (outcome.failure_reason or "")
     assert (outcome.failure_reason or "").endswith("Last lines of logs/robot.stdout.log:\nwaiting for /cmd_vel")
+
+
+@pytest.mark.parametrize("hang", ["act", "act-in-python"])
+def test_who_does_not_answer_in_a_trial_is_said(launcher: Launcher, plan_yard: Plan, hang: str) -> None:
+    plan = plan_yard(hang, "make_judging_environment", trials=Trials(seeds=3))
+    outcome = launcher.run(plan, never, clock=limit_reached((plan.work_dir / "busy").exists))
+    assert (outcome.status, outcome.verdict) == ("Completed", "ERROR")
+    reason = result_of(plan).reason or ""
+    assert (
+        "stopped in trial 0 of 3: stopped at the duration limit: the robot application did not answer in step" in reason
+    )
