@@ -83,7 +83,7 @@ class TrialStage:
         self._parameters: Mapping[str, str] = {}
         """Those that the environment was made with."""
         self.unanswered = ""
-        """Who did not answer when a trial was stopped from outside; empty: nobody was waited for."""
+        """Who did not answer when a trial was stopped from outside; empty: no answer was awaited."""
         self._between_substeps: Any = None
         """What its physics called between substeps when it was made."""
 

@@ -52,7 +52,7 @@ class Tally:
         self.rows = 0
         """How many trials were counted."""
         self.unanswered = ""
-        """Who did not answer in the trial in which the job was stopped; empty: nobody was waited for."""
+        """Who did not answer in the trial in which the job was stopped; empty: no answer was awaited."""
 
     def take(self, row: TrialRow) -> None:
         """Counts a row."""
