@@ -10,7 +10,8 @@ few seconds it checks whether the limit has been lowered, and releases slots if 
 import logging
 import threading
 import time
-from collections.abc import Callable, Generator
+from collections import deque
+from collections.abc import Callable, Generator, Iterable
 from contextlib import contextmanager
 from http import HTTPStatus
 from types import TracebackType
@@ -25,6 +26,8 @@ _RENEW_S = 20.0
 LOOK_S = 5.0
 """How often is looked whether the limit was changed."""
 _WAIT_S = 0.25
+_LATE_S = 5.0
+"""After that one is not waited for that has not come, although later ones have."""
 
 _logger = logging.getLogger(__name__)
 
@@ -37,9 +40,12 @@ class Slots:
         limit: how many slots there are.
         wanted: how many this job worker can use at once.
         look_s: seconds between two looks whether the limit was changed on the server.
+        order: places of those that will hold slots, in the order in which they shall get them; empty: in none.
     """
 
-    def __init__(self, name: str, limit: int, wanted: int, look_s: float = LOOK_S) -> None:
+    def __init__(self, name: str, limit: int, wanted: int, look_s: float = LOOK_S, order: Iterable[int] = ()) -> None:
+        self._queue = deque(order)  # those that have not held a slot
+        self._came: set[int] = set()
         self.name = name
         self._limit = limit
         self._wanted = wanted
@@ -71,16 +77,21 @@ class Slots:
         self._connection.__exit__(kind, error, traceback)
 
     @contextmanager
-    def hold(self, should_stop: Callable[[], bool]) -> Generator[bool]:
+    def hold(self, should_stop: Callable[[], bool], place: int | None = None) -> Generator[bool]:
         """Holds one slot.
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
+            place: place in the order; absent: no matter.
 
         Yields:
             Whether a slot is held; false only when `should_stop` ended the wait.
         """
-        lease = self._borrow(should_stop)
+        try:
+            self._await_turn(should_stop, place)
+            lease = self._borrow(should_stop)
+        finally:
+            self._pass_turn(place)
         try:
             yield lease is not None
         finally:
@@ -88,7 +99,7 @@ class Slots:
                 with self._changed:
                     self._used.discard(lease)
                     self._free.append(lease)
-                    self._changed.notify()
+                    self._changed.notify_all()  # one that waits for its turn has no use for it
 
     @property
     def count(self) -> int:
@@ -117,6 +128,24 @@ class Slots:
                     return lease
                 self._changed.wait(_WAIT_S)
         return None
+
+    def _await_turn(self, should_stop: Callable[[], bool], place: int | None) -> None:
+        """Waits until all before have had their turn, although more wait than there are slots."""
+        with self._changed:
+            late_s = time.monotonic() + _LATE_S
+            if place is not None:
+                self._came.add(place)
+            while place is not None and self._queue and self._queue[0] < place and not should_stop():
+                if self._queue[0] not in self._came and time.monotonic() >= late_s:
+                    self._queue.popleft()  # its task broke before it came here
+                else:
+                    self._changed.wait(_WAIT_S)
+
+    def _pass_turn(self, place: int | None) -> None:
+        with self._changed:
+            if place in self._queue:
+                self._queue.remove(place)
+            self._changed.notify_all()
 
     def _keep(self) -> None:
         """Renews the leases and follows changes of the limit, until closed."""

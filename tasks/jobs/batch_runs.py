@@ -188,7 +188,7 @@ class BatchRun:
         if self._service.backend is None:
             most = min(most, self._service.settings.max_jobs)  # no more run on this machine
         self._finishing = threading.BoundedSemaphore(most)
-        with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most) as slots:
+        with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most, order=indices) as slots:
             try:
                 if self._service.backend is None:
                     self._run_tasks(
@@ -299,7 +299,7 @@ class BatchRun:
                     finishing.callback(self._finishing.release)
                     held.close()
 
-            may_run = held.enter_context(slots.hold(should_stop))
+            may_run = held.enter_context(slots.hold(should_stop, index))
             turn = held.enter_context(self._machine.hold(should_stop, name, self._wants_more))
             job = self._outlasting(lambda: self.create_job(index)) if may_run and turn is not None else None
             if job is not None and turn is not None:

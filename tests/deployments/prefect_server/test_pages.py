@@ -140,7 +140,7 @@ def test_a_link_logs_one_browser_in(browser: Browser, printed: str, prefect_serv
         page.wait_for_text("Log in with a link", "robomaker server status")
         for width in (400, 1280):
             fits(page, width)
-        assert page.evaluate("document.querySelector('img').naturalWidth") > 0
+        page.wait(lambda page: page.evaluate("document.querySelector('img').naturalWidth") > 0, "the picture")
     with browser.page(runs) as page:
         page.evaluate("document.cookie = `robomaker-login-${location.port}=; path=/; max-age=0`")
         page.go(runs)  # logged in before there was a cookie

@@ -43,6 +43,7 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
     jobs = sorted(service.catalog.children(batch["arn"], kind="simulation-job"), key=lambda job: job.created_at)
     assert [job.status for job in jobs] == ["Completed"] * 3
     assert all((outputs_of(service, {"arn": job.arn}) / "last-10s.mp4").exists() for job in jobs)
+    assert [SimulationJobDocument.of(job).request_index for job in jobs] == [0, 1, 2], "in the order of the requests"
     first, second, third = jobs
     assert second.created_at < first.updated_at, "the slot is free while the first one is drawn"
     assert third.created_at >= min(first.updated_at, second.updated_at), "at most twice as many as slots"
