@@ -12,7 +12,7 @@ from .wire.base import Model
 
 PYTHON_PATH = "PYTHONPATH"
 NOT_INSTALLED = ""
-"""What stands for the content of a package that is not there."""
+"""The content of a package that is not there."""
 
 OwnerState = Literal["works", "died", "left", "ended"]
 """Whether a job's owner lives; has died, so that the next may take the job; has given it back before its end; or the
@@ -40,7 +40,7 @@ class JobOwner(Model):
 
 
 class NeededEnvironment(Model):
-    """What the process had that ordered a job for itself, as far as the job needs it."""
+    """The environment of the process that ordered a job for itself, as far as the job needs it."""
 
     machine: str = Field(description="Name of the machine on which it was ordered.")
     python: str = Field(description="Folder of the Python environment in which it was ordered.")
@@ -56,7 +56,7 @@ class NeededEnvironment(Model):
         return cls.model_validate(stored, strict=False)
 
     def differences(self, here: "NeededEnvironment") -> list[str]:
-        """What another process has otherwise, in words.
+        """Names the differences of another process, in words.
 
         Args:
             here: what that process has of the same.
@@ -76,7 +76,7 @@ class NeededEnvironment(Model):
         return found
 
     def command(self, arn: str, here: "NeededEnvironment | None" = None) -> str:
-        """What a person types on the machine to carry out the job as it was ordered.
+        """The command that carries out the job on its machine as it was ordered.
 
         Args:
             arn: the job.
@@ -96,7 +96,7 @@ class NeededEnvironment(Model):
 
 
 class JobStanding(Model):
-    """Which process carries out a job, and what becomes of the job when that process has died."""
+    """The process that carries out a job, and what becomes of the job when that process has died."""
 
     owner: JobOwner = Field(description="The process that carries it out, or did last.")
     since: datetime | None = Field(description="When the owner took it.")

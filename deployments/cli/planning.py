@@ -32,7 +32,7 @@ class PlannedStep:
     """The longest `maxJobDurationInSeconds` of its jobs, where the file says it."""
 
     timeout_s: int | None = None
-    """Of a batch: `timeoutInSeconds`, where the file says it."""
+    """The batch's `timeoutInSeconds`, where the file says it."""
 
     detail: str = ""
     """The same in words."""

@@ -85,7 +85,7 @@ def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
 
 
 def _reached_at_start(request: _Request, start: str) -> dict[Location, str]:
-    """What is wrong with goals in the room that the robot starts in."""
+    """Problems of goals in the room that the robot starts in."""
     requirements = child(request.node, "requirements")
     if requirements is None or not starts_on_origin(plain(request.node)):
         return {}

@@ -84,7 +84,7 @@ class FirstLease:
     """After how many seconds another may take it, unless it is renewed."""
 
     needed_environment: Mapping[str, Any]
-    """What another process has to have that carries the job out instead; see `schemas.job_owners`."""
+    """The environment that another process needs to carry the job out instead; see `schemas.job_owners`."""
 
 
 @dataclass(frozen=True)
@@ -104,10 +104,10 @@ class Ownership:
     """Whether the owner has given the lease back."""
 
     lost_owner: str | None
-    """Whose lease ran out, so that another took it; `None`: none did."""
+    """The owner whose lease ran out, so that another took it; `None`: none did."""
 
     needed_environment: Mapping[str, Any] | None
-    """What the process had that ordered it for itself; `None`: a client ordered it."""
+    """The environment of the process that ordered it for itself; `None`: a client ordered it."""
 
 
 @dataclass(frozen=True)

@@ -45,14 +45,14 @@ class JudgedTrials:
     worlds: NDArray[np.int64]
     """Number of its world."""
     fewest_worlds: int = FEWEST_WORLDS
-    """From how many worlds on whole worlds are flipped."""
+    """The number of worlds from which on whole worlds are flipped."""
 
     def __len__(self) -> int:
         return len(self.before)
 
     @property
     def change(self) -> NDArray[np.int64]:
-        """Of each pair 1 where it became better, -1 where it became worse, else 0."""
+        """The change of each pair: 1 where it became better, -1 where it became worse, else 0."""
         return self.after.astype(np.int64) - self.before.astype(np.int64)
 
     @property
@@ -67,7 +67,7 @@ class JudgedTrials:
 
     @property
     def changed_worlds(self) -> int:
-        """In how many worlds more trials became better than worse, or fewer."""
+        """The number of worlds in which more trials became better than worse, or fewer."""
         return int(np.count_nonzero(self.by_world(self.change)[0]))
 
     @property

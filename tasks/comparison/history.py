@@ -105,7 +105,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
 
 
 def _told_before(appearances: Sequence[Appearance]) -> Appearance | None:
-    """When a job was last judged or broke, before its last run."""
+    """The last time that a job was judged or broke, before its last run."""
     return next((each for each in reversed(appearances[:-1]) if each.outcome in TOLD), None)
 
 
@@ -202,7 +202,7 @@ def _names_of_worlds(cells: Sequence[Sequence[Appearance]]) -> dict[str, str]:
 def _changed_requirements(
     runs: Sequence[NightRun], paired: Sequence[tuple[Appearance, Appearance]]
 ) -> RequirementChanges:
-    """What jobs miss that they met when they ran last; jobs may have run last in different runs."""
+    """Requirements that jobs miss and met when they ran last; jobs may have run last in different runs."""
     by_night: dict[int, list[Pair]] = defaultdict(list)
     for earlier, now in paired:
         by_night[earlier.night].append(Pair(earlier.job, now.job))

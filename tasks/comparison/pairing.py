@@ -93,7 +93,7 @@ def _own(job: JobRecord) -> frozenset[Asked]:
 
 
 def _requirements(job: JobRecord) -> frozenset[Asked]:
-    """What a job was judged by; with trials, what each of them was."""
+    """The requirements that a job was judged by; with trials, those of each trial."""
     has_trials = any(item.counts and item.name == TRIALS for item in job.requirements)
     return frozenset(
         (item.name, item.kind) for item in job.requirements if (item.counts or has_trials) and item.kind != HEALTH

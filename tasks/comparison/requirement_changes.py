@@ -72,7 +72,7 @@ def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> Requiremen
 
 
 class _Asked:
-    """What was asked of jobs whose requests ask for different things; all trials of a job are asked the same."""
+    """Limits in jobs whose requests ask for different things; all trials of a job are asked the same."""
 
     def __init__(self, trials: TrialPairs, pairs: Sequence[Pair]) -> None:
         self._trials = trials
@@ -80,7 +80,7 @@ class _Asked:
         self._known: dict[int, tuple[dict[str, _Limit], dict[str, _Limit]]] = {}
 
     def same(self, name: str, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Of some pairs, those that were asked the same under a name; one that is told when it is missed counts too."""
+        """Finds the pairs that were asked the same under a name; one that is told when it is missed counts too."""
         found = np.zeros_like(which)
         for index in np.flatnonzero(which).tolist():
             job = int(self._trials.jobs[index])
@@ -124,7 +124,7 @@ def _together(one: RequirementChange, other: RequirementChange) -> RequirementCh
 def _only_told_when_missed(
     name: str, before: NDArray[np.int8], after: NDArray[np.int8], trials: TrialPairs
 ) -> NDArray[np.bool_]:
-    """Which trials met a requirement of health the first time: results have those only where they were missed."""
+    """Finds trials that met a requirement of health before: results have those only where they were missed."""
     appeared = (before < 0) & (after == 0) & (trials.outcomes[0] <= FAILED)
     if appeared.any():
         first = int(trials.after_rows[np.flatnonzero(appeared)[0]])

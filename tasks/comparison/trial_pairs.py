@@ -31,7 +31,7 @@ class TrialPairs:
     before_rows: NDArray[np.int64]
     after_rows: NDArray[np.int64]
     jobs: NDArray[np.int64]
-    """Which pair of jobs it belongs to."""
+    """The pair of jobs that it belongs to."""
     worlds: NDArray[np.int64]
     """Number of the world; all jobs without a world have the same."""
 
@@ -48,13 +48,13 @@ class TrialPairs:
 
     @property
     def judged(self) -> NDArray[np.bool_]:
-        """Which of them have a verdict about the robot in both runs."""
+        """The pairs that have a verdict about the robot in both runs."""
         before, after = self.outcomes
         return (before <= FAILED) & (after <= FAILED)
 
     @property
     def told(self) -> NDArray[np.bool_]:
-        """Which of them were judged or broke, in both runs."""
+        """The pairs that were judged or broke, in both runs."""
         before, after = self.outcomes
         return (before <= BROKEN) & (after <= BROKEN)
 

@@ -37,7 +37,7 @@ def new_owner() -> str:
 
 @cache
 def _role() -> str:
-    """What this process is, for people."""
+    """The name of this process, for people."""
     return role_of(getattr(getattr(sys.modules["__main__"], "__spec__", None), "name", ""), sys.argv)
 
 

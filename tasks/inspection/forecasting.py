@@ -26,7 +26,7 @@ class WholeStep:
     max_concurrency: int = 1
     """Of a batch: how many jobs it allows at once."""
     timeout_s: float | None = None
-    """Of a batch: after which time it is ended."""
+    """The time after which a batch is ended."""
 
 
 def forecast_run(

@@ -50,7 +50,7 @@ def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[Report
 
 
 def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile]:
-    """What a crashed or killed run left: no manifest names it, and its logs say why."""
+    """The files that a crashed or killed run left: no manifest names them, and its logs say why."""
     try:
         return [
             ReportedFile(
@@ -65,7 +65,7 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 
 
 def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
-    """What the catalog knows of a result whose file cannot be read: a run that failed stays one."""
+    """The catalog's verdict of a result whose file cannot be read: a run that failed stays one."""
     took_s = (document.simulation_time_millis or 0) / 1000
     return RunResult(
         verdict=document.verdict or "NONE",

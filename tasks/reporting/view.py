@@ -140,7 +140,7 @@ class Page:
 
     @property
     def times(self) -> str:
-        """Where the time went: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
+        """The run's time by what took it: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
         jobs = [job.job for job in self.jobs if job.job.reused_from is None]
         if not jobs:
             return ""

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 _MOST_TOLD = 5
 _ENDING_S = 5.0
-"""What a job takes besides that is ended by its limit: how much it would need is not known then."""
+"""The time that a job's end takes beyond its limit: how much it would have needed is not known then."""
 _AS_MUCH = 1.05
 """A job that the limit ended in the probe is known to need that much, but not how much more."""
 _UNITS = ("bytes", "kB", "MB", "GB", "TB")
@@ -42,7 +42,7 @@ def forecast_lines(forecast: "Forecast") -> list[str]:
 
 
 def _warnings(step: "StepForecast") -> list[str]:
-    """That a batch or its jobs do not finish before they are ended."""
+    """Warnings that a batch or its jobs do not finish before they are ended."""
     told = []
     timeout_s, takes_s = step.timeout_s, step.longest_batch_s
     if timeout_s is not None and takes_s is not None and takes_s > timeout_s:

@@ -1,4 +1,4 @@
-"""Who carries out a job: orders for oneself, what they need of their environment, and how a job's owner stands.
+"""Owners of jobs: orders for oneself, the environment that they need, and how a job's owner stands.
 
 May import: `schemas`, `tasks.catalog`, `tasks.execution`, `tasks.service`, `tasks.simulations.planning`.
 """

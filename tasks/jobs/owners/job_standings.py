@@ -1,4 +1,4 @@
-"""Which process carries out a job, whether it lives, and what goes on with the job: the same wherever it is shown."""
+"""The process that carries out a job, whether it lives, and what goes on with the job, wherever that is shown."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -41,7 +41,7 @@ def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobSta
 
 
 def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> list[str]:
-    """What of a job's needs this process has otherwise, in words; nothing: it may carry the job out.
+    """Names the needs of a job that this process does not meet; nothing: it may carry the job out.
 
     Args:
         needed: what was recorded with the order; `None`: a client ordered it.

@@ -1,4 +1,4 @@
-"""What a job needs of the environment in which it was ordered: recorded with the order, compared before a takeover.
+"""The environment that a job needs: recorded with the order, compared before a takeover.
 
 Only what decides how the job goes counts: import path and packages if it imports code of its user's, and the settings
 that confine and place its simulations. Where catalog and store are does not: who sees the job has the same.
@@ -29,7 +29,7 @@ _OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
-    """What of this process's environment a job needs that is ordered now.
+    """The part of this process's environment that a job ordered now needs.
 
     Args:
         operation: the operation that orders it.
@@ -54,7 +54,7 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
 
 
 def environment_here(needed: NeededEnvironment, settings: Settings, environ: Mapping[str, str]) -> NeededEnvironment:
-    """What this process has of what a job needs.
+    """The part of this process's environment that a job needs.
 
     Args:
         needed: what the job needs.

@@ -39,7 +39,7 @@ class LaunchWatch:
         self._died: dict[bytes, bytes] = {}
         """Nodes of ROS 2 that died, and the words that say so."""
         self._awaited: Callable[[bytes], bytes | None] | None = None
-        """What takes the line after one that does not say all."""
+        """The reader of the line after one that does not say all."""
 
     def look(self) -> str | None:
         """Returns the first new line that says that something could not be launched, or that a required node died."""

@@ -93,7 +93,7 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """What a program that launches nodes of ROS could not launch, if it has said so since the last call."""
+        """Finds out what a launching program of ROS could not launch, if it has said so since the last call."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.timeout(900)
 def test_jobs_run_on_all_machines_and_a_cancelled_batch_leaves_nothing_there(
     order: Order, cluster: Cluster, begin: Begin
 ) -> None:
-    """On Dask the next test's batch is cancelled."""
+    """The batch of the next test is cancelled on Dask."""
     cluster.add("first")
     cluster.add("second")
     batch = begin([order(LONG) for _ in range(3)], maxConcurrency=3)

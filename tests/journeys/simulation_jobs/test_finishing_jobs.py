@@ -55,7 +55,7 @@ def test_the_next_job_begins_while_one_draws(service: Service, swing: Simulate, 
 
 
 def test_slots_that_cannot_be_given_back_cost_no_result(service: Service, swing: Simulate) -> None:
-    """Such as those of a machine whose disk is full."""
+    """The disk of the machine is full."""
 
     def full() -> None:
         raise OSError(28, "No space left on device")

@@ -33,7 +33,7 @@ def test_jobs_without_a_world_have_no_other_worlds(tmp_path: Path) -> None:
 
 
 def test_six_worlds_are_flipped_as_a_whole(tmp_path: Path) -> None:
-    """That 60 trials got worse in one of seven worlds says nothing of other worlds."""
+    """Ten trials that got worse in one of seven worlds say nothing of other worlds."""
     one = compared(["P" * 10] * 7, ["F" * 10, *["P" * 10] * 6], tmp_path / "one")
     assert (one.answer, one.rate and one.rate.test, one.rate and one.rate.p_value) == (
         "no difference shown", "sign flip of worlds", 1.0

@@ -29,7 +29,7 @@ Order = Callable[..., dict[str, Any]]
 
 @pytest.fixture
 def held() -> HeldLeases:
-    """What a process that has just started holds: nothing."""
+    """The leases of a process that has just started: none."""
     return HeldLeases()
 
 

@@ -1,4 +1,4 @@
-"""What `roslaunch` and `ros2 launch` print when a launch fails, as they print it."""
+"""Lines of `roslaunch` and `ros2 launch` when a launch fails, as they print them."""
 
 import os
 from collections.abc import Callable
