@@ -17,9 +17,10 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.summary import Share
 from ...tasks.catalog import Resource
 from ...tasks.jobs.owners.job_standings import standing_of
+from ...tasks.reporting.wording import times_by_part
 from .reading.job_lines import Known
 from .rendering import address, icon, render
-from .standing import JOB, RUNNING, WAITING, JobLine, Look, look_of_status, rate_of
+from .standing import JOB, UNFINISHED, WAITING, JobLine, Look, look_of_status, rate_of
 from .streams import Parts
 from .visit import Visit
 
@@ -107,6 +108,14 @@ class BatchView:
         return dict(Counter(tile.look for tile in self.tiles).most_common())
 
     @property
+    def times(self) -> str:
+        """Where the time of all its jobs went, in words."""
+        parts_s: Counter[str] = Counter()
+        for tile in self.tiles:
+            parts_s.update(tile.job.parts_s if tile.job is not None else {})
+        return times_by_part(parts_s)
+
+    @property
     def shares(self) -> list[tuple[str, int]]:
         """The same by classes of style."""
         return [(look.key, count) for look, count in self.counts.items()]
@@ -114,7 +123,7 @@ class BatchView:
     @property
     def ended(self) -> int:
         """How many requests are done with."""
-        return sum(count for look, count in self.counts.items() if look not in (WAITING, RUNNING))
+        return sum(count for look, count in self.counts.items() if look not in UNFINISHED)
 
     @cached_property
     def failures(self) -> list[JobLine]:

@@ -17,6 +17,7 @@ from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_job
 from ...tasks.jobs.owners.job_standings import standing_of
 from ...tasks.reporting import view_report
+from ...tasks.reporting.wording import times_by_part
 from ...tasks.runtime.limits.left_files import open_left
 from ...tasks.simulations.outputs.upload_files import visit_matches
 from ..endpoint.origins import is_loopback
@@ -70,7 +71,8 @@ def show(visit: Visit) -> Response:
     return visit.page(
         "job.html.j2",
         job=job,
-        line=job_line(job),
+        line=(line := job_line(job)),
+        times=times_by_part(line.parts_s),
         standing=standing_of(job, visit.service),
         document=document,
         has_ended=has_ended,

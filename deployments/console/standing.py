@@ -33,6 +33,8 @@ class Look:
 
 
 WAITING, RUNNING = Look("waiting", "waiting"), Look("running", "running")
+DRAWING, STORING = Look("running", "drawing"), Look("running", "storing")
+UNFINISHED = (WAITING, RUNNING, DRAWING, STORING)
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,8 @@ class JobLine:
     duration_s: float | None
     outputs: StoredPlace | None
     tags: dict[str, str]
+    parts_s: dict[str, float]
+    """How long it took, in seconds, by what took the time."""
 
     @property
     def is_failure(self) -> bool:
@@ -73,7 +77,7 @@ def job_line(job: Resource) -> JobLine:
         outcome = classify(job.status, document.failure_code, document.verdict)
         look = Look(outcome.key, outcome.value)
     else:
-        look = WAITING if job.status == "Pending" else RUNNING
+        look = _look_of_unfinished(job.status, draws=document.simulated_at is not None)
     told = (document.failure_reason, document.verdict_reason) if job.status == "Failed" else (document.verdict_reason,)
     reason = next((text for text in told if text), "")
     code = f"{document.failure_code}: " if document.failure_code and job.status == "Failed" else ""
@@ -89,7 +93,22 @@ def job_line(job: Resource) -> JobLine:
         duration_s=None if took is None else took / 1000,
         outputs=document.outputs,
         tags=dict(job.tags),
+        parts_s={
+            "waiting": sum(document.waited_s.values()),
+            "simulation": (took or 0) / 1000,
+            "videos of failures": document.video_s or 0.0,
+            "uploads": document.upload_s or 0.0,
+        },
     )
+
+
+def _look_of_unfinished(status: str, *, draws: bool) -> Look:
+    """How a job that has not ended does, by its status and whether its programs have ended."""
+    if status == "Pending":
+        return WAITING
+    if not draws:
+        return RUNNING
+    return STORING if status == "Terminating" else DRAWING
 
 
 def rate_of(lines: Iterable[JobLine]) -> Share | None:

@@ -149,6 +149,10 @@ class SimulationJobProgress(FailureChanges):
     cpu_time_s: float | None = Field(
         default=None, description="CPU time of all processes of that run; absent: not known, or it was taken over."
     )
+    simulated_at: str | None = Field(
+        default=None,
+        description="When the programs of its last run had ended, so that it only draws and stores; absent: not yet.",
+    )
     video_s: float | None = Field(
         default=None, description="How long videos of that run's failure were made, by the clock; absent: none were."
     )
@@ -193,6 +197,10 @@ class JobInBrief(FailureChanges, Brief):
 
     request_index: int | None = Field(default=None, description="Place of its request in its batch.")
     last_started_at: str | None = Field(default=None, description="When its last run began.")
+    simulated_at: str | None = Field(default=None, description="When its programs had ended.")
+    waited_s: dict[Scarce, float] = Field(default={}, description="How long it waited for a machine, by what lacked.")
+    video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
+    upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
     verdict: Verdict | None = Field(default=None, description="What its last run was judged to be.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")

@@ -1,5 +1,6 @@
 """Why a run or a job stops that did not come to its end by itself."""
 
+from collections.abc import Mapping
 from enum import StrEnum
 
 
@@ -11,6 +12,16 @@ class StopReason(StrEnum):
 
     BATCH_CANCELED = "BatchCanceled"
     BATCH_TIMED_OUT = "BatchTimedOut"
+
+
+STOPPING: Mapping[str, StopReason] = {
+    "Canceling": StopReason.BATCH_CANCELED,
+    "TimingOut": StopReason.BATCH_TIMED_OUT,
+}
+"""Why the jobs of a batch have to stop, by the batch's status."""
+
+STOP_EVENTS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
+"""The event of the batch, by the reason; the keys are the failure codes of its jobs."""
 
 
 class RunStop(StrEnum):

@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import BindParameter, ColumnElement, Update, and_, bindparam, case, func, null, or_, select, update
 
 from ...schemas.lifecycles import LIFECYCLES
-from .queries import COLUMNS, changed_one, not_found, one_row, resource_of
+from .queries import COLUMNS, alive, changed_one, has_member, not_found, one_row, resource_of
 from .reading import CatalogReader
 from .records import Ownership, Resource
 from .tables import UtcTime, resources
@@ -78,12 +78,13 @@ class CatalogLeases(CatalogReader):
         return self._lease(_CLAIMED, arn, owner, values)
 
     def claim_child(
-        self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str]
+        self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str], finishing: str
     ) -> str | None:
         """Takes the lease of the oldest resource of a parent that has not ended and that no other owner holds.
 
         No more of them are ever held at once than the parent's document says: they are counted in the transaction
-        that takes the lease, and such transactions of one parent come one after the other.
+        that takes the lease, and such transactions of one parent come one after the other. As many may be held beside
+        them that only finish.
 
         Args:
             parent: their parent.
@@ -92,6 +93,7 @@ class CatalogLeases(CatalogReader):
             lease_s: after how many seconds another may take it, unless it is renewed.
             most: member of the parent's document that says how many may be held at once.
             parent_in: statuses of the parent in which they are taken.
+            finishing: member that the document of a resource has once it only finishes.
 
         Returns:
             ARN of the resource; `None`: there is none, or as many are held as may be.
@@ -103,8 +105,9 @@ class CatalogLeases(CatalogReader):
             .where(resources.c.arn == parent, resources.c.status.in_(parent_in))
             .with_for_update(key_share=True)
         )
-        living = and_(resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(_alive(kind)))
-        held = select(func.count()).select_from(resources).where(living, ~_is_free(now))
+        living = and_(resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(alive(kind)))
+        finishes = func.coalesce(func.sum(case((has_member(finishing), 1), else_=0)), 0)
+        held = select(func.count(), finishes).select_from(resources).where(living, ~_is_free(now))
         # PostgreSQL locks it: `claim` may be taking it. Such a one is passed over.
         first = (
             select(resources.c.arn)
@@ -115,7 +118,8 @@ class CatalogLeases(CatalogReader):
         )
         with self._transaction(self._writer) as connection:
             most_held = connection.scalar(allowed) or 0  # first: from here on the transaction is alone
-            if (connection.scalar(held) or 0) >= most_held:
+            all_held, finish = connection.execute(held).one()
+            if all_held - min(finish, most_held) >= most_held:
                 return None
             arn = connection.scalar(first)
             if arn is not None:
@@ -223,12 +227,12 @@ class CatalogLeases(CatalogReader):
         batches = resources.alias("batches")
         in_live_batch = (
             select(batches.c.arn)
-            .where(batches.c.arn == resources.c.parent, batches.c.kind == _BATCH, batches.c.status.in_(_alive(_BATCH)))
+            .where(batches.c.arn == resources.c.parent, batches.c.kind == _BATCH, batches.c.status.in_(alive(_BATCH)))
             .exists()
         )
         query = select(*COLUMNS).where(
             resources.c.kind.in_(kinds),
-            resources.c.status.in_(sorted({status for kind in kinds for status in _alive(kind)})),
+            resources.c.status.in_(sorted({status for kind in kinds for status in alive(kind)})),
             or_(resources.c.lease_owner.is_(None), resources.c.lease_expires_at <= self._now()),
             ~in_live_batch,
         )
@@ -242,7 +246,7 @@ class CatalogLeases(CatalogReader):
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
         """The jobs that have not ended, and that were ordered by the process that carries them out; oldest first."""
         living = or_(
-            *(and_(resources.c.kind == kind, resources.c.status.in_(_alive(kind))) for kind in LIFECYCLES),
+            *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )
         query = select(*COLUMNS).where(living, resources.c.needed_environment.is_not(null()))
         with self._transaction(self._engine) as connection:
@@ -255,8 +259,3 @@ class CatalogLeases(CatalogReader):
                 return True
             one_row(connection, arn)
             return False
-
-
-def _alive(kind: str) -> list[str]:
-    """The statuses in which a job has not ended."""
-    return sorted(set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal)

@@ -19,6 +19,7 @@ from sqlalchemy import (
     select,
 )
 
+from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException
 from .members import of_picked, picked
 from .records import NewResource, Resource
@@ -149,6 +150,16 @@ def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int
 def _has_tag(tags: FromClause, written: str) -> ColumnElement[bool]:
     key, _, value = written.partition("=")
     return and_(tags.c.key == key, tags.c.value == value)
+
+
+def alive(kind: str) -> list[str]:
+    """The statuses in which a job has not ended."""
+    return sorted(set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal)
+
+
+def has_member(name: str) -> ColumnElement[bool]:
+    """Whether a resource's document has a member, with a value that is text."""
+    return resources.c.document[name].as_string().is_not(None)
 
 
 def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:

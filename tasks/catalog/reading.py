@@ -13,6 +13,8 @@ from .engine import open_engine, reading_once, writing
 from .page_tokens import decode_page_token, encode_page_token
 from .queries import (
     COLUMNS,
+    alive,
+    has_member,
     list_query,
     newest_query,
     not_found,
@@ -149,6 +151,13 @@ class CatalogReader:
         """How many resources of a kind that came from a parent are in each status."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_STATUSES, {"of": parent, "each": kind})}
+
+    def count_alive(self, parent: str, kind: str, *, having: str) -> dict[str, int]:
+        """How many resources from a parent that have not ended, and have a member in their document, by status."""
+        of_kind = (resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(alive(kind)))
+        query = select(_STATUS, func.count()).where(*of_kind, has_member(having)).group_by(_STATUS)
+        with self._transaction(self._once) as connection:
+            return {row[0]: row[1] for row in connection.execute(query)}
 
     def list(
         self,

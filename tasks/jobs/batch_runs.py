@@ -15,7 +15,7 @@ from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.reports.run_states import case_outcome, outcomes_in_words
 from ...schemas.runs.machine_waits import Wait
-from ...schemas.runs.stops import StopReason
+from ...schemas.runs.stops import STOP_EVENTS, STOPPING, StopReason
 from ...schemas.wire.base import STORED
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException, StorageError, StorageUnavailableError
@@ -24,14 +24,14 @@ from ..catalog import ClientToken, Resource
 from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import CatalogWait, Lease
 from ..execution.task_pool import run_tasks
-from ..machine.machine_slots import MachineSlots
+from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
 from .awaited_jobs import AwaitedJobs, WorkerWait
-from .batch_stops import STOP_EVENTS, STOPPING
 from .batch_trials import BatchTrials
 from .job_runs import perform_job, stop_idle_job
+from .places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 
 if TYPE_CHECKING:
     from ..execution.batch_slots import Slots
@@ -41,8 +41,6 @@ Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
 
 _WAIT_S = 0.5
-_IS_STORED = "Terminating"
-"""The status of a job whose run is over, and whose outputs are uploaded: the end of a batch takes it nothing."""
 _ASK_S = 0.2
 """How often the catalog is asked whether the batch is to be cancelled."""
 _INTERNAL = "InternalServiceError"
@@ -98,8 +96,6 @@ class BatchRun:
         self._waits_for: Wait | None = None
         self._is_news = False  # since progress was told; the next look tells it, once for all that happened meanwhile
         self._finishing = threading.BoundedSemaphore(1)
-        self._simulating: set[int] = set()  # requests whose jobs run here
-        self._drawing: set[int] = set()  # requests whose jobs have given back their slots
         self._concurrency: int | None = None
         self._workers = ""
         self._looks_for_worker_at_s = 0.0
@@ -163,7 +159,7 @@ class BatchRun:
             job for _, job in sorted(self._active().items()) if not stop_idle_job(job.arn, self._service, reason)
         ]
         for job in performed:
-            if job.status != _IS_STORED:
+            if not only_finishes(job, reason):
                 self._service.catalog.request_cancel(job.arn)
         return not performed
 
@@ -229,7 +225,8 @@ class BatchRun:
     def _run_elsewhere(self, indices: list[int], slots: "Slots", most: int, backend: Backend) -> None:
         """Has job workers of a backend run the jobs; here they are only made and awaited.
 
-        Some more are made than may run, so that a worker that has ended one finds the next.
+        Some more are made than may run, so that a worker that has ended one finds the next; beside as many as may run,
+        as many finish.
         """
         awaited, broken = AwaitedJobs(self._service.catalog, self._arn), threading.Event()
         wait = WorkerWait()
@@ -255,7 +252,7 @@ class BatchRun:
                 raise
 
         with backend.job_workers(self._arn, most) as workers:
-            self._run_tasks(indices, simulate, min(most + min(most, _MOST_AHEAD), len(indices)), look)
+            self._run_tasks(indices, simulate, min(2 * most + min(most, _MOST_AHEAD), len(indices)), look)
         self._waits_for = None
 
     def _allow(self, concurrency: int) -> None:
@@ -271,7 +268,8 @@ class BatchRun:
         self._looks_for_worker_at_s = now_s + 1.0
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         pending = statuses.get("Pending", 0)
-        running = sum(n for status, n in statuses.items() if not is_terminal("simulation-job", status)) - pending
+        alive = sum(n for status, n in statuses.items() if not is_terminal("simulation-job", status))
+        running = alive - pending - sum(self._finish().values())
         waits: Wait | None = "worker" if wait.lasts(pending, running, allowed, now_s) else None
         if waits != self._waits_for:
             self._note_wait(waits)
@@ -290,28 +288,28 @@ class BatchRun:
         """
         should_stop = lambda: self._why_stop() is not None  # noqa: E731
         name = f"request {index} of {self._batch.id}"
-        with ExitStack() as finishing, ExitStack() as held:
 
-            def give_back() -> None:
-                self._simulating.discard(index)
-                if index not in self._drawing and self._finishing.acquire(blocking=False):
-                    self._drawing.add(index)  # once, also if the job is restarted meanwhile
-                    finishing.callback(self._finishing.release)
-                    held.close()
+        def take(stack: ExitStack) -> Turn | None:
+            if not stack.enter_context(slots.hold(should_stop, index)):
+                return None
+            return stack.enter_context(self._machine.hold(should_stop, name, self._wants_more))
 
-            may_run = held.enter_context(slots.hold(should_stop, index))
-            turn = held.enter_context(self._machine.hold(should_stop, name, self._wants_more))
-            job = self._outlasting(lambda: self.create_job(index)) if may_run and turn is not None else None
+        with Place(take, self._may_finish) as place:
+            turn = place.simulate()
+            job = self._outlasting(lambda: self.create_job(index)) if turn is not None else None
             if job is not None and turn is not None:
                 self._is_news = True
-                self._simulating.add(index)
-                finishing.callback(self._simulating.discard, index)
                 self._outlasting(
-                    lambda: perform_job(
-                        job.arn, self._service, self._why_stop, waited_s=turn.waited_s, on_simulated=give_back
-                    )
+                    lambda: perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s, place=place)
                 )
         self._is_news = True
+
+    def _may_finish(self, stack: ExitStack) -> bool:
+        """Whether one more job may finish beside those that simulate, for the batch and for the machine."""
+        if not self._finishing.acquire(blocking=False):
+            return False
+        stack.callback(self._finishing.release)
+        return permit_of(self._machine)(stack)
 
     def _note_wait(self, wait: Wait | None) -> None:
         """Says what the next job waits for; called while slots are locked, so the catalog is asked another time."""
@@ -429,11 +427,18 @@ class BatchRun:
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         counts = Counter({status.lower(): count for status, count in statuses.items()})
         failed = len(self._failed)
+        for status, count in self._finish().items():
+            counts[status.lower()] -= count
+            counts["storing" if status == IS_STORED else "drawing"] += count
         # Requests that are no jobs yet wait as those do that are.
         counts["pending"] += len(self._requests) - counts.total() - failed
         counts["not created"] = failed
         total, trials = len(self._requests), self._trials.counts
         self._service.report_progress(Progress(dict(counts), total, self._waits_for, trials))
+
+    def _finish(self) -> dict[str, int]:
+        """How many jobs only draw or store, by status."""
+        return self._service.catalog.count_alive(self._arn, "simulation-job", having=SIMULATED)
 
     def _look(self) -> bool:
         """Records, several times a second, what the requests' tasks have brought about.
@@ -453,8 +458,10 @@ class BatchRun:
 
     def _only_finishes(self) -> bool:
         """Whether the timeout came when nothing waited or simulated any more: it ends nothing then."""
-        is_timeout = self._why_stop() is StopReason.BATCH_TIMED_OUT and self._service.backend is None
-        return is_timeout and not self._simulating and not self._waiting()
+        reason = self._why_stop()
+        if reason is not StopReason.BATCH_TIMED_OUT or self._waiting():
+            return False
+        return all(only_finishes(job, reason) for job in self._active().values())
 
     def _note_stop(self) -> None:
         """Moves the batch to the state that says why, once its jobs have to stop."""

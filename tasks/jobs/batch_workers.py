@@ -10,21 +10,22 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.machine_waits import Scarce
-from ...schemas.runs.stops import StopReason
+from ...schemas.runs.stops import STOPPING, StopReason
 from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ..execution.one_worker_per_job import run_under_lease
 from ..execution.retry_limit import fail_job
-from ..machine.machine_slots import MachineSlots
+from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
-from .batch_stops import STOPPING
 from .job_folders import KIND
 from .job_runs import launcher, perform_job
+from .places import SIMULATED, Place, permit_of
 
 _BATCH = "simulation-job-batch"
 _LOOK_S = 0.25
@@ -74,7 +75,8 @@ class BatchWorker:
         """
         machine = self._machine()
         launcher().start()
-        pool = ThreadPoolExecutor(self._service.settings.max_jobs, thread_name_prefix="job")
+        # In as many threads as there are slots, jobs simulate; in as many, they finish.
+        pool = ThreadPoolExecutor(2 * self._service.settings.max_jobs, thread_name_prefix="job")
         try:
             return self._run(pool, machine)
         except BaseException:
@@ -165,21 +167,33 @@ class BatchWorker:
 
         def take(owner: str) -> str | None:
             places = ("InProgress", "Completing")
-            return catalog.claim_child(self._batch, KIND, owner, lease_s, most="concurrency", parent_in=places)
+            return catalog.claim_child(
+                self._batch, KIND, owner, lease_s, most="concurrency", parent_in=places, finishing=SIMULATED
+            )
 
         return self._held.reserve_any(take, catalog)
 
     def _run_job(self, arn: str, machine: MachineSlots, slot: int, waited_s: Mapping[Scarce, float]) -> None:
         """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
+        name = arn.rpartition("/")[2]
+
+        def take(stack: ExitStack) -> Turn | None:
+            if slots:
+                stack.callback(machine.give_back, slots.pop())  # the one with which it was claimed
+                return Turn(waited_s)
+            return stack.enter_context(machine.hold(lambda: self._why_stop() is not None, name))
+
+        slots = [slot]
         try:
-            self._perform(arn, self._service, self._why_stop, waited_s=waited_s)
+            with Place(take, permit_of(machine)) as place:
+                place.simulate()
+                self._perform(arn, self._service, self._why_stop, waited_s=waited_s, place=place)
         except (CatalogUnavailable, WorkerStopping) as error:
             _logger.warning("%s is left to another job worker: %s", arn, error)
         except Exception as error:
             _logger.exception("%s broke its job worker", arn)
             self._fail(arn, f"running it failed: {type(error).__name__}: {error}")
         finally:
-            machine.give_back(slot)
             try:
                 self._held.cancel_reservation(arn, self._service.catalog)
             except CatalogUnavailable as error:

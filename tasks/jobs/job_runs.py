@@ -45,6 +45,7 @@ from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
 from ..simulations.ros.job_services import answering
 from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
+from .places import Place
 from .simulation_outcomes import END_EVENTS, failed, is_overtaken, outcome_of, overtaken, stopped, without_outputs
 
 Stop = Callable[[], StopReason | None]
@@ -66,7 +67,7 @@ def perform_job(
     run_step: RunStep = directly,
     on_trials: OnTrials | None = None,
     waited_s: Mapping[Scarce, float] | None = None,
-    on_simulated: Callable[[], None] = lambda: None,
+    place: Place | None = None,
 ) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
@@ -82,12 +83,12 @@ def perform_job(
         run_step: how its steps `prepare`, `simulate` and `upload` are run.
         on_trials: see `OnTrials`; absent: nothing is told.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
-        on_simulated: called when its programs have ended for good; its videos and uploads follow.
+        place: its place among the jobs that simulate; absent: it needs none.
     """
     remove_abandoned_containers(service)
 
     def run(lease: Lease) -> None:
-        JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, on_simulated).run()
+        JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, place).run()
 
     run_under_lease(arn, KIND, service, run)
 
@@ -133,6 +134,7 @@ class JobRun:
         run_step: how its steps are run.
         on_trials: see `OnTrials`; absent: nothing is told.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
+        place: its place among the jobs that simulate; absent: it needs none.
     """
 
     def __init__(
@@ -143,9 +145,9 @@ class JobRun:
         run_step: RunStep = directly,
         on_trials: OnTrials | None = None,
         waited_s: Mapping[Scarce, float] | None = None,
-        on_simulated: Callable[[], None] = lambda: None,
+        place: Place | None = None,
     ) -> None:
-        self._on_simulated = on_simulated
+        self._place = place or Place()
         self._finishes = False
         self._on_trials = on_trials
         self._waited_s = noticed(waited_s or {})
@@ -169,6 +171,8 @@ class JobRun:
             if reason or (self._lease.job.status == "Terminating" and not self._earlier.note_lost()):
                 self.end(reason or StopReason.CANCELED)
                 return
+            if not self._place.simulate():  # it was left for the videos of a run that was then restarted
+                continue
             with own_domain(self._lease.job.arn) as ros_domain:
                 next_run = self._run_once(left, ros_domain)
 
@@ -233,7 +237,7 @@ class JobRun:
     def _note_attempt(self, run_id: str) -> None:
         """Notes that a run goes on; where it has come further than the last time, dead job workers count anew."""
         before, reached = self._document, reached_s(self._folder(run_id))
-        self._lease.update(SimulationJobProgress(attempts=before.attempts + 1, reached_s=reached))
+        self._lease.update(SimulationJobProgress(attempts=before.attempts + 1, reached_s=reached, simulated_at=None))
         if reached > before.reached_s:
             self._lease.forget_lost_workers()
 
@@ -263,6 +267,7 @@ class JobRun:
             reached_s=0.0,
             trials_finished=None,
             waited_s=self._waited_s,
+            simulated_at=None,
             video_s=None,
             upload_s=None,
         )
@@ -278,7 +283,7 @@ class JobRun:
         self._lease.transition(
             "start",
             SimulationJobProgress(
-                last_started_at=self._service.clock().isoformat(),
+                last_started_at=self._now(),
                 network_interface=StoredNetworkInterface(
                     network_interface_id=f"eni-{self._lease.job.id.removeprefix('sim-')}",
                     # Clients index either address without looking; all ports are those of this machine.
@@ -307,7 +312,10 @@ class JobRun:
             tried = f"each of {self._kills} attempts was killed"
             outcome = outcome.model_copy(update={"failure_reason": shorten(f"{tried}. {outcome.failure_reason}")})
         try:
-            self._lease.transition("terminate" if why_stop else "finish", outcome.announced(finished=ended.finished))
+            announced = outcome.announced(finished=ended.finished)
+            simulated = self._document.simulated_at or self._now()
+            progress = announced.model_copy(update={"simulated_at": simulated})
+            self._lease.transition("terminate" if why_stop else "finish", progress)
         except StateConflictError:
             if self._lease.lost or self._lease.refreshed().status != "Restarting":
                 raise
@@ -331,8 +339,8 @@ class JobRun:
                 try_again=lambda: self._may_try_again(plan.run_id),
             )
 
-    def _note_simulated(self) -> None:
-        """Lets the next job of the batch begin: what is left is to draw and to store.
+    def _note_simulated(self, is_drawn: bool) -> None:
+        """Lets the next job begin: what is left is to draw and to store.
 
         From here on the batch's timeout ends the job no more; the job's own end still does what it did.
         """
@@ -341,7 +349,9 @@ class JobRun:
         if not self._finishes:
             return
         try:
-            self._on_simulated()
+            if is_drawn:  # else the end of the run, which follows at once, says so
+                self._lease.update(SimulationJobProgress(simulated_at=self._now()))
+            self._place.finish()
         except Exception:  # a run that was judged is not lost for that
             _logger.exception("%s keeps its slots until it has ended", self._lease.job.arn)
 
@@ -364,6 +374,9 @@ class JobRun:
             self._lease.update(SimulationJobProgress(trials_finished=finished))
         except (StateConflictError, ServiceUnavailableException) as error:  # the next one may be noted
             _logger.debug("that %s trials of %s have finished cannot be noted: %s", finished, plan.job_id, error)
+
+    def _now(self) -> str:
+        return self._service.clock().isoformat()
 
     # Stopping
 

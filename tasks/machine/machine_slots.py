@@ -26,6 +26,7 @@ from .waiter_files import WRITE_EVERY_S, WaiterFiles, WaiterRecord
 
 _FOLDER = "slots"
 _WAITERS = "waiting"
+_FINISHING = "finishing"
 _LOOK_S = 0.1
 _GROWS_S = 10.0
 """After that long a job has taken the memory that it needs, or most of it."""
@@ -82,6 +83,7 @@ class MachineSlots:
         self._home = settings.home
         self._need = Need(settings.job_memory_mb * 10**6, settings.min_free_disk_mb * 10**6)
         self._slots = SlotFiles(settings.home / _FOLDER, settings.max_jobs)
+        self._finishing = SlotFiles(settings.home / _FOLDER / _FINISHING, settings.max_jobs)
         self._waiters = WaiterFiles(settings.home / _FOLDER / _WAITERS)
         self._batch, self._priority = batch, priority
         self._tell, self._memory, self._disk, self._clock = tell, memory, disk, clock
@@ -145,6 +147,15 @@ class MachineSlots:
                 self._since_s = now_s
             return slot
 
+    def take_finishing(self) -> int | None:
+        """Takes one of the places in which jobs draw and store beside those that simulate, if one is free.
+
+        There are as many as slots, so a machine has at most twice as many jobs as it has slots. `give_back` frees it.
+        """
+        holder = Holder(batch=self._batch, began_s=self._clock())
+        with self._lock:
+            return self._finishing.take(self._finishing.look().free, holder)
+
     def waited_s(self, since_s: Mapping[Scarce, float] | None = None) -> dict[Scarce, float]:
         """How long jobs have waited until now, in seconds, by what they waited for.
 
@@ -165,7 +176,7 @@ class MachineSlots:
         self._see("", None, self._clock())
 
     def give_back(self, slot: int) -> None:
-        """Frees a slot, also where a child process has inherited it."""
+        """Frees a slot or a finishing place, also where a child process has inherited it."""
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:

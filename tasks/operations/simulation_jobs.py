@@ -24,6 +24,7 @@ from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.task_pool import run_alone
 from ..execution.task_runs import step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
+from ..jobs.places import Place, permit_of
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.compute import DEFAULT_COMPUTE
@@ -56,11 +57,13 @@ def perform_simulation_job(arn: str, service: Service) -> None:
         service.report_progress(Progress({"pending": 1}, 1, scarce))
 
     def perform() -> None:
-        slots = MachineSlots(service.settings, tell=service.report_note, watch=tell_wait)
-        with slots.hold(has_to_end, arn.rpartition("/")[2]) as turn:
+        machine = MachineSlots(service.settings, tell=service.report_note, watch=tell_wait)
+        name = arn.rpartition("/")[2]
+        with Place(lambda stack: stack.enter_context(machine.hold(has_to_end, name)), permit_of(machine)) as place:
+            turn = place.simulate()
             # Ends one that has no slot because it has to end.
             waited_s = turn.waited_s if turn else None
-            perform_job(arn, service, run_step=run_step, on_trials=tell_trials, waited_s=waited_s)
+            perform_job(arn, service, run_step=run_step, on_trials=tell_trials, waited_s=waited_s, place=place)
 
     run_alone(perform, job_arn=arn, service=service)
     status = service.catalog.get(arn).status

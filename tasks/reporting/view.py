@@ -18,7 +18,6 @@ from .summaries import folder_of, summarize, why_broken
 from .trials import TrialsView, view_trials
 from .worlds import WorldView, view_worlds
 
-_SHOWN_S = 0.1
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 
 
@@ -152,7 +151,7 @@ class Page:
             "videos of failures": sum(job.video_s or 0.0 for job in jobs),
             "uploads": sum(job.upload_s or 0.0 for job in jobs),
         }
-        return ", ".join(f"{name} {wording.duration(time_s)}" for name, time_s in parts.items() if time_s >= _SHOWN_S)
+        return wording.times_by_part(parts)
 
     @property
     def origins(self) -> list[str]:

@@ -2,8 +2,10 @@
 
 import math
 import re
+from collections.abc import Mapping
 from datetime import UTC, datetime
 
+_SHOWN_S = 0.1
 _UNITS = {
     "m": "m", "s": "s", "N": "N", "m2": "m²", "rad": "rad", "deg": "°", "mps": "m/s", "m_s": "m/s", "Hz": "Hz",
     "kg": "kg", "J": "J", "W": "W", "ms": "ms", "bytes": "B", "percent": "%",
@@ -23,6 +25,15 @@ def duration(seconds: float) -> str:
         return f"{minutes} min {rest} s" if rest else f"{minutes} min"
     hours, minutes = divmod(minutes, 60)
     return f"{hours} h {minutes} min" if minutes else f"{hours} h"
+
+
+def times_by_part(parts: Mapping[str, float]) -> str:
+    """Says where time went, without what took less than 0.1 s: `waiting 3.0 s, simulation 80 s, uploads 5.0 s`.
+
+    Args:
+        parts: Seconds, by what took them.
+    """
+    return ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts.items() if time_s >= _SHOWN_S)
 
 
 def moment(time: datetime) -> str:

@@ -28,7 +28,7 @@ from ..limits.run_notes import note_screens
 from ..process.run_request import RunRequest
 from ..sandbox.levels import Confinement
 from ..states.checkpoint_files import wall_time_used_s
-from ..video.failure_videos import record_failure_videos
+from ..video.failure_videos import is_filmed, record_failure_videos
 from .boxes import plan_box
 from .core_assignment import Cores
 from .disk_attribution import attribute_disk_use
@@ -91,7 +91,7 @@ class Launcher:
         on_crash: OnCrash | None = None,
         on_trials: Callable[[int], None] = lambda *_: None,
         on_stopped: Callable[[], None] = lambda: None,
-        on_simulated: Callable[[], None] = lambda: None,
+        on_simulated: Callable[[bool], None] = lambda _: None,
         try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
@@ -105,7 +105,8 @@ class Launcher:
                 limit is reached, and fails then.
             on_trials: Called now and then with the number of trials that have finished.
             on_stopped: Called when none of its processes is left, before its outputs are looked at.
-            on_simulated: Called once the run has ended and its result is written; videos of a failure follow.
+            on_simulated: Called once the run has ended and its result is written, with whether videos of its failure
+                follow.
             try_again: Asked when the run was killed from outside; when it is, its outputs are left as they are.
             clock: Seconds, for the duration limit.
 
@@ -160,12 +161,13 @@ class Launcher:
             timed_out=decided.timed_out,
             finished=finished,
         )
-        on_simulated()
+        is_drawn = is_filmed(plan, outcome)
+        on_simulated(is_drawn)
         limit_s = Settings.from_environment(os.environ).failure_video_limit_s
         began_s = clock()
         variables = {**DEFAULT_VARIABLES, **inherited_environment()}
-        has_drawn = record_failure_videos(plan, outcome, stop, variables, limit_s=limit_s)
-        return outcome.model_copy(update={"video_s": round(clock() - began_s, 3)}) if has_drawn else outcome
+        record_failure_videos(plan, outcome, stop, variables, limit_s=limit_s)
+        return outcome.model_copy(update={"video_s": round(clock() - began_s, 3)}) if is_drawn else outcome
 
     def _box(self) -> BoxPlan:
         with self._lock:

@@ -33,7 +33,7 @@ def record_failure_videos(
     *,
     limit_s: float,
     clock: Callable[[], float] = time.monotonic,
-) -> bool:
+) -> None:
     """Makes the videos that a run's policy asks for, once the run's outcome is known.
 
     With `on-failure` these are `video.mp4`, `last-10s.mp4` and `poster.png` of a run that failed; with `always` a
@@ -47,15 +47,12 @@ def record_failure_videos(
         environment: Variables of the rendering process.
         limit_s: Wall-clock limit.
         clock: Seconds, for the limit.
-
-    Returns:
-        Whether anything was to be drawn.
     """
-    if plan.video == "none" or not plan.has_episode or plan.trials is not None:
-        return False
+    if not _may_film(plan):
+        return
     _remove_unfinished(plan.output_dir)
     if not has_failed(plan, outcome):
-        return False
+        return
     try:
         request = _request(plan)
         variables = {**environment, **({} if request.backend == "rays" else {"MUJOCO_GL": request.backend})}
@@ -68,7 +65,15 @@ def record_failure_videos(
             f"{VIDEO_FILE} of the failure" if (plan.output_dir / CLIP_FILE).exists() else "The video of the failure"
         )
         add_note(plan.output_dir, f"{missing} is missing: {problem}.")
-    return True
+
+
+def is_filmed(plan: RunPlan, outcome: RunOutcome) -> bool:
+    """Whether `record_failure_videos` has anything to draw."""
+    return _may_film(plan) and has_failed(plan, outcome)
+
+
+def _may_film(plan: RunPlan) -> bool:
+    return plan.video != "none" and plan.has_episode and plan.trials is None
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:

@@ -73,6 +73,23 @@ def test_a_batch_shows_its_rate_and_its_failures(browser: Any, store_job: StoreJ
     assert "request 6: waiting" in page
 
 
+def test_a_batch_shows_which_jobs_only_draw_or_store_and_where_the_time_went(
+    browser: Any, store_job: StoreJob, store_batch: StoreBatch
+) -> None:
+    batch, ended = store_batch(4), "2026-11-28T23:00:00+00:00"
+    done = {"simulationTimeMillis": 8000, "videoS": 4.0, "uploadS": 1.5, "waitedS": {"memory": 3.0}}
+    shown = store_job(verdict="FAIL", batch=batch, requestIndex=0, **done)
+    for index, (status, since) in enumerate((("Running", None), ("Running", ended), ("Terminating", ended)), 1):
+        store_job(status, batch=batch, requestIndex=index, simulatedAt=since)
+    page = browser.get(f"/console/batches/{id_of(batch)}").text
+    words = "waiting 3.0 s, simulation 8.0 s, videos of failures 4.0 s, uploads 1.5 s"
+    assert f"Where the time went, all jobs together: {words}" in page
+    looks = re.findall(r"</svg>(?:<span>)?(running|drawing|storing)", page.partition('class="grid')[0])
+    assert looks == ["running", "running", "drawing", "storing"]  # the batch, then its jobs
+    assert "1 of 4 jobs ended" in page
+    assert f"Where the time went: {words}" in browser.get(f"/console/jobs/{shown}").text
+
+
 def test_what_changes_of_a_batch_is_sent_until_it_ends(
     browser: Any, store_job: StoreJob, store_batch: StoreBatch
 ) -> None:

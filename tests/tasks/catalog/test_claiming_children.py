@@ -22,7 +22,9 @@ def make_batch(catalog: Catalog, make_resource: Any, jobs: int, concurrency: int
 def claimer(catalog: Catalog, batch: str) -> Callable[[str], str | None]:
     """Claims a job of the batch for an owner."""
     places = ("InProgress", "Completing")
-    return lambda owner: catalog.claim_child(batch, JOB, owner, 10, most="concurrency", parent_in=places)
+    return lambda owner: catalog.claim_child(
+        batch, JOB, owner, 10, most="concurrency", parent_in=places, finishing="simulatedAt"
+    )
 
 
 def test_jobs_are_given_out_oldest_first_and_no_more_than_the_batch_says(
@@ -38,6 +40,28 @@ def test_jobs_are_given_out_oldest_first_and_no_more_than_the_batch_says(
     clock.advance(20)  # all holders have died: theirs are free, and counted as lost
     assert [claim("d:1:x"), claim("d:1:y"), claim("d:1:z")] == [jobs[0], jobs[1], None]
     assert catalog.lost_workers(jobs[1]) == 1
+
+
+def test_those_that_only_finish_are_counted_beside_the_others_as_many_as_may_run(
+    catalog: Catalog, make_resource: Any
+) -> None:
+    batch, jobs = make_batch(catalog, make_resource, jobs=5, concurrency=1)
+    claim = claimer(catalog, batch)
+
+    def finish(job: str) -> None:
+        catalog.update(job, lambda document: {**document, "simulatedAt": "2026-11-28T23:00:00+00:00"})
+
+    assert [claim("a:1:x"), claim("b:1:x")] == [jobs[0], None]
+    assert catalog.count_alive(batch, JOB, having="simulatedAt") == {}
+    finish(jobs[0])
+    assert [claim("b:1:x"), claim("c:1:x")] == [jobs[1], None]
+    finish(jobs[1])
+    assert claim("c:1:x") is None, "one may finish beside one that simulates, no more"
+    assert sum(catalog.count_alive(batch, JOB, having="simulatedAt").values()) == 2
+    catalog.update(jobs[0], lambda document: {**document, "simulatedAt": None})  # it is run again
+    assert claim("c:1:x") is None
+    catalog.release(jobs[0], "a:1:x")
+    assert claim("c:1:x") == jobs[0]
 
 
 def test_a_lower_number_is_followed_and_a_batch_that_stops_gives_out_none(catalog: Catalog, make_resource: Any) -> None:

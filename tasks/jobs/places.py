@@ -1,0 +1,92 @@
+"""The place of a job among those that simulate, given back once it only draws and stores."""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, ExitStack
+from types import TracebackType
+
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.runs.stops import StopReason
+from ..catalog import Resource
+from ..machine.machine_slots import MachineSlots, Turn
+
+Take = Callable[[ExitStack], Turn | None]
+"""Takes all that a job needs to simulate and leaves it on the stack, after waiting; `None`: the job has to stop."""
+
+Permit = Callable[[ExitStack], bool]
+"""Takes the right to finish beside those that simulate, without waiting; answers whether one was free."""
+
+
+IS_STORED = "Terminating"
+"""The status of a job whose run is over, and whose outputs are uploaded: the end of a batch takes it nothing."""
+
+SIMULATED = "simulatedAt"
+"""The member of a job's document that says that its programs have ended: it draws or stores."""
+
+
+def only_finishes(job: Resource, reason: StopReason) -> bool:
+    """Whether a job that is performed is left to finish its outputs, although its batch has to stop."""
+    if job.status == IS_STORED:
+        return True
+    return reason is StopReason.BATCH_TIMED_OUT and SimulationJobDocument.of(job).simulated_at is not None
+
+
+def _no_turn(_: ExitStack) -> Turn | None:
+    """Takes nothing, where no other job waits."""
+    return Turn({})
+
+
+def _no_permit(_: ExitStack) -> bool:
+    return False
+
+
+class Place(AbstractContextManager["Place"]):
+    """The place of one job; the block ends when the job has ended.
+
+    Args:
+        take: See `Take`.
+        permit: See `Permit`.
+    """
+
+    def __init__(self, take: Take = _no_turn, permit: Permit = _no_permit) -> None:
+        self._take, self._permit = take, permit
+        self._held, self._finishing = ExitStack(), ExitStack()
+        self._simulates = False
+
+    def simulate(self) -> Turn | None:
+        """Waits until the job may simulate; at once, if it may already.
+
+        Returns:
+            How long it waited for the machine; `None`: it has to stop.
+        """
+        if self._simulates:
+            return Turn({})
+        self._finishing.close()
+        turn = self._take(self._held)
+        self._simulates = turn is not None
+        return turn
+
+    def finish(self) -> None:
+        """Lets another job simulate, unless as many jobs finish already as may."""
+        with ExitStack() as finishing:
+            if self._simulates and self._permit(finishing):
+                self._finishing = finishing.pop_all()
+                self._simulates = False
+                self._held.close()
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._held.close()
+        self._finishing.close()
+
+
+def permit_of(machine: MachineSlots) -> Permit:
+    """A machine's permission to finish: as many jobs have it as there are slots."""
+
+    def permit(stack: ExitStack) -> bool:
+        place = machine.take_finishing()
+        if place is not None:
+            stack.callback(machine.give_back, place)
+        return place is not None
+
+    return permit
