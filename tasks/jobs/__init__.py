@@ -17,5 +17,6 @@ __all__ = [
     "job_folders",
     "job_runs",
     "kept_outputs",
+    "places",
     "world_jobs",
 ]
