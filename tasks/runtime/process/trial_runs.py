@@ -117,8 +117,13 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
     failed = tally.first_failing[: trials.record_failed]
     if not plan.record and plan.video == "none":
         failed = []  # their rows say all there is
-    for number in sorted({*failed, *(trials.record or ())}):
+    wanted = sorted({*failed, *(trials.record or ())})
+    for place, number in enumerate(wanted):
         if stop.reason:
+            left = ", ".join(map(str, wanted[place:]))
+            add_note(
+                plan.output_dir, f"robomaker: not recorded, since the job was stopped ({stop.reason}): trials {left}"
+            )
             return
         trial = trials.trial(number, plan.seed)
         is_filmed = plan.video == "always" or (plan.video == "on-failure" and number in failed)
@@ -128,6 +133,10 @@ def _record_some(run: RunRequest, trials: Trials, tally: Tally, stop: Stop) -> N
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir(parents=True)
         _in_its_environment(run, trial, lambda again=again: _record(run, again, stop))
+        if stop.reason:
+            add_note(
+                plan.output_dir, f"robomaker: trial {number} was recorded until the job was stopped ({stop.reason})"
+            )
 
 
 def _record(run: RunRequest, plan: RunPlan, stop: Stop) -> None:

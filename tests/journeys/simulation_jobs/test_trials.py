@@ -1,5 +1,6 @@
 """Trials: many episodes in one job, each as a job with its seed alone would be."""
 
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,6 +15,7 @@ from helpers.processes import wait_for, working_below
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import RunResult
+from prefect_robomaker.schemas.runs.stops import StopReason
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
@@ -70,6 +72,20 @@ def test_some_trials_fail_and_the_job_says_which(service: Service, swing: Simula
         assert (again.state_digest, again.verdict) == (rows[number]["state_digest"], rows[number]["verdict"])
         assert (folder / f"trials/{number:06d}/recording.mcap").stat().st_size > 1000
     assert not (folder / "recording.mcap").exists()
+
+
+def test_a_stop_while_trials_are_recorded_is_said_in_the_log(service: Service, swing: Simulate) -> None:
+    trials = {"seeds": 5, "record": [0, 1, 2, 3, 4]}
+    job = swing(perform=False, job={"trials": trials}, TIME_LIMIT_S="40")
+    folder = service.settings.home / "jobs" / job["arn"].rpartition("/")[2]
+
+    def stop() -> StopReason | None:
+        return StopReason.CANCELED if list(folder.glob("*/output/trials/000000")) else None
+
+    perform_job(job["arn"], service, stop)
+    log = (outputs_of(service, job) / "logs/stderr.log").read_text()
+    assert "was recorded until the job was stopped (canceled)" in log
+    assert re.search(r"not recorded, since the job was stopped \(canceled\): trials \d", log)
 
 
 @pytest.mark.parametrize(
