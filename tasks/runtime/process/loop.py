@@ -1,10 +1,12 @@
 """The loop of a run: environment and agent, step by step."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from typing import Any, Protocol
 
 import dm_env
+import numpy as np
 
 from ....schemas.runs.stops import RunStop
 from ..episode.context import ActionError, ObservationError
@@ -173,6 +175,11 @@ class _Loop:
                 except ActionError:
                     mark(agent_phase)  # noticed by the environment, made by the agent
                     raise
+                except Exception as error:
+                    if _has_bad_numbers(action):  # looked at now only: at each step it would cost microseconds
+                        mark(agent_phase)
+                        raise ActionError(f"the action {repr(action)[:80]} has numbers that are not finite") from error
+                    raise
                 self._steps += 1
                 clock.tick()
                 count_step(self._steps, clock.time_s)
@@ -216,6 +223,15 @@ class _Loop:
         is_cut = self.interrupted is not None and self._stop.reason == RunStop.DURATION_LIMIT
         silence = unanswered(self.interrupted, self._steps, time_s) if is_cut and self.interrupted else ""
         return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence)
+
+
+def _has_bad_numbers(action: Any) -> bool:
+    """Whether an action, or a value of a mapping, has NaN or infinite numbers."""
+    parts = action.values() if isinstance(action, Mapping) else (action,)
+    with suppress(TypeError, ValueError):  # what is no array of numbers
+        arrays = [np.asarray(part) for part in parts]
+        return any(array.dtype.kind == "f" and not np.isfinite(array).all() for array in arrays)
+    return False
 
 
 def _check_environment(environment: Any) -> None:

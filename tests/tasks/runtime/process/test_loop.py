@@ -14,6 +14,7 @@ from helpers.stop_flags import StopFlag
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
+from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
@@ -131,6 +132,24 @@ def test_a_stop_that_interrupts_the_application() -> None:
 
     episode = run(unfinished, stop=stop)
     assert (episode.ended_by, episode.steps, episode.sim_time_s) == ("canceled", 0, 0.0)
+
+
+@pytest.mark.parametrize("action", [np.array([np.nan]), np.array([np.inf]), [float("nan")]])
+def test_an_action_that_is_not_finite_is_an_error_of_the_robot_where_the_step_breaks(action: Any) -> None:
+    phases: list[Phase] = []
+    with pytest.raises(ActionError, match="finite") as caught:
+        run(agent=lambda environment: lambda timestep: action, mark=lambda phase: phases.append(Phase(phase)))
+    assert isinstance(caught.value.__cause__, control.PhysicsError)
+    assert phases[-1] is Phase.AGENT
+
+
+@pytest.mark.parametrize("action", [None, "forward", {"v": object()}, np.zeros(3)])
+def test_what_breaks_with_another_action_is_still_the_environments(action: Any) -> None:
+    phases: list[Phase] = []
+    with pytest.raises(Exception, match=r".") as caught:
+        run(agent=lambda environment: lambda timestep: action, mark=lambda phase: phases.append(Phase(phase)))
+    assert not isinstance(caught.value, ActionError)
+    assert phases[-1] is Phase.STEP
 
 
 def test_divergence_is_an_error_of_the_environment() -> None:
