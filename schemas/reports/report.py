@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import Field
 
+from ..job_owners import JobOwner
 from ..runs.machine_waits import Scarce
 from ..runs.plan import RunResult
 from ..wire.base import Model
@@ -76,6 +77,9 @@ class ReportedJob(Model):
     inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
+    )
+    carried_out_by: JobOwner | None = Field(
+        default=None, description="The process that carried it out last; absent: none has begun, or it is not known."
     )
     earlier: str | None = Field(
         default=None, description="In a rerun: label and verdict or status of the job that was run again."

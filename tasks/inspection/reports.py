@@ -236,7 +236,14 @@ def jobs_of(steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | N
                 )
     told_apart = variants([job.request for job in jobs])
     named = [job.model_copy(update={"variant": variant}) for job, variant in zip(jobs, told_apart, strict=True)]
-    return with_inputs(_told_of_twins(named), service)
+    return with_inputs(_told_of_twins(_with_owners(named, service)), service)
+
+
+def _with_owners(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
+    """Adds which process carried each job out."""
+    found = service.catalog.ownerships(job.arn for job in jobs if job.arn)
+    owners = {arn: JobOwner.of_lease(ownership.owner) for arn, ownership in found.items() if ownership.owner}
+    return [job.model_copy(update={"carried_out_by": owners.get(job.arn or "")}) for job in jobs]
 
 
 def _told_of_twins(jobs: Sequence[ReportedJob]) -> list[ReportedJob]:
@@ -351,19 +358,13 @@ def _application(request: Mapping[str, Any]) -> str | None:
 
 
 def _job_records(jobs: Sequence[ReportedJob], places: Mapping[str, StoredPlace], service: Service) -> list[JobRecord]:
-    owners = {
-        arn: ownership.owner
-        for arn, ownership in service.catalog.ownerships(job.arn for job in jobs if job.arn).items()
-    }
     return [
-        _job_record(job, name, places.get(job.arn or ""), owners.get(job.arn or ""), service)
+        _job_record(job, name, places.get(job.arn or ""), service)
         for job, name in zip(jobs, case_names(jobs), strict=True)
     ]
 
 
-def _job_record(
-    job: ReportedJob, name: str, place: StoredPlace | None, owner: str | None, service: Service
-) -> JobRecord:
+def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service: Service) -> JobRecord:
     result = job.result
     return JobRecord(
         arn=job.arn,
@@ -388,7 +389,7 @@ def _job_record(
         inputs=job.inputs,
         reused_from=job.reused_from,
         earlier=job.earlier,
-        carried_out_by=JobOwner.of_lease(owner) if owner else None,
+        carried_out_by=job.carried_out_by,
     )
 
 

@@ -1,5 +1,6 @@
 """View model of the report page, computed from the report; the template only places it."""
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -136,6 +137,13 @@ class Page:
         told = [f"{wording.duration(total_s)} for {words}" for words, total_s in totals if total_s]
         jobs = f"{len(self.jobs)} {'job' if len(self.jobs) == 1 else 'jobs'}"
         return f"{len(waited)} of {jobs}: {', '.join(told)} in all"
+
+    @property
+    def owners(self) -> str:
+        """Which programs carried out the jobs, by machine: `robomaker run on ada: 12 jobs`."""
+        found = (job.job.carried_out_by for job in self.jobs if job.job.reused_from is None)
+        counts = Counter(f"{owner.program} on {owner.machine}" for owner in found if owner is not None)
+        return ", ".join(f"{name}: {count} {'job' if count == 1 else 'jobs'}" for name, count in counts.most_common())
 
     @property
     def times(self) -> str:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -99,6 +100,8 @@ def test_serve_leaves_a_run_to_who_started_it(
     assert [job.status for job in record.jobs] == ["Completed"] * 3
     owners = [job.carried_out_by for job in record.jobs]
     assert [(owner.program, owner.process_id) for owner in owners if owner] == [("robomaker run", run.pid)] * 3
+    report = (record.run_dir / "report.html").read_text()
+    assert f"robomaker run on {socket.gethostname()}: 3 jobs" in report
 
 
 @pytest.mark.deep

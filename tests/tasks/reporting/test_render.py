@@ -10,6 +10,7 @@ import pytest
 from helpers.paths import REPOSITORY
 from PIL import Image
 
+from prefect_robomaker.schemas.job_owners import JobOwner
 from prefect_robomaker.schemas.reports.forecast import ForecastCheck
 from prefect_robomaker.schemas.reports.report import Report, ReportedFile, ReportedStep
 from prefect_robomaker.schemas.runs.programs import ToolEnds
@@ -139,6 +140,14 @@ def test_waits_for_the_machine_are_told_for_the_run_and_for_each_job(
     assert "2 of 3 jobs: 2.0 s for a slot, 1 min 5 s for memory in all" in page.text
     assert page.text.count("waited for memory") == 2
     assert "Waited for the machine" not in Document(render_report(make_report([], jobs[2:]))).text
+
+
+def test_who_carried_out_the_jobs_is_told_by_machine(make_report: Any, make_job: Any) -> None:
+    owners = [JobOwner(program="a job worker", machine=name, process_id=place) for place, name in enumerate("aba")]
+    jobs = [make_job(f"sim-{owner.process_id}", None, carried_out_by=owner) for owner in owners]
+    taken_over = make_job("sim-9", None, carried_out_by=owners[0], reused_from="run-1")
+    text = Document(render_report(make_report([], [*jobs, taken_over]))).text
+    assert "Carried out by a job worker on a: 2 jobs, a job worker on b: 1 job" in " ".join(text.split())
 
 
 def test_the_table_has_every_job_with_sortable_numbers(mixed_report: Report) -> None:
