@@ -11,6 +11,7 @@ import io
 import json
 import os
 import random
+import resource
 import shutil
 import tarfile
 import time
@@ -20,26 +21,35 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
+from ezdxf import filemanagement
 from helpers.asgi import Client
 from helpers.colcon_bundles import bundle_v1
+from helpers.paths import REPOSITORY
 from helpers.small_flat import BODY, ROLE
 
 from prefect_robomaker.deployments.endpoint.application import make_application
 from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.runtime.agents.agent_client import FrameBuffer, ProtocolError, words
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.model_files import load_model
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.colcon import unpack_colcon_bundle
 from prefect_robomaker.tasks.simulations.ros.job_services import answer
 from prefect_robomaker.tasks.storage import unpack
+from prefect_robomaker.tasks.worldforge.drawings.importing import check_drawing
 
 Surface = Callable[[random.Random], object]
 """Generates one input and has it taken or refused."""
 
+SPECS = REPOSITORY / "deployments" / "specs"
 MOST_CPU_S = 1.0
+MOST_GROWTH_KB = 500_000
+"""By which the process may grow over all inputs; most of it is modules that are imported on the way."""
 MOST_REPEATED = 4_000
 """Characters: what is longer is not repeated, so that inputs stay below the limit of a request."""
 ARN = "arn:aws:robomaker:us-east-1:000000000000"
@@ -124,6 +134,41 @@ def scrambled(data: bytes, rng: random.Random) -> bytes:
     return bytes(changed)
 
 
+def spoilt_xml(data: bytes, rng: random.Random) -> bytes:
+    """XML that is still XML: values changed, elements repeated, removed or put into one another."""
+    root = ElementTree.fromstring(data)
+    for _ in range(rng.choice([1, 2, 8])):
+        places = list(root.iter())
+        one, other = rng.choice(places), rng.choice(places)
+        match rng.randrange(5):
+            case 0 if one.attrib:
+                key = rng.choice(sorted(one.attrib))
+                one.set(key, rng.choice(["", "nan", "1e999", "-1", "0", one.get(key, "") * 300, "M0 0 L1", "../x.stl"]))
+            case 1 if len(one):
+                one.remove(rng.choice(list(one)))
+            case 2 if len(one):
+                one.extend([copy.deepcopy(rng.choice(list(one)))] * rng.choice([1, 30]))
+            case 3:
+                other.append(copy.deepcopy(one) if len(list(one.iter())) < 50 else ElementTree.Element("g"))
+            case _:
+                one.tag = rng.choice(["g", "path", "rect", "link", "joint", one.tag])
+    return ElementTree.tostring(root)
+
+
+def drawn_in_dxf() -> bytes:
+    """Two rooms and a door, as a CAD program writes them."""
+    document = filemanagement.new("R2010")
+    space = document.modelspace()
+    for name, x in (("Kitchen", 0), ("Living room", 4)):
+        corners = [(x, 0), (x + 4, 0), (x + 4, 4), (x, 4)]
+        space.add_lwpolyline(corners, close=True, dxfattribs={"layer": "A-AREA"})
+        space.add_text(name, height=0.2).set_placement((x + 2, 2))
+    space.add_line((4, 1), (4, 2), dxfattribs={"layer": "A-DOOR"})
+    written = io.StringIO()
+    document.write(written)
+    return written.getvalue().encode()
+
+
 class Surfaces:
     """What takes what others wrote: each method generates one input and has it taken or refused.
 
@@ -140,6 +185,10 @@ class Surfaces:
         template = {"name": "flat", "templateBody": json.dumps(BODY)}
         self.known = {"CreateSimulationJob": JOB, "CreateWorldTemplate": template, "ListWorlds": {"maxResults": 3}}
         service.store.ensure_bucket("fuzzed")
+        self.drawn = {"flat.svg": (SPECS / "plans/flat.svg").read_bytes(), "flat.dxf": drawn_in_dxf()}
+        rover = SPECS / "examples/urdf_robot_bundle/my_rover"
+        shutil.copytree(rover, folder / "my_rover")
+        self.urdf = (rover / "urdf/rover.urdf").read_bytes()
         job = {name: part for name, part in JOB.items() if name != "dataSources"}
         self.job = call("CreateSimulationJob", job, service)["arn"]
         call("CreateSimulationJob", {**job, "clientRequestToken": "other"}, service)
@@ -203,8 +252,20 @@ class Surfaces:
         question = {"operation": rng.choice(["add_tags", "remove_tags"]), "tags": {"a": "b"}, "keys": ["a"]}
         answer(spoilt(question, rng), self.job, self.service)
 
+    def drawings(self, rng: random.Random) -> None:
+        name = rng.choice(sorted(self.drawn))
+        spoil = spoilt_xml if name.endswith("svg") and rng.random() < 0.7 else scrambled
+        path = self.folder / name
+        path.write_bytes(spoil(self.drawn[name], rng))
+        check_drawing(path, DrawingNotes())
 
-NAMES = ("wire", "specs", "bodies", "packed", "keys", "frames", "pages", "questions")
+    def robots(self, rng: random.Random) -> None:
+        path = self.folder / "rover.urdf"
+        path.write_bytes((spoilt_xml if rng.random() < 0.7 else scrambled)(self.urdf, rng))
+        load_model(path, self.folder)
+
+
+NAMES = ("wire", "specs", "bodies", "packed", "keys", "frames", "pages", "questions", "drawings", "robots")
 
 
 @pytest.fixture
@@ -251,6 +312,7 @@ def attack(surfaces: dict[str, Surface], seed: int, count: int) -> None:
         seed: of all of them; each input has a seed of its own, made from it.
         count: how many there are in all.
     """
+    before_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     slowest: dict[str, float] = {}
     ends: Counter[str] = Counter()
     for number in range(count):
@@ -275,6 +337,8 @@ def attack(surfaces: dict[str, Surface], seed: int, count: int) -> None:
                 took_s = min(took_s, once()[0])
         slowest[name] = max(slowest.get(name, 0.0), took_s)
         assert took_s <= MOST_CPU_S, f"surface {name}, input {number} of seed {seed}: {took_s:.2f} CPU-seconds"
+    grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
+    assert grown_kb < MOST_GROWTH_KB, f"the process grew by {grown_kb} kB"
     print(f"\n{count} inputs of seed {seed}: {dict(sorted(ends.items()))}")
     print("slowest, in CPU-seconds:", {name: round(took_s, 3) for name, took_s in slowest.items()})
 

@@ -2,6 +2,8 @@
 
 import hashlib
 from collections.abc import Callable, Mapping
+from itertools import chain
+from math import isfinite
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,6 +20,9 @@ from .shapes import Drawing
 from .svg import read_svg
 
 MOST_BYTES = 20 * 1024 * 1024
+
+_MOST_LOOKS = 20_000_000
+"""Corners of closed shapes times texts: some seconds. A sheet of an architect has a thousand of either."""
 
 Reader = Callable[[bytes, str], Drawing]
 
@@ -49,10 +54,7 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
         ConfigurationError: the file cannot be read, or draws no plan that a world can have.
         WorldGenerationError: no interior passed the checks.
     """
-    read = _read(source.drawing)
-    scale = metres_per_unit(read.drawing, notes.scale, source.drawing.name)
-    plan, left_out = read_plan(read.drawing, scale, notes, source.drawing.name)
-    made = make_plan(plan, notes.ceilingHeight, seed)
+    read, scale, made, left_out = _planned(source.drawing, notes, seed)
     origin = DrawnSource(
         file=source.drawing.name,
         sha256=read.sha256,
@@ -66,6 +68,28 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
     return furnish_and_prove(
         _body(notes), made.floorplan, (seed, seed), settle=settle, finish=lambda world: _finished(world, made, origin)
     )
+
+
+def check_drawing(path: Path, notes: DrawingNotes) -> None:
+    """Reads a drawing up to its plan, without furniture.
+
+    Args:
+        path: the drawing.
+        notes: what it does not say.
+
+    Raises:
+        ConfigurationError: the file cannot be read, or draws no plan that a world can have.
+    """
+    _planned(path, notes, 0)
+
+
+def _planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[_Read, float, MadePlan, list[str]]":
+    """What was read, metres a unit, the plan, and what was left out of it."""
+    read = _read(path)
+    _check(read.drawing, path.name)
+    scale = metres_per_unit(read.drawing, notes.scale, path.name)
+    plan, left_out = read_plan(read.drawing, scale, notes, path.name)
+    return read, scale, make_plan(plan, notes.ceilingHeight, seed), left_out
 
 
 class _Read(NamedTuple):
@@ -88,6 +112,22 @@ def _read(path: Path) -> _Read:
     form, reader = READERS[path.suffix.lower()]
     content = _content(path)
     return _Read(form, reader(content, path.name), hashlib.sha256(content).hexdigest())
+
+
+def _check(drawing: Drawing, name: str) -> None:
+    """Refuses coordinates that are no places, and what would take minutes: each text is sought in each closed shape."""
+    for shape in drawing.shapes:
+        if not all(map(isfinite, chain.from_iterable(shape.points))):
+            raise ConfigurationError(f"{name}: {shape.place} has a coordinate that is not finite")
+    for label in drawing.labels:
+        if not all(map(isfinite, label.at)):
+            raise ConfigurationError(f"{name}: the text {label.text!r} has a coordinate that is not finite")
+    corners = sum(len(shape.points) for shape in drawing.shapes if shape.closed)
+    if corners * len(drawing.labels) > _MOST_LOOKS:
+        raise ConfigurationError(
+            f"{name}: its closed shapes have {corners:,} corners and it has {len(drawing.labels):,} texts, too many to "
+            "find which text names which room; leave out the layers that are no part of the plan"
+        )
 
 
 def _finished(world: World, made: MadePlan, source: DrawnSource) -> World:

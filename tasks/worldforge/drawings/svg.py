@@ -2,18 +2,25 @@
 
 import re
 from collections.abc import Sequence
+from itertools import islice
 from math import cos, radians, sin, tan
 from xml.etree import ElementTree as ET
 
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point
 from .shapes import Drawing, Label, Shape
-from .svg_paths import PathError, path_points
+from .svg_paths import MOST_CORNERS, PathError, TooManyCornersError, path_points
 
 _INKSCAPE = "{http://www.inkscape.org/namespaces/inkscape}"
 _HIDDEN = ("defs", "symbol", "clipPath", "mask", "pattern", "marker", "style", "script", "metadata")
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAPER_M = {"mm": 1e-3, "cm": 1e-2, "in": 0.0254, "pt": 0.0254 / 72, "pc": 0.0254 / 6, "m": 1.0}
+
+_DEEPEST = 100
+"""Groups around a shape; drawing programs nest a handful."""
+
+_MOST_SHAPES = 100_000
+_LONGEST_TRANSFORM = 10_000
 
 Matrix = tuple[float, float, float, float, float, float]
 _SAME: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
@@ -42,7 +49,7 @@ def read_svg(content: bytes, name: str) -> Drawing:
         metres = float(stated) if stated else None
     except ValueError:
         raise ConfigurationError(f"{name}: data-metres-per-unit is {stated!r}; a number would be right") from None
-    return Drawing(reader.shapes, reader.labels, metres, _paper_m(root))
+    return Drawing(reader.shapes, reader.labels, metres, _paper_m(root), left_out=reader.left_out)
 
 
 class _Reader:
@@ -52,9 +59,12 @@ class _Reader:
         self._name = name
         self.shapes: list[Shape] = []
         self.labels: list[Label] = []
+        self.left_out: list[str] = []
 
-    def walk(self, element: ET.Element, matrix: Matrix, around: tuple[str, ...]) -> None:
+    def walk(self, element: ET.Element, matrix: Matrix, around: tuple[str, ...], depth: int = 0) -> None:
         """Takes the shapes of an element and of all in it."""
+        if depth > _DEEPEST:
+            raise ConfigurationError(f"{self._name}: it has more than {_DEEPEST} groups inside one another")
         tag = _tag(element)
         if tag in _HIDDEN or element.get("display") == "none" or "display:none" in (element.get("style") or ""):
             return
@@ -67,13 +77,18 @@ class _Reader:
         elif tag in ("svg", "g", "a", "switch"):
             for child in element:
                 if isinstance(child.tag, str):
-                    self.walk(child, matrix, (*own, *around) if tag != "svg" else around)
+                    self.walk(child, matrix, (*own, *around) if tag != "svg" else around, depth + 1)
 
     def _shape(self, element: ET.Element, tag: str, matrix: Matrix, words: tuple[str, ...]) -> None:
         name = _name(element)
         place = f'<{tag}> "{name}"' if name else f"<{tag}> number {len(self.shapes) + 1}"
+        if len(self.shapes) >= _MOST_SHAPES:
+            raise ConfigurationError(f"{self._name}: it has more than {_MOST_SHAPES:,} shapes")
         try:
             points, closed, curved = _outline(element, tag)
+        except TooManyCornersError as error:
+            self.left_out.append(f"{place}: {error}")
+            return
         except (PathError, ValueError) as error:
             raise ConfigurationError(f"{self._name}: {place} cannot be read: {error}") from error
         if len(points) < 2:
@@ -86,12 +101,20 @@ class _Reader:
         text = " ".join("".join(element.itertext()).split())
         first = next((each for each in element.iter() if each.get("x") and each.get("y")), element)
         if text:
-            at = (_number(first.get("x")), _number(first.get("y")))
+            try:
+                at = (_number(first.get("x")), _number(first.get("y")))
+            except ValueError as error:
+                raise ConfigurationError(f"{self._name}: the text {text!r} cannot be read: {error}") from error
             self.labels.append(Label(_moved(matrix, at), text))
 
     def _transform(self, element: ET.Element) -> Matrix:
         matrix = _SAME
-        for what, inside in re.findall(r"(\w+)\s*\(([^)]*)\)", element.get("transform") or ""):
+        written = element.get("transform") or ""
+        if len(written) > _LONGEST_TRANSFORM:
+            raise ConfigurationError(
+                f"{self._name}: a transform has {len(written):,} characters; at most {_LONGEST_TRANSFORM:,} are right"
+            )
+        for what, inside in re.findall(r"(\w+)\s*\(([^)]*)\)", written):
             numbers = [float(each) for each in re.findall(_NUMBER, inside)]
             try:
                 matrix = _times(matrix, _matrix(what, numbers))
@@ -110,7 +133,10 @@ def _outline(element: ET.Element, tag: str) -> tuple[list[Point], bool, bool]:
         return [(x0, y0), (x1, y1)], False, False
     if tag == "path":
         return path_points(element.get("d") or "")
-    numbers = [float(each) for each in re.findall(_NUMBER, element.get("points") or "")]
+    found = islice(re.finditer(_NUMBER, element.get("points") or ""), 2 * MOST_CORNERS + 1)
+    numbers = [float(each[0]) for each in found]
+    if len(numbers) > 2 * MOST_CORNERS:
+        raise TooManyCornersError(f"it has more than {MOST_CORNERS:,} corners")
     if len(numbers) % 2:
         raise ValueError(f"its points are {len(numbers)} numbers; pairs would be right")
     points = list(zip(numbers[::2], numbers[1::2], strict=True))

@@ -6,6 +6,7 @@ reads no COLLADA files. So files get their places, and its settings are chosen s
 
 import logging
 import xml.etree.ElementTree as ET
+from contextlib import suppress
 from pathlib import Path
 
 from .problems import invalid
@@ -13,6 +14,7 @@ from .problems import invalid
 _logger = logging.getLogger(__name__)
 
 _MESHES = frozenset({".stl", ".obj", ".msh"})
+_MOST_SHOWN = 1000  # characters of names in an error
 _PACKAGE = "package://"
 _SETTINGS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
 
@@ -67,9 +69,10 @@ def _find(name: str, path: Path, root: Path) -> Path:
     for place in places:
         if not place.resolve().is_relative_to(root.resolve()):
             raise invalid(path, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
-        if place.is_file():
-            return place.resolve()
-    raise invalid(path, f"there is no file {name!r}; looked for {', '.join(map(str, places))}")
+        with suppress(OSError):  # a name that is too long
+            if place.is_file():
+                return place.resolve()
+    raise invalid(path, f"there is no file {name!r}; looked for {', '.join(map(str, places))[:_MOST_SHOWN]}")
 
 
 def _folders_between(folder: Path, root: Path) -> list[Path]:

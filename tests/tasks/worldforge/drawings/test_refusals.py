@@ -31,6 +31,16 @@ CASES = {
     "ajar": (ROOMS + DOOR.replace("id=", 'data-open="wide" id='), "data-open is 'wide'; a number from 0 to 100"),
     "pixels": ('<g transform="scale(100)">' + ROOMS + DOOR + "</g>", "at 1 m a unit its rooms are 800 m wide"),
     "bad path": ('<path id="Kitchen" d="M0 0 L4"/>', '<path> "Kitchen" cannot be read'),
+    "infinite": (ROOMS + DOOR.replace('y2="2"', 'y2="1e999"'), '<line> "d" has a coordinate that is not finite'),
+    "text nowhere": (
+        ROOMS + DOOR + '<text x="a" y="1">Hall</text>',
+        "the text 'Hall' cannot be read: 'a' is no number",
+    ),
+    "text far": (ROOMS + DOOR + '<text x="1e999" y="1">Hall</text>', "the text 'Hall' has a coordinate that"),
+    "deep": ("<g>" * 100_000 + "</g>" * 100_000, "more than 100 groups inside one another"),
+    "traced": (f'<path id="Kitchen" d="M0 0 {"L1 2 " * 20_000}"/>', "0 rooms in it"),
+    "long transform": (f'<g transform="{"rotate(1) " * 2000}"/>', "a transform has 20,000 characters"),
+    "crowded": (ROOMS * 400 + '<text x="1" y="1">Hall</text>' * 7000, "too many to find which text names which room"),
     "bad transform": ('<g transform="rotate(x)"><rect id="Kitchen" width="4" height="4"/></g>', "transform rotate(x)"),
 }
 
