@@ -54,6 +54,9 @@ class Swing(control.Task):
             Path("killed").touch()
             os.kill(os.getpid(), signal.SIGKILL)
         time.sleep(float(self.variables.get("SLEEP_S", "0")))
+        computes_until_s = time.process_time() + float(self.variables.get("COMPUTE_S", "0"))
+        while time.process_time() < computes_until_s:
+            pass
 
     def after_step(self, physics):
         self.highest = max(self.highest, float(physics.named.data.qpos["elbow"][0]))
