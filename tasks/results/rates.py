@@ -87,17 +87,22 @@ def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
 
 
 def requirement_counts(results: ResultTable) -> dict[str, Counts]:
-    """Judgements by the requirement's name, over all trials of which it counted."""
+    """Judgements by the requirement's name, over all trials of which it counted.
+
+    What a trial had met when it broke is no judgement: it might have been missed later.
+    """
     broken: Counter[str] = Counter(
         each.name
         for row in results.rows_with_errors()
         for each in results.requirements_at(row)
         if each.error and each.counts
     )
+    codes, outcomes = results.codes("outcome")
+    is_judged = np.isin(codes, [code for code, outcome in enumerate(outcomes) if outcome != "broken"])
     found = {}
     for name in results.requirements:
         met = results.met(name)
-        counts = Counts(int((met == 1).sum()), int((met == 0).sum()), broken[name])
+        counts = Counts(int(((met == 1) & is_judged).sum()), int((met == 0).sum()), broken[name])
         if counts != Counts():
             found[name] = counts
     return found

@@ -70,6 +70,16 @@ def test_requirements_are_counted_with_the_smallest_margin() -> None:
     assert (share.worst_margin, share.unit, share.worst_job) == (-0.1, "m", "b")
 
 
+def test_a_requirement_that_was_met_until_the_run_broke_is_no_judgement() -> None:
+    met, missed = (Requirement(name="apart", satisfied=satisfied, detail="") for satisfied in (True, False))
+    jobs = [
+        make_job(index, letter).model_copy(update={"requirements": [requirement]})
+        for index, (letter, requirement) in enumerate((("P", met), ("E", met), ("E", missed), ("F", missed)))
+    ]
+    [share] = by_requirement(ResultTable.of(jobs))
+    assert (share.passed, share.failed, share.errors) == (1, 2, 0)
+
+
 def test_margins_of_different_units_are_not_compared() -> None:
     jobs = [judged(index, margin=0.4, unit=unit) for index, unit in enumerate(("m", "s"))]
     assert by_requirement(ResultTable.of(jobs))[0].worst_margin is None
