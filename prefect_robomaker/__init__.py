@@ -11,7 +11,7 @@ names, as Prefect flows, with the flows that carry stored jobs to their end (`op
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from . import old_paths, operation_flows
+from . import operation_flows
 
 if TYPE_CHECKING:
     from .flows.pipelines import RunPipeline as RunPipeline
@@ -67,8 +67,6 @@ _MODULES = {
     **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
     **{name: f"flows.{module}" for module, names in operation_flows.FLOWS.items() for name in names},
 }
-
-old_paths.install()
 
 
 if not TYPE_CHECKING:  # type checkers know the names above, and no others

@@ -70,7 +70,7 @@ print(json.dumps([*at_first, loaded()]))
     at_first, modules, later = json.loads(answer.stdout)
 
     assert at_first == []
-    assert modules == [f"prefect_robomaker.{name}" for name in ("old_paths", "old_paths_table", "operation_flows")]
+    assert modules == ["prefect_robomaker.operation_flows"]
     assert later == ["pydantic"]
 
 

@@ -1,14 +1,11 @@
 """Code and pages use the words of the trade, and plain sentences."""
 
 import re
-from pathlib import Path
 
 from helpers.paths import REPOSITORY
 
 FOLDERS = ("deployments", "docs", "flows", "prefect_robomaker", "schemas", "tasks", "tools")
 TEXTS = {".py", ".md", ".j2", ".yaml", ".json", ".js"}
-NOT_CHECKED = {Path("prefect_robomaker/old_paths_table.py")}
-"""It has old paths."""
 
 STORED = ('"performer"', "facts.performer", "lost_performers")
 """Names in health answers and databases, which stay."""
@@ -29,7 +26,7 @@ def test_texts_use_plain_words() -> None:
     found = [
         f"{path.relative_to(REPOSITORY)}:{number}: {word}: {BETTER[word]}"
         for path in paths
-        if path.suffix in TEXTS and path.relative_to(REPOSITORY) not in NOT_CHECKED
+        if path.suffix in TEXTS
         for text in [path.read_text().lower()]
         if words.search(text)
         for number, line in enumerate(text.splitlines(), 1)

@@ -37,7 +37,5 @@ def test_failing_jobs_simulate_as_fast_with_videos_as_without(
         ended = service.catalog.get(batch.arn).updated_at
         took[video] = (simulated - batch.created_at).total_seconds(), (ended - batch.created_at).total_seconds()
         drawn_s = sum(document.video_s or 0.0 for document in documents)
-        print(
-            f"\n{video}: simulated in {took[video][0]:.1f} s, ended in {took[video][1]:.1f} s, drew {drawn_s:.1f} s"
-        )
+        print(f"\n{video}: simulated in {took[video][0]:.1f} s, ended in {took[video][1]:.1f} s, drew {drawn_s:.1f} s")
     print(f"ratio {took['on-failure'][0] / took['none'][0]:.2f}, {JOBS} jobs of 8 s, {AT_ONCE} at once")
