@@ -14,7 +14,6 @@ from pydantic import TypeAdapter
 from ...schemas.documents.base import FailureChanges
 from ...schemas.documents.fleets import RobotDocument, RobotMembership
 from ...schemas.lifecycles import is_terminal
-from ...schemas.rollouts.artifacts import Delivery
 from ...schemas.rollouts.events import Canceled, Offered, Outage, RolloutEvent
 from ...schemas.rollouts.rollout import Rollback, Rollout
 from ...schemas.wire.errors import ResourceNotFoundException, ServiceUnavailableException, StateConflictError
@@ -244,15 +243,3 @@ def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> N
 
     with suppress(ResourceNotFoundException):
         service.catalog.update(robot, unchanged, status=status)
-
-
-def delivery_of(job: str, service: Service) -> Delivery:
-    """What the robots of a job's rollout get.
-
-    Raises:
-        ResourceNotFoundException: the job has no rollout.
-    """
-    stored = service.catalog.rollout(job)
-    if stored is None:
-        raise ResourceNotFoundException(f"{job} has no rollout")
-    return Delivery.of_json(dict(stored.delivery))

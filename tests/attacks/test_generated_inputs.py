@@ -41,7 +41,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.colcon import unpack_colcon_bundle
 from prefect_robomaker.tasks.simulations.ros.job_services import answer
 from prefect_robomaker.tasks.storage import unpack
-from prefect_robomaker.tasks.worldforge.drawings.importing import check_drawing
+from prefect_robomaker.tasks.worldforge.drawings.importing import planned
 
 Surface = Callable[[random.Random], object]
 """Generates one input and has it taken or refused."""
@@ -257,7 +257,7 @@ class Surfaces:
         spoil = spoilt_xml if name.endswith("svg") and rng.random() < 0.7 else scrambled
         path = self.folder / name
         path.write_bytes(spoil(self.drawn[name], rng))
-        check_drawing(path, DrawingNotes())
+        planned(path, DrawingNotes(), 0)
 
     def robots(self, rng: random.Random) -> None:
         path = self.folder / "rover.urdf"

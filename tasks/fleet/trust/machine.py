@@ -6,7 +6,6 @@ another root, is found out before anything is signed on top of it.
 """
 
 import json
-from contextlib import suppress
 from pathlib import Path
 
 from tuf.api.metadata import Metadata, Root
@@ -91,11 +90,6 @@ class Machine:
                 f"the newest timestamp in the object store has number {number}, and this machine has seen {seen}: the "
                 f"store was set back; restore it, or remove {self.folder / _SEEN} if robots shall go on from there"
             )
-
-    def remove_draft(self) -> None:
-        """Removes the root that waits for signatures."""
-        with suppress(FileNotFoundError):
-            self.draft_path.unlink()
 
     @property
     def draft_path(self) -> Path:

@@ -54,7 +54,7 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
         ConfigurationError: the file cannot be read, or draws no plan that a world can have.
         WorldGenerationError: no interior passed the checks.
     """
-    read, scale, made, left_out = _planned(source.drawing, notes, seed)
+    read, scale, made, left_out = planned(source.drawing, notes, seed)
     origin = DrawnSource(
         file=source.drawing.name,
         sha256=read.sha256,
@@ -70,21 +70,20 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
     )
 
 
-def check_drawing(path: Path, notes: DrawingNotes) -> None:
+def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, float, MadePlan, list[str]]":
     """Reads a drawing up to its plan, without furniture.
 
     Args:
         path: the drawing.
         notes: what it does not say.
+        seed: of windows, where none are drawn.
+
+    Returns:
+        The file, metres a unit, the plan, and what was left out of it.
 
     Raises:
         ConfigurationError: the file cannot be read, or draws no plan that a world can have.
     """
-    _planned(path, notes, 0)
-
-
-def _planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[_Read, float, MadePlan, list[str]]":
-    """What was read, metres a unit, the plan, and what was left out of it."""
     read = _read(path)
     _check(read.drawing, path.name)
     scale = metres_per_unit(read.drawing, notes.scale, path.name)
@@ -92,7 +91,7 @@ def _planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[_Read, float,
     return read, scale, make_plan(plan, notes.ceilingHeight, seed), left_out
 
 
-class _Read(NamedTuple):
+class ReadFile(NamedTuple):
     """A file that was read."""
 
     form: DrawingForm
@@ -101,17 +100,17 @@ class _Read(NamedTuple):
     cell_m: float | None = None
 
 
-def _read(path: Path) -> _Read:
+def _read(path: Path) -> ReadFile:
     if path.suffix.lower() in MAPS:
         drawing, cell_m = read_nav2_map(path)
         digest = hashlib.sha256(b"".join(_content(each) for each in map_files(path))).hexdigest()
-        return _Read("nav2-map", drawing, digest, cell_m)
+        return ReadFile("nav2-map", drawing, digest, cell_m)
     if path.suffix.lower() not in READERS:
         known = ", ".join([*READERS, f"{MAPS[0]} for a map"])
         raise ConfigurationError(f"{path}: a file that ends with {known} would be right")
     form, reader = READERS[path.suffix.lower()]
     content = _content(path)
-    return _Read(form, reader(content, path.name), hashlib.sha256(content).hexdigest())
+    return ReadFile(form, reader(content, path.name), hashlib.sha256(content).hexdigest())
 
 
 def _check(drawing: Drawing, name: str) -> None:
