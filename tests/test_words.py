@@ -7,8 +7,8 @@ from helpers.paths import REPOSITORY
 FOLDERS = ("deployments", "docs", "flows", "prefect_robomaker", "schemas", "tasks", "tools")
 TEXTS = {".py", ".md", ".j2", ".yaml", ".json", ".js"}
 
-STORED = ('"performer"', "facts.performer", "lost_performers")
-"""Names in health answers and databases, which stay."""
+STORED = ('"performer"', "facts.performer")
+"""Names in health answers, which stay."""
 
 BETTER = {
     "whoever": "name the process or person, such as the job worker",

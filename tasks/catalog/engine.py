@@ -10,54 +10,23 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, inspect, make_url, select, text
+from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
 
 from ...schemas.wire.errors import ConfigurationError
 from .tables import metadata, schema_version
-from .tags import fill_tags
-from .world_labels import label_worlds
 
 _BUSY_TIMEOUT_S = 30.0
 _MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this catalog
 
 
-def _add_labels(connection: Connection) -> None:
-    metadata.create_all(connection)
-    if "labels" not in {column["name"] for column in inspect(connection).get_columns("resources")}:
-        connection.execute(text("ALTER TABLE resources ADD COLUMN labels JSON"))
+FIRST_VERSION = 8
+"""The version of a catalog that is made now. Earlier ones belong to states of this program before its first release."""
 
+MIGRATIONS: tuple[Callable[[Connection], None], ...] = ()
+"""Each brings the tables of `FIRST_VERSION` one version further; later ones are added at the end and never change.
 
-def _add_lost_workers(connection: Connection) -> None:
-    if "lost_performers" not in {column["name"] for column in inspect(connection).get_columns("resources")}:
-        connection.execute(text("ALTER TABLE resources ADD COLUMN lost_performers INTEGER NOT NULL DEFAULT 0"))
-
-
-def _add_owners(connection: Connection) -> None:
-    there = {column["name"] for column in inspect(connection).get_columns("resources")}
-    for name, kind in (
-        ("last_owner", "VARCHAR(255)"),
-        ("owner_since", "BIGINT"),
-        ("lost_owner", "VARCHAR(255)"),
-        ("needed_environment", "JSON"),
-    ):
-        if name not in there:
-            connection.execute(text(f"ALTER TABLE resources ADD COLUMN {name} {kind}"))
-
-
-MIGRATIONS: tuple[Callable[[Connection], None], ...] = (
-    metadata.create_all,
-    _add_labels,
-    _add_lost_workers,
-    label_worlds,
-    metadata.create_all,  # tables of rollouts
-    fill_tags,
-    _add_owners,
-)
-"""Each brings the tables one version further; later ones are added at the end and never change.
-
-The first makes all tables as they are now, so a migration added later is for catalogs that were
-made before it, and has to find out what is there already.
+A catalog that is made now has all tables as they are now, so a migration has to find out what is there already.
 """
 
 
@@ -160,13 +129,22 @@ def _migrate(connection: Connection) -> None:
     if connection.dialect.name == "postgresql":
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _MIGRATION_LOCK})
     schema_version.create(connection, checkfirst=True)
-    version = connection.scalar(select(func.max(schema_version.c.version))) or 0
-    if version > len(MIGRATIONS):
+    version, newest = connection.scalar(select(func.max(schema_version.c.version))), FIRST_VERSION + len(MIGRATIONS)
+    if version is None:
+        metadata.create_all(connection)
+        version = FIRST_VERSION
+        connection.execute(insert(schema_version).values(version=version))
+    if version > newest:
         raise ConfigurationError(
-            f"the catalog {connection.engine.url!r} has version {version}, this program knows {len(MIGRATIONS)}; "
+            f"the catalog {connection.engine.url!r} has version {version}, this program knows {newest}; "
             "update this program or use another catalog"
         )
-    for number, migration in enumerate(MIGRATIONS[version:], version + 1):
+    if version < FIRST_VERSION:
+        raise ConfigurationError(
+            f"the catalog {connection.engine.url!r} has version {version}, of a state before the first release; keep "
+            "it for the program that made it, and use another catalog (ROBOMAKER_HOME or ROBOMAKER_CATALOG_URL)"
+        )
+    for number, migration in enumerate(MIGRATIONS[version - FIRST_VERSION :], version + 1):
         migration(connection)
         connection.execute(insert(schema_version).values(version=number))
 

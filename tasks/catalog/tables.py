@@ -64,8 +64,7 @@ resources = Table(
     Column("cancel_requested", Boolean, nullable=False, default=False),
     Column("lease_owner", String(255)),
     Column("lease_expires_at", UtcTime),
-    # The column keeps the name that it has in the catalogs of earlier versions.
-    Column("lost_performers", Integer, key="lost_workers", nullable=False, default=0, server_default="0"),
+    Column("lost_workers", Integer, nullable=False, default=0, server_default="0"),
     Column(
         "last_owner", String(255), comment="the process that carries it out, or did last; releasing the lease leaves it"
     ),

@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping
 
-from sqlalchemy import Connection, bindparam, delete, func, insert, select, true
+from sqlalchemy import Connection, bindparam, delete, insert, select
 
-from .tables import metadata, resource_tags, resources
+from .tables import resource_tags, resources
 
 _ADDED = insert(resource_tags)
 _PLACE = select(resources.c.kind, resources.c.sequence).where(resources.c.arn == bindparam("of"))
 _OLD = delete(resource_tags).where(resource_tags.c.sequence == bindparam("of"))
-_EACH = {"sqlite": "JSON_EACH", "postgresql": "JSON_EACH_TEXT"}
 
 
 def insert_tags(connection: Connection, kind: str, sequence: int, tags: Mapping[str, str]) -> None:
@@ -25,14 +24,3 @@ def replace_tags(connection: Connection, arn: str, tags: Mapping[str, str]) -> N
     if place is not None:
         connection.execute(_OLD, {"of": place.sequence})
         insert_tags(connection, place.kind, place.sequence, tags)
-
-
-def fill_tags(connection: Connection) -> None:
-    """Adds the tags of all resources, in catalogs that were made before lists were quick by tags."""
-    metadata.create_all(connection)
-    connection.execute(delete(resource_tags))
-    each = getattr(func, _EACH[connection.dialect.name])(resources.c.tags).table_valued("key", "value")
-    tags = select(resources.c.kind, each.c.key, each.c.value, resources.c.sequence).select_from(
-        resources.join(each, true())
-    )
-    connection.execute(_ADDED.from_select(["kind", "key", "value", "sequence"], tags))

@@ -14,11 +14,11 @@ from typing import Any
 
 import pytest
 from helpers.processes import started
-from sqlalchemy import create_engine, insert, text
+from sqlalchemy import create_engine, insert, select, text
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog.tables import resources
-from prefect_robomaker.tasks.catalog.tags import fill_tags
+from prefect_robomaker.tasks.catalog.tags import insert_tags
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(900)]
@@ -78,9 +78,9 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> Settings:
         for number in range(JOBS // IN_BATCH):
             connection.execute(insert(resources), [batch(number)])
             connection.execute(insert(resources), [job(number * IN_BATCH + index) for index in range(IN_BATCH)])
-        began = time.process_time()
-        fill_tags(connection)
-        print(f"\nmigration to the index of tags: {time.process_time() - began:.1f} s of CPU", end="")
+        rows = connection.execute(select(resources.c.kind, resources.c.sequence, resources.c.tags)).all()
+        for kind, sequence, tags in rows:
+            insert_tags(connection, kind, sequence, tags)
     engine.dispose()
     return settings
 

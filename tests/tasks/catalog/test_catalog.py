@@ -21,6 +21,8 @@ from prefect_robomaker.schemas.wire.errors import (
     StateConflictError,
 )
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, NewResource
+from prefect_robomaker.tasks.catalog import engine as engines
+from prefect_robomaker.tasks.catalog.engine import FIRST_VERSION
 
 MakeResource = Callable[..., NewResource]
 # SQLite lets no other connection write in between.
@@ -445,12 +447,34 @@ def test_a_file_that_is_no_catalog_is_refused(tmp_path: Path, clock: Any) -> Non
             Catalog.open(f"sqlite:///{tmp_path}/{name}", clock=clock)
 
 
-def test_a_catalog_of_a_newer_program_is_refused(url: str, clock: Any) -> None:
+@pytest.mark.parametrize(
+    ("version", "expected"),
+    [
+        (99, f"has version 99, this program knows {FIRST_VERSION}; update this program"),
+        (
+            FIRST_VERSION - 1,
+            "of a state before the first release; keep it for the program that made it, and use another",
+        ),
+    ],
+)
+def test_a_catalog_of_another_program_is_refused(version: int, expected: str, url: str, clock: Any) -> None:
     Catalog.open(url, clock=clock).close()
     engine = create_engine(url)
     with engine.begin() as connection:
-        connection.execute(text("INSERT INTO schema_version (version) VALUES (99)"))
+        connection.execute(text(f"UPDATE schema_version SET version = {version}"))
     engine.dispose()
 
-    with pytest.raises(ConfigurationError, match="has version 99, this program knows 7; update this program"):
+    with pytest.raises(ConfigurationError, match=expected):
+        Catalog.open(url, clock=clock)
+
+
+def test_a_migration_changes_a_catalog_once(url: str, clock: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    Catalog.open(url, clock=clock).close()
+    migrated: list[str] = []
+    monkeypatch.setattr(engines, "MIGRATIONS", (lambda connection: migrated.append(connection.dialect.name),))
+    for _ in range(2):
+        Catalog.open(url, clock=clock).close()
+    assert len(migrated) == 1
+    monkeypatch.undo()
+    with pytest.raises(ConfigurationError, match=f"has version {FIRST_VERSION + 1}, this program knows"):
         Catalog.open(url, clock=clock)

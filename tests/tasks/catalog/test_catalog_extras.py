@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sqlalchemy import create_engine, text
 
 from prefect_robomaker.schemas.wire.errors import (
     InvalidParameterException,
@@ -69,28 +68,6 @@ def test_several_kinds_are_listed_together(catalog: Catalog, make_resource: Make
         catalog.create(make_resource(number, kind=kind), token=None)
 
     assert ids(catalog.list(("robot", "deployment-fleet"))) == ["2", "1", "0"]
-
-
-def test_a_catalog_from_before_labels_is_brought_up_to_date(url: str, clock: Any, make_resource: MakeResource) -> None:
-    old = Catalog.open(url, clock=clock)
-    old.create(make_resource(1), token=None)
-    old.close()
-    engine = create_engine(url)
-    with engine.begin() as connection:
-        for statement in (
-            "DROP TABLE resource_labels",
-            "ALTER TABLE resources DROP COLUMN labels",
-            "DELETE FROM schema_version WHERE version > 1",
-        ):
-            connection.execute(text(statement))
-    engine.dispose()
-
-    opened = Catalog.open(url, clock=clock)
-
-    assert opened.get(make_resource(1).arn).labels == {}
-    opened.create(make_resource(2, labels={"robot": ["scout"]}), token=None)
-    assert ids(opened.list("simulation-job", filters={"robot": ["scout"]})) == ["2"]
-    opened.close()
 
 
 # Names, status, tags

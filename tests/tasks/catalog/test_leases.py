@@ -3,7 +3,6 @@
 from typing import Any
 
 import pytest
-from sqlalchemy import text
 
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Catalog, ClientToken, FirstLease
@@ -46,19 +45,6 @@ def test_jobs_of_a_live_batch_wait_for_its_worker(catalog: Catalog, make_resourc
     assert [each.arn for each in catalog.unfinished(["simulation-job", BATCH])] == [batch]
     catalog.transition(batch, "fail")
     assert [each.arn for each in catalog.unfinished(["simulation-job", BATCH])] == [job]
-
-
-def test_a_catalog_from_before_losses_were_counted_opens(url: str, clock: Any, make_resource: Any) -> None:
-    first = Catalog.open(url, clock=clock)
-    arn = first.create(make_resource(1), token=None).arn
-    with first._engine.begin() as connection:
-        connection.execute(text("ALTER TABLE resources DROP COLUMN lost_performers"))
-        connection.execute(text("DELETE FROM schema_version WHERE version >= 3"))
-    first.close()
-
-    second = Catalog.open(url, clock=clock)
-    assert second.lost_workers(arn) == 0
-    second.close()
 
 
 def test_a_job_that_is_ordered_for_oneself_is_never_free(catalog: Catalog, make_resource: Any, clock: Any) -> None:
@@ -104,19 +90,3 @@ def test_jobs_that_are_left_out_make_no_room_for_themselves(catalog: Catalog, ma
 
     found = catalog.unfinished(["simulation-job"], limit=2, without=arns[:2])
     assert [job.arn for job in found] == arns[2:]
-
-
-def test_a_catalog_from_before_owners_were_kept_opens(url: str, clock: Any, make_resource: Any) -> None:
-    first = Catalog.open(url, clock=clock)
-    arn = first.create(make_resource(1), token=None).arn
-    with first._engine.begin() as connection:
-        for column in ("last_owner", "owner_since", "lost_owner", "needed_environment"):
-            connection.execute(text(f"ALTER TABLE resources DROP COLUMN {column}"))
-        connection.execute(text("DELETE FROM schema_version WHERE version >= 7"))
-    first.close()
-
-    second = Catalog.open(url, clock=clock)
-    assert second.ownerships([arn])[arn].owner is None
-    assert second.claim(arn, "host:1:a", 30)
-    assert second.ownerships([arn])[arn].since == clock()
-    second.close()

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from sqlalchemy import create_engine, text
+from sqlalchemy import create_engine
 
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.catalog.queries import list_query
@@ -47,23 +47,6 @@ def test_pages_by_tag(catalog: Catalog, make_resource: Any) -> None:
     rest = catalog.list(JOB, filters={"tag": ["even=yes"]}, limit=2, after=first.next_token)
     assert [each.id[-1] for each in (*first.resources, *rest.resources)] == ["4", "2", "0"]
     assert rest.next_token is None
-
-
-def test_catalogs_without_the_index_get_it(url: str, clock: Any, make_resource: Any) -> None:
-    old = Catalog.open(url, clock=clock)
-    old.create(make_resource(1, tags={"näme": 'it\'s "quoted"', "empty": ""}), token=None)
-    old.create(make_resource(2), token=None)
-    old.close()
-    engine = create_engine(url)
-    with engine.begin() as connection:
-        connection.execute(text("DROP TABLE resource_tags"))
-        connection.execute(text("DELETE FROM schema_version WHERE version > 5"))
-    engine.dispose()
-
-    catalog = Catalog.open(url, clock=clock)
-
-    assert listed(catalog, 'näme=it\'s "quoted"') == listed(catalog, "empty=") == ["1"]
-    catalog.close()
 
 
 def test_a_tag_that_few_have_is_looked_up(url: str, clock: Any) -> None:
