@@ -13,6 +13,7 @@ from contextvars import ContextVar
 from datetime import datetime
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import httpx
 from prefect import flow
@@ -26,11 +27,9 @@ from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunReco
 from ..schemas.reports.run_states import (
     BAD_ENDS,
     FlowResult,
-    count_outcomes,
-    in_words,
     is_bad,
+    result_of,
     run_state,
-    verdicts_of,
 )
 from ..schemas.settings import Settings
 from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of, with_client_token
@@ -278,17 +277,7 @@ class PipelineRun:
 
     def result(self) -> FlowResult:
         """How the run ended, as its flow returns it."""
-        record = self.record()
-        troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
-        message = in_words(record.state, record.jobs, troubles, look=f"robomaker report {record.run_id} --open")
-        return FlowResult(
-            state=record.state,
-            message=f"{message}. Report: {record.report_path}",
-            verdicts=verdicts_of(record.jobs),
-            counts=count_outcomes(record.jobs),
-            run_id=record.run_id,
-            report=str(record.report_path) if record.report_path else None,
-        )
+        return result_of(self.record())
 
     def _run_step(self, name: str) -> bool:
         """Runs a step; answers whether the next may start."""
@@ -432,6 +421,7 @@ class PipelineRun:
             forecast=forecast,
             run_dir=self._folder,
             source=self._source,
+            flow_run=UUID(flow_run.id) if flow_run.id else None,
         )
         (self._folder / "spec.yaml").write_text(self._checked.text_for_others)
         write_record(record)

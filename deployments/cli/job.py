@@ -23,7 +23,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         ResourceNotFoundException: there is no such job.
     """
     from ...tasks.service.service import Service
-    from .prefect_server import use_server, wait_for_server_once
+    from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
     service = Service.open(settings)
     service.catalog.get(arn)  # before a server is started for a job that is not there
@@ -34,8 +34,8 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     from ..dead_run_sweeper import close_dead_runs_once
 
     _warn_on_stderr()
-    wait_for_server_once(api_url, _logger.warning)
-    close_dead_runs_once()
+    outage = wait_for_server_once(api_url, settings, _logger.warning)
+    close_dead_runs_once(settings)
     try:
         with interrupted_by_signals(), service.activated():
             answer, result = lookup.perform(operation, arn)
@@ -43,6 +43,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
         with suppress(OSError):  # the terminal that hung up is gone
             print_answer(registry()[operation].described(arn, service), form)
         raise
+    tell_after_outage(outage, settings)
     print_answer(answer, form)
     return EXIT_CODES[result.state]
 

@@ -43,7 +43,7 @@ def carry_out(
         The exit code, which says how the run ended.
     """
     from .output.progress import watcher
-    from .prefect_server import use_server, wait_for_server_once
+    from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
     api_url = use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
@@ -52,8 +52,8 @@ def carry_out(
         from ...tasks.inspection.pipeline_parts import RunInterrupted
         from ..dead_run_sweeper import close_dead_runs_once
 
-        outage = wait_for_server_once(api_url, lambda text: listener(Note(text)))
-        close_dead_runs_once()
+        outage = wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
+        close_dead_runs_once(settings)
         try:
             record = run_spec(
                 spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of
@@ -62,6 +62,7 @@ def carry_out(
             interrupted, record = interruption, interruption.record
         else:
             interrupted = None
+        tell_after_outage(outage, settings)
     record = _with_report(record, report)
     with suppress(OSError) if interrupted else nullcontext():  # the terminal that hung up is gone
         asked = None if outage.is_on else api_url

@@ -7,7 +7,13 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from ...schemas.settings import Settings
-from ..prefect_server.local_server import ServerStatus, client_variables, ensure_server, server_status
+from ..prefect_server.local_server import (
+    ServerStatus,
+    client_variables,
+    ensure_server,
+    is_own_server,
+    server_status,
+)
 from ..prefect_server.login_link import login_link
 from ..prefect_server.server_health import health_of
 
@@ -46,11 +52,12 @@ def use_server(settings: Settings) -> str:
     return url
 
 
-def wait_for_server_once(api_url: str, tell: Callable[[str], None]) -> "Outage":
+def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str], None]) -> "Outage":
     """Has all requests to the Prefect server share one patience, until this process has ended; imports Prefect.
 
     Args:
         api_url: what `use_server` returned.
+        settings: the data home's.
         tell: tells the user at once that the server is away, and when it is back; called from any thread.
 
     Returns:
@@ -60,12 +67,25 @@ def wait_for_server_once(api_url: str, tell: Callable[[str], None]) -> "Outage":
     from ..prefect_server.outage import Outage
     from ..prefect_server.patient_requests import patient_requests
 
-    outage = Outage(api_url, lambda: health_of(api_url), tell)
+    outage = Outage(api_url, lambda: health_of(api_url), tell, is_own_server(api_url, settings))
     patience = patient_requests(outage, api_url)
     patience.__enter__()
     _FOR_EVER.append(patience)  # Prefect still empties its queues after all else has ended
     WATCH.tells_of_silence = False
     return outage
+
+
+def tell_after_outage(outage: "Outage", settings: Settings) -> None:
+    """Has the server told at the end of a run what it did not hear while it was away, if it is back.
+
+    Args:
+        outage: what `wait_for_server_once` returned.
+        settings: of the home that knows how its runs ended.
+    """
+    from ..dead_run_sweeper import close_dead_runs_once
+
+    if outage.has_been and not outage.is_on:
+        close_dead_runs_once(settings)
 
 
 _FOR_EVER: list[object] = []

@@ -106,6 +106,11 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
     return variables
 
 
+def is_own_server(api_url: str, settings: Settings) -> bool:
+    """Whether a URL is that of the server that was started for this home, whether it runs or not."""
+    return _known_server(settings).api_url == api_url
+
+
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
     """Says which server would be used and whether it answers."""
     if url := configured_api_url(os.environ if environ is None else environ):

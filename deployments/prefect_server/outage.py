@@ -4,18 +4,16 @@ The first request that finds no answer begins it. Until the server answers again
 waits meanwhile shares one patience, which counts from the first request: what comes after it has run out waits no more.
 """
 
-import ipaddress
 import threading
 import time
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
-from urllib.parse import urlsplit
 
 from .server_health import BUSY_PATIENCE_S, Health
 
 DEAD_PATIENCE_S = 5.0
-"""How long a server of this machine is waited for whose port nothing listens at: one that is started again listens at
-once, before it answers."""
+"""How long the home's own server is waited for when nothing listens at its port: only a person starts it again. Others
+have theirs started again by what keeps them, such as systemd or a container engine, also on this machine."""
 
 SILENCE_S = 5.0
 """How long a request may go without an answer before the server is asked how it does."""
@@ -30,6 +28,7 @@ class Outage:
         api_url: URL of its API.
         ask: asks the server how it does; takes some seconds at most.
         tell: tells the user a sentence; called from any thread.
+        is_own: whether the home's own server is there, which nothing starts again by itself.
         clock: gives seconds.
         look_s: time between two looks at a server that is away, and at the requests that wait for an answer.
     """
@@ -39,11 +38,12 @@ class Outage:
         api_url: str,
         ask: Callable[[], Health],
         tell: Callable[[str], None],
+        is_own: bool,
         clock: Callable[[], float] = time.monotonic,
         look_s: float = _LOOK_S,
     ) -> None:
         self._name = f"the Prefect server at {api_url}"
-        self._is_local = _is_loopback(urlsplit(api_url).hostname)
+        self._is_own = is_own
         self._ask = ask
         self._tell = tell
         self._clock = clock
@@ -52,6 +52,8 @@ class Outage:
         self._health = Health.HEALTHY
         self._since = 0.0
         self._has_told_end = False
+        self.has_been = False
+        """Whether the server was away at some time, so that it may not know how runs ended."""
         self._open_requests: dict[object, float] = {}
         self._closed = threading.Event()
 
@@ -110,7 +112,7 @@ class Outage:
         with self._changed:
             was, self._health = self._health, health
             if self.is_on and was is Health.HEALTHY:
-                self._since, self._has_told_end = since, False
+                self._since, self._has_told_end, self.has_been = since, False, True
                 self._tell(
                     f"{self._name} does not answer: {_WHY[health]}; what runs goes on, and is not shown there; "
                     f"waiting for it where it is needed, {self._patience_s():g} s at most in all"
@@ -128,7 +130,7 @@ class Outage:
             self._tell(f"{self._name} is not waited for any longer; what runs goes on without it")
 
     def _patience_s(self) -> float:
-        return DEAD_PATIENCE_S if self._health is Health.AWAY and self._is_local else BUSY_PATIENCE_S
+        return DEAD_PATIENCE_S if self._health is Health.AWAY and self._is_own else BUSY_PATIENCE_S
 
     def _watch(self) -> None:
         while not self._closed.wait(self._look_s):
@@ -140,10 +142,3 @@ class Outage:
 
 
 _WHY = {Health.BUSY: "it is silent", Health.AWAY: "it does not run, or cannot be reached"}
-
-
-def _is_loopback(host: str | None) -> bool:
-    try:
-        return host == "localhost" or ipaddress.ip_address(host or "").is_loopback
-    except ValueError:
-        return False

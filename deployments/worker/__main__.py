@@ -48,7 +48,7 @@ def main() -> None:
     try:
         worker = _make(look)
         worker.prepare()
-        close_dead_runs()
+        close_dead_runs(worker.settings)
     except RobomakerError as error:
         channel.send({"state": "failed", "error": str(error)})
         os._exit(2)

@@ -14,6 +14,7 @@ import httpx
 from prefect.client.orchestration import get_client
 from prefect.exceptions import PrefectException
 
+from ...schemas.settings import Settings
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException
 from ...tasks.execution.held_leases import HELD
@@ -74,6 +75,11 @@ class WarmWorker:
         with _logged("Prefect does not answer yet"), get_client(sync_client=True) as client:
             for pool in self._pools:
                 client.create_flow(find_perform_flow(pool.operation))
+
+    @property
+    def settings(self) -> Settings:
+        """Those of the home whose jobs it runs."""
+        return self._service.settings
 
     def look(self) -> None:
         """Begins the jobs that can begin; called several times a second."""

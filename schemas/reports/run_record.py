@@ -3,6 +3,7 @@
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
+from uuid import UUID
 
 from pydantic import Field
 
@@ -131,6 +132,9 @@ class RunRecord(Model):
     )
     probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
+    flow_run: UUID | None = Field(
+        default=None, description="Prefect's flow run that wrote this record; absent: none did, or it is not known."
+    )
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")
 
 

@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ..runs.plan import Verdict
 from ..wire.base import Model
-from .run_record import JobRecord
+from .run_record import JobRecord, RunRecord
 from .states import CaseOutcome, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
@@ -37,6 +37,20 @@ class FlowResult(Model):
     counts: dict[CaseOutcome, int] = Field(default={}, description="How many jobs ended how.")
     run_id: str | None = Field(default=None, description="Id of the run of a specification; absent: of a job alone.")
     report: str | None = Field(default=None, description="Path of the report; absent: none was written.")
+
+
+def result_of(record: RunRecord) -> FlowResult:
+    """How a run ended, by its record, as its flow returns it."""
+    troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
+    message = in_words(record.state, record.jobs, troubles, look=f"robomaker report {record.run_id} --open")
+    return FlowResult(
+        state=record.state,
+        message=f"{message}. Report: {record.report_path}",
+        verdicts=verdicts_of(record.jobs),
+        counts=count_outcomes(record.jobs),
+        run_id=record.run_id,
+        report=str(record.report_path) if record.report_path else None,
+    )
 
 
 def is_bad(status: str) -> bool:

@@ -29,7 +29,24 @@ _WAIT_S = 0.25
 _LATE_S = 5.0
 """After that one is not waited for that has not come, although later ones have."""
 
+_PREFIX = "robomaker-"
+_PAGE = 50
+"""How many limits are read at once."""
+
 _logger = logging.getLogger(__name__)
+
+
+def limit_name(batch_id: str) -> str:
+    """The name of the global concurrency limit of a batch."""
+    return f"{_PREFIX}{batch_id}"
+
+
+def batches_with_limits(client: SyncPrefectClient) -> list[str]:
+    """Ids of the batches that have a limit on a server; some may be those of other homes, or of no batch at all."""
+    names: list[str] = []
+    while page := client.read_global_concurrency_limits(limit=_PAGE, offset=len(names)):
+        names += [limit.name for limit in page]
+    return [name.removeprefix(_PREFIX) for name in names if name.startswith(f"{_PREFIX}batch-")]
 
 
 class Slots:

@@ -3,12 +3,16 @@
 A flow run that gives no sign of life for `SILENCE_S` is made `Crashed` by an automation on the server; `close_unheard`
 closes those that the automation missed, as one that died before its first sign had arrived. Nothing in Prefect closes
 what ran in them: `sweep` does. A process that only slept, or was stopped, takes back what it still does.
+
+Silence is no proof: a process may have come to its end while the server was away. So `tell_ends` asks those who know
+how runs ended, and gives them that state; `close_unheard` asks before it closes one.
 """
 
 import logging
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
+from typing import Any, TypeAlias
 from uuid import UUID
 
 from prefect.client.orchestration import SyncPrefectClient
@@ -27,12 +31,15 @@ from prefect.client.schemas.filters import (
     TaskRunFilterState,
     TaskRunFilterStateType,
 )
-from prefect.client.schemas.objects import StateType, TaskRun
+from prefect.client.schemas.objects import FlowRun, State, StateType, TaskRun
 from prefect.events.actions import ChangeFlowRunState
 from prefect.events.filters import EventFilter, EventNameFilter, EventOccurredFilter, EventResourceFilter
 from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
 from prefect.events.schemas.events import ResourceSpecification
-from prefect.states import Crashed, Running
+from prefect.states import Completed, Crashed, Running
+
+EndOf: TypeAlias = Callable[[FlowRun], State[Any] | None]
+"""Says how a flow run has come to its end, by what its own process wrote down; `None`: it is not known."""
 
 HEARTBEAT = "robomaker.flow-run.heartbeat"
 """Name of the events that are a flow run's signs of life."""
@@ -52,14 +59,24 @@ _SETTLE_S = 5.0
 _NO_SIGN = f"gave no sign of life for {SILENCE_S:g} s: its process or machine has died"
 _PART_OF_DEAD = "the flow run that it is a part of has died"
 _TASK_OF_DEAD = "the flow run that it belongs to has died"
+_TASK_OF_ENDED = "its flow run has ended; the server was not told how this task did"
+_PART_OF_ENDED = "the flow run that it is a part of has ended; the server was not told how this one did"
 
 _OPEN = [StateType.RUNNING, StateType.PENDING]
 _CLOSED = [StateType.CRASHED, StateType.CANCELLED]
+_ENDED_BY_ITSELF = [StateType.COMPLETED, StateType.FAILED]
+_ENDED = [*_CLOSED, *_ENDED_BY_ITSELF]
 _BEGAN = "prefect.flow-run.Running"
 _EVENTS_KEPT = timedelta(days=30)
 """Longer than servers keep events; a week, unless they are told otherwise."""
 
 _EVENTS_PAGE = 50  # the most that the server gives at once
+_TOLD_FOR = timedelta(days=1)
+"""How long after a run was closed its true end is looked for."""
+
+_LATE_S = 300.0
+"""How late states of task runs reach a server that is flooded with them; 240 s were seen."""
+
 _DEPTH = 4
 """How deep flows are in each other at most."""
 
@@ -104,11 +121,12 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     flow_runs = task_runs = 0
     for _ in range(_DEPTH):
         tasks = _open_tasks_of_dead(client, ours, before)
-        flows = _open_flows_of_dead(client, ours, before)
+        flows = [run.id for run in _open_flows(client, ours, _dead(before))]
         for task in tasks:
             client.set_task_run_state(task, Crashed(message=_TASK_OF_DEAD), force=True)
         for flow_run in flows:
-            client.set_flow_run_state(flow_run, Crashed(message=_PART_OF_DEAD), force=True)
+            # Not by force: one that has come to its end meanwhile stays as it is.
+            client.set_flow_run_state(flow_run, Crashed(message=_PART_OF_DEAD))
         flow_runs, task_runs = flow_runs + len(flows), task_runs + len(tasks)
         if not flows:
             break
@@ -118,7 +136,73 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     return Swept(flow_runs, task_runs)
 
 
-def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> list[UUID]:
+def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndOf) -> list[UUID]:
+    """Gives flow runs that were closed in the last day, and had come to their end, the state in which they ended.
+
+    What is open in flow runs that ended is closed, too, once no state of it is on its way any more.
+
+    Args:
+        client: the server's client.
+        flow_names: names of the flows that are asked about.
+        end_of: knows how flow runs ended.
+
+    Returns:
+        The ids of the flow runs whose state was changed.
+    """
+    now = datetime.now(UTC)
+    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
+    crashed = _ended_since(now - _TOLD_FOR, [StateType.CRASHED])
+    told: list[UUID] = []
+    for run in client.read_flow_runs(flow_filter=ours, flow_run_filter=crashed):
+        if (end := end_of(run)) is not None:
+            _tell_end(client, run.id, end)
+            told.append(run.id)
+    settled = now - timedelta(seconds=_SETTLE_S)
+    for part in _open_flows(client, ours, _ended_since(now - _TOLD_FOR, _ENDED, before=settled)):
+        if (end := end_of(part)) is not None:
+            _tell_end(client, part.id, end)
+            told.append(part.id)
+    late = now - timedelta(seconds=_LATE_S)
+    for part in _open_flows(client, ours, _ended_since(now - _TOLD_FOR, _ENDED_BY_ITSELF, before=late)):
+        client.set_flow_run_state(part.id, Crashed(message=_PART_OF_ENDED))
+    is_open = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=_OPEN)))
+    for end in _ENDED_BY_ITSELF:
+        ended = _ended_since(now - _TOLD_FOR, [end], before=late)
+        for task in client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=ended):
+            client.set_task_run_state(task.id, _end_of_task(end), force=True)
+    if told:
+        _logger.info("%d flow runs that were called dead had come to their end, and are shown so", len(told))
+    return told
+
+
+def _tell_end(client: SyncPrefectClient, run: UUID, end: State[Any]) -> None:
+    """Gives a flow run the state in which it ended, and closes the task runs in it that were not heard of."""
+    client.set_flow_run_state(run, end.model_copy(update={"data": None}), force=True)
+    in_run = FlowRunFilter(id=FlowRunFilterId(any_=[run]))
+    unheard = TaskRunFilterState(type=TaskRunFilterStateType(any_=[*_OPEN, StateType.CRASHED]))
+    for task in client.read_task_runs(task_run_filter=TaskRunFilter(state=unheard), flow_run_filter=in_run):
+        if task.state and (not task.state.is_crashed() or task.state.message == _TASK_OF_DEAD):
+            client.set_task_run_state(task.id, _end_of_task(end.type), force=True)
+
+
+def _end_of_task(flow: StateType) -> State[Any]:
+    """The end of a task run that was not heard of: in a flow that completed, each task has returned."""
+    ended = Completed if flow is StateType.COMPLETED else Crashed
+    return ended(message=_TASK_OF_ENDED)
+
+
+def was_silent(run: FlowRun) -> bool:
+    """Whether a flow run is only taken for dead: it, or the one that it is a part of, gave no sign of life."""
+    state = run.state
+    return state is not None and (not state.is_crashed() or state.message in (_NO_SIGN, _PART_OF_DEAD))
+
+
+def close_unheard(
+    client: SyncPrefectClient,
+    flow_names: Iterable[str],
+    now: datetime | None = None,
+    end_of: EndOf = lambda _: None,
+) -> list[UUID]:
     """Closes flow runs that have run for `UNHEARD_S`, and gave no sign of life meanwhile.
 
     Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
@@ -127,9 +211,10 @@ def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: dat
         client: of a server that has answered for as long: else it may not have heard those that live.
         flow_names: names of the flows that give signs of life; others on the server are left alone.
         now: the time; absent: the present.
+        end_of: knows how flow runs ended; those of which it does not are closed as dead.
 
     Returns:
-        The ids of those that are closed now.
+        The ids of those that are closed now as dead.
     """
     until = now or datetime.now(UTC)
     since = until - timedelta(seconds=UNHEARD_S)
@@ -148,11 +233,16 @@ def close_unheard(client: SyncPrefectClient, flow_names: Iterable[str], now: dat
         heard = _with_event(client, page, HEARTBEAT, since, until)
         silent = [run for run in page if run not in heard]
         unheard += _with_event(client, silent, _BEGAN, until - _EVENTS_KEPT, until) if silent else ()
-    for run in unheard:
-        client.set_flow_run_state(run, Crashed(message=_NO_SIGN), force=True)
-    if unheard:
-        _logger.info("closed %d flow runs that were not heard of for %g s", len(unheard), UNHEARD_S)
-    return unheard
+    dead: list[UUID] = []
+    for run in (run for run in found if run.id in unheard):
+        if (end := end_of(run)) is not None:
+            _tell_end(client, run.id, end)
+        else:  # not by force: one that has come to its end meanwhile stays as it is
+            client.set_flow_run_state(run.id, Crashed(message=_NO_SIGN))
+            dead.append(run.id)
+    if dead:
+        _logger.info("closed %d flow runs that were not heard of for %g s", len(dead), UNHEARD_S)
+    return dead
 
 
 def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UUID]:
@@ -211,13 +301,15 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
     return {resource_of[found.resource.id] for found in client.read_events(asked, limit=_EVENTS_PAGE).events}
 
 
-def _dead(before: datetime, ids: Iterable[UUID] | None = None) -> FlowRunFilter:
+def _dead(before: datetime) -> FlowRunFilter:
     """Flow runs that have died or were cancelled, some time ago."""
     state = FlowRunFilterState(type=FlowRunFilterStateType(any_=_CLOSED))
-    ended = FlowRunFilterEndTime.model_validate({"before_": before})
-    if ids is None:
-        return FlowRunFilter(state=state, end_time=ended)
-    return FlowRunFilter(state=state, end_time=ended, id=FlowRunFilterId(any_=list(ids)))
+    return FlowRunFilter(state=state, end_time=FlowRunFilterEndTime.model_validate({"before_": before}))
+
+
+def _ended_since(since: datetime, states: list[StateType], before: datetime | None = None) -> FlowRunFilter:
+    ended = FlowRunFilterEndTime.model_validate({"after_": since, "before_": before})
+    return FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=states)), end_time=ended)
 
 
 def _open_tasks_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: datetime) -> list[UUID]:
@@ -230,8 +322,8 @@ def _open_tasks_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: dat
     ]  # fmt: skip
 
 
-def _open_flows_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: datetime) -> list[UUID]:
-    """Open subflow runs whose flow run has died."""
+def _open_flows(client: SyncPrefectClient, ours: FlowFilter, outer: FlowRunFilter) -> list[FlowRun]:
+    """Open subflow runs of flow runs that a filter chooses."""
     is_open = FlowRunFilterState(type=FlowRunFilterStateType(any_=_OPEN))
     has_parent = FlowRunFilterParentTaskRunId(is_null_=False)
     chosen = FlowRunFilter(state=is_open, parent_task_run_id=has_parent)
@@ -240,8 +332,9 @@ def _open_flows_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: dat
         return []
     parents = _tasks(client, [run.parent_task_run_id for run in subflows if run.parent_task_run_id])
     flow_of = {task.id: task.flow_run_id for task in parents if task.flow_run_id}
-    dead = {run.id for run in client.read_flow_runs(flow_run_filter=_dead(before, set(flow_of.values())))}
-    return [run.id for run in subflows if run.parent_task_run_id and flow_of.get(run.parent_task_run_id) in dead]
+    of_them = outer.model_copy(update={"id": FlowRunFilterId(any_=list(set(flow_of.values())))})
+    chosen_ones = {run.id for run in client.read_flow_runs(flow_run_filter=of_them)}
+    return [run for run in subflows if run.parent_task_run_id and flow_of.get(run.parent_task_run_id) in chosen_ones]
 
 
 def _tasks(client: SyncPrefectClient, ids: list[UUID]) -> list[TaskRun]:

@@ -66,6 +66,9 @@ class RunWatch:
 
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
+    _taking_back: threading.Lock = field(default_factory=threading.Lock)
+    """Held while a run is taken back: one that ends meanwhile is told to Prefect only after that."""
+
     _is_running: bool = False
     _misses: int = 0
     tells_of_silence: bool = True
@@ -95,7 +98,7 @@ class RunWatch:
         try:
             yield
         finally:
-            with self._changed:
+            with self._taking_back, self._changed:
                 self._runs.pop(run, None)
                 self._changed.notify()
 
@@ -107,7 +110,8 @@ class RunWatch:
         try:
             yield
         finally:
-            parts.discard(run)
+            with self._taking_back:
+                parts.discard(run)
 
     def _watch(self) -> None:
         while runs := self._to_watch():
@@ -162,16 +166,21 @@ class RunWatch:
             emit_event(HEARTBEAT, resource=resource)
         return was_given
 
-    @staticmethod
-    def _take_back(runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
+    def _take_back(self, runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:
         """Makes runs `Running` again that were closed as dead while this process slept, was stopped, or was not heard.
 
-        Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed.
+        Only leases decide whose the work is: a run whose job another job worker has taken meanwhile stays closed. So
+        does one that has come to its end since `runs` was looked up: it says so itself.
         """
-        for watched, ids in [(watched, {run, *watched.parts}) for run, watched in runs.items()]:
-            if (closed := closed_as_dead(client, ids)) and watched.goes_on():
-                take_back(client, closed)
-                _logger.warning("%s was closed as dead in Prefect, and is taken back: it goes on", watched.name)
+        for run, watched in runs.items():
+            closed = closed_as_dead(client, {run, *watched.parts})
+            if not closed or not watched.goes_on():
+                continue
+            with self._taking_back:
+                still_open = {run, *watched.parts} if run in self._runs else set[UUID]()
+                if going_on := [each for each in closed if each in still_open]:
+                    take_back(client, going_on)
+                    _logger.warning("%s was closed as dead in Prefect, and is taken back: it goes on", watched.name)
 
     @staticmethod
     def _pass_on_cancellations(runs: dict[UUID, _Watched], client: SyncPrefectClient) -> None:

@@ -178,13 +178,13 @@ class BatchRun:
         return [i for i in range(len(self._requests)) if i not in self._made and str(i) not in self._failed]
 
     def _run_requests(self, indices: list[int]) -> None:
-        from ..execution.batch_slots import Slots
+        from ..execution.batch_slots import Slots, limit_name
 
         most = min(self._policy.max_concurrency, len(indices))
         if self._service.backend is None:
             most = min(most, self._service.settings.max_jobs)  # no more run on this machine
         self._finishing = threading.BoundedSemaphore(most)
-        with Slots(f"robomaker-{self._batch.id}", self._policy.max_concurrency, most, order=indices) as slots:
+        with Slots(limit_name(self._batch.id), self._policy.max_concurrency, most, order=indices) as slots:
             try:
                 if self._service.backend is None:
                     self._run_tasks(

@@ -62,7 +62,7 @@ def _carry_out(order: Order, settings: Settings, listener: StandingFile) -> None
     from ....tasks.service.service import Service
     from ...spec_runs.rights import Permits
 
-    wait_for_server_once(api_url, lambda text: listener(Note(text)))
+    wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
     service = Service.open(settings)
     audit_log = AuditLog(order.audit_log, service.clock) if order.audit_log else None
     run_spec(

@@ -4,14 +4,20 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.prefect_server import provide_tables
 from helpers.processes import started, wait_for, working_below
 
+from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, stop_server
+from prefect_robomaker.deployments.prefect_server.outage import DEAD_PATIENCE_S
+from prefect_robomaker.deployments.prefect_server.secret import auth_string, server_folder
 from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = pytest.mark.deep
@@ -71,3 +77,70 @@ def test_a_silent_server_is_waited_for_once_and_the_run_ends_with_its_report(
     assert err.count(f"{server} does not answer: it is silent") == 1
     assert "90 s at most in all" in err
     assert err.count(f"{server} is not waited for any longer") == 1
+
+
+def batch_of(order: Order, duration_s: float) -> dict[str, Any]:
+    """The steps of a specification with a batch of three jobs, two at a time."""
+    requests = [order({"DURATION_S": str(duration_s)}) for _ in range(3)]
+    members = {"createSimulationJobRequests": requests, "batchPolicy": {"maxConcurrency": 2}}
+    return {"drive": {"operation": "StartSimulationJobBatch", "input": members}}
+
+
+def shown_by(variables: dict[str, str]) -> tuple[dict[str, str], list[str], list[str]]:
+    """States of flow runs by the names of their flows, names of open task runs, and concurrency limits of batches."""
+    from prefect.client.orchestration import SyncPrefectClient
+
+    with SyncPrefectClient(
+        variables["PREFECT_API_URL"], auth_string=variables.get("PREFECT_API_AUTH_STRING")
+    ) as client:
+        flows = {run.flow_id: client.read_flow(run.flow_id).name for run in client.read_flow_runs()}
+        states = {flows[run.flow_id]: run.state.name if run.state else "" for run in client.read_flow_runs()}
+        tasks = [task.name for task in client.read_task_runs() if not task.state or not task.state.is_final()]
+        limits = client.read_global_concurrency_limits(limit=10, offset=0)
+    return states, tasks, [limit.name for limit in limits]
+
+
+ENDED_WELL = ({"RunPipeline": "Completed", "PerformSimulationJobBatch": "Completed"}, [], [])
+
+
+def test_a_server_of_others_on_this_machine_that_is_away_for_a_while_shows_the_run_as_it_ended(
+    service: Service, order: Order, spec: Callable[..., Path], own_server: Any, tmp_path: Path
+) -> None:
+    """Whoever keeps it, such as systemd or a container engine, starts it again."""
+    variables, pid = own_server
+    environ = {**variables, "ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
+    with started([*ROBOMAKER, "run", str(spec(batch_of(order, 8)))], environ, **PIPES) as robomaker:
+        wait_for(lambda: len(working_below(service.settings.home / "jobs")) >= 2, "the simulations")
+        os.killpg(pid, signal.SIGKILL)
+        batch = lambda: service.catalog.list("simulation-job-batch").resources[0]  # noqa: E731
+        wait_for(lambda: batch().status == "Completed", "the end of the batch")
+        time.sleep(2 * DEAD_PATIENCE_S)
+        assert robomaker.poll() is None, "it waits, so that its end is shown"
+        ensure_server(Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "server")}), {})
+        _, err = robomaker.communicate(timeout=200)
+
+    assert robomaker.returncode == 0, err
+    wait_for(lambda: shown_by(variables) == ENDED_WELL, "the states as they are")
+
+
+def test_a_run_that_ended_while_its_homes_server_was_away_is_shown_as_it_ended_once_that_is_back(
+    service: Service, order: Order, spec: Callable[..., Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("PREFECT_PROFILES_PATH", os.devnull)
+    provide_tables(server_folder(service.settings))
+    url = ensure_server(service.settings, {})
+    variables = {"PREFECT_API_URL": url, "PREFECT_API_AUTH_STRING": auth_string(service.settings)}
+    try:
+        environ = {"ROBOMAKER_HOME": str(service.settings.home), "CI": "true"}
+        with started([*ROBOMAKER, "run", str(spec(batch_of(order, 8)))], environ, **PIPES) as robomaker:
+            wait_for(lambda: len(working_below(service.settings.home / "jobs")) >= 2, "the simulations")
+            stop_server(service.settings)
+            _, err = robomaker.communicate(timeout=200)
+        assert robomaker.returncode == 0, err
+
+        assert ensure_server(service.settings, {}) == url
+        wait_for(lambda: shown_by(variables) == ENDED_WELL, "the states as they are")
+    finally:
+        stop_server(service.settings)

@@ -11,15 +11,18 @@ from prefect import flow, task
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.events import emit_event
 from prefect.events.filters import EventFilter, EventNameFilter, EventResourceFilter
-from prefect.states import Crashed, Running
+from prefect.states import Completed, Crashed, Running
 
+from prefect_robomaker.tasks.execution import dead_flow_runs
 from prefect_robomaker.tasks.execution.dead_flow_runs import (
+    _NO_SIGN,
     HEARTBEAT,
     UNHEARD_S,
     close_unheard,
     closed_as_dead,
     sweep,
     take_back,
+    tell_ends,
 )
 
 
@@ -123,3 +126,61 @@ def test_silence_says_nothing_where_a_server_keeps_no_events(
         assert state is not None
         assert state.type.value == "RUNNING"
         client.set_flow_run_state(run, Crashed(), force=True)
+
+
+def ended_well(_: object) -> Any:
+    return Completed(message="succeeded: 60 of 60 verdicts pass")
+
+
+def type_of(client: SyncPrefectClient, run: UUID) -> str:
+    state = client.read_flow_run(run).state
+    assert state is not None
+    return state.type.value
+
+
+def test_a_run_that_was_called_dead_and_had_ended_is_shown_as_it_ended_with_what_ran_in_it(
+    prefect_server: str, ours: str
+) -> None:
+    with get_client(sync_client=True) as client:
+        outer, dead = running_run(client, ours), running_run(client, ours)
+        parent = client.create_task_run(open_task, outer, dynamic_key="0", state=Running()).id
+        in_outer = client.create_task_run(open_task, outer, dynamic_key="1", state=Running()).id
+
+        @flow(name=ours)
+        def inner() -> None:
+            """Does nothing."""
+
+        part = client.create_flow_run(inner, parent_task_run_id=parent, state=Running()).id
+        for run in (outer, dead):
+            client.set_flow_run_state(run, Crashed(message=_NO_SIGN), force=True)
+
+        def told() -> bool:
+            tell_ends(client, {ours}, lambda run: None if run.id == dead else ended_well(run))
+            return type_of(client, part) == "COMPLETED"
+
+        wait_for(told, "the end of the part, which settles first")
+        assert (type_of(client, outer), type_of(client, dead)) == ("COMPLETED", "CRASHED")
+        shown = client.read_flow_run(outer).state
+        assert shown is not None
+        assert shown.message == "succeeded: 60 of 60 verdicts pass"
+        task_state = lambda: client.read_task_run(in_outer).state  # noqa: E731
+        wait_for(lambda: (state := task_state()) is not None and state.is_completed(), "the end of the task run")
+
+
+def test_before_a_run_is_closed_from_silence_those_are_asked_who_know_how_it_ended(
+    prefect_server: str, ours: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        dead_flow_runs, "_with_event", lambda _client, runs, event, *_: [] if event == HEARTBEAT else runs
+    )
+    with get_client(sync_client=True) as client:
+        ended, ends_now, died = (running_run(client, ours) for _ in range(3))
+
+        def end_of(run: Any) -> Any:
+            if run.id == ends_now:  # between the look at it and its closing
+                client.set_flow_run_state(run.id, Completed())
+            return ended_well(run) if run.id == ended else None
+
+        closed = close_unheard(client, {ours}, datetime.now(UTC) + timedelta(seconds=100), end_of)
+        assert set(closed) >= {died}
+        assert [type_of(client, run) for run in (ended, ends_now, died)] == ["COMPLETED", "COMPLETED", "CRASHED"]

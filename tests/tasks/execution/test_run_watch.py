@@ -139,8 +139,9 @@ def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on
             outer: _Watched("outer", lambda: None, lambda: True, {part, other}),
             lost: _Watched("lost", lambda: None, lambda: False),
         }
+        watch = RunWatch(runs)
         for _ in range(2):
-            RunWatch._take_back(runs, client)
+            watch._take_back(runs, client)
 
         states = [client.read_flow_run(run).state for run in (outer, part, lost, other)]
         assert [state.name if state else None for state in states] == ["Running", "Running", "Crashed", "Crashed"]
@@ -148,6 +149,81 @@ def test_a_run_that_was_closed_as_dead_is_taken_back_by_the_process_that_goes_on
             lambda: (state := client.read_task_run(inner).state) is not None and state.is_running(),
             "the task run that is taken back",
         )
+
+
+def test_a_run_that_comes_to_its_end_while_it_is_to_be_taken_back_stays_ended(prefect_server: str) -> None:
+    """A laptop that wakes: one thread says how the run ended, the other still sees that it was closed as dead."""
+    from prefect import flow
+    from prefect.client.orchestration import get_client
+    from prefect.states import Completed, Crashed, Running
+
+    from prefect_robomaker.tasks.execution.dead_flow_runs import _NO_SIGN, _PART_OF_DEAD
+
+    @flow(name="sleeper")
+    def sleeper() -> None:
+        """Does nothing."""
+
+    with get_client(sync_client=True) as client:
+
+        def crashed(words: str) -> uuid.UUID:
+            run = client.create_flow_run(sleeper, state=Running())
+            client.set_flow_run_state(run.id, Crashed(message=words), force=True)
+            return run.id
+
+        def end(run: uuid.UUID) -> bool:
+            client.set_flow_run_state(run, Completed())
+            return True
+
+        outer, open_outer, part = crashed(_NO_SIGN), crashed(_NO_SIGN), crashed(_PART_OF_DEAD)
+        watch = RunWatch()
+
+        def outer_ends() -> bool:
+            del watch._runs[outer]
+            return end(outer)
+
+        def part_ends() -> bool:
+            watch._runs[open_outer].parts.discard(part)
+            return end(part)
+
+        watch._runs |= {
+            outer: _Watched("outer", lambda: None, outer_ends),
+            open_outer: _Watched("open", lambda: None, part_ends, {part}),
+        }
+        watch._take_back(dict(watch._runs), client)
+
+        states = [client.read_flow_run(run).state for run in (outer, open_outer, part)]
+    assert [state.name if state else None for state in states] == ["Completed", "Running", "Completed"]
+
+
+def test_a_run_that_is_being_taken_back_is_told_to_have_ended_only_after_that(monkeypatch: pytest.MonkeyPatch) -> None:
+    happened: list[str] = []
+    inside, leave = threading.Event(), threading.Event()
+    run = uuid.uuid4()
+
+    def taken_back(*_: object) -> None:
+        leave.set()
+        assert not ended.wait(0.3)
+        happened.append("taken back")
+
+    monkeypatch.setattr(RunWatch, "_watch", lambda _: None)
+    monkeypatch.setattr(run_watch, "closed_as_dead", lambda *_: [run])
+    monkeypatch.setattr(run_watch, "take_back", taken_back)
+    watch, ended = RunWatch(), threading.Event()
+
+    def live() -> None:
+        with watch.watching(run, "run", lambda: None):
+            inside.set()
+            leave.wait(200)
+        happened.append("ended")
+        ended.set()
+
+    living = threading.Thread(target=live)
+    living.start()
+    inside.wait(200)
+    watch._take_back(dict(watch._runs), None)  # type: ignore[arg-type]  # what asks the server is replaced
+    living.join()
+
+    assert happened == ["taken back", "ended"]
 
 
 ENDS = """
