@@ -56,7 +56,7 @@ from ..tasks.inspection.pipeline_parts import (
     permit_all,
     read_spec_file,
 )
-from ..tasks.inspection.preflight import await_store, check_preconditions
+from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
 from ..tasks.jobs.owners.own_orders import OwnOrder
 from ..tasks.notifications.long_waits import LongWaits
@@ -112,6 +112,8 @@ def run_spec(
         permit=permit,
     )  # fmt: skip
     check_preconditions(checked, run.service)
+    if not (reuse or rerun_of or cut):
+        check_disk(checked, run.service)
     token = _current.set(run)
     try:
         with without_heartbeat():
@@ -221,6 +223,8 @@ class PipelineRun:
         service = Service.current()
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))
+        if not reuse:
+            check_disk(checked, service)
         command = ["robomaker", "run", origin, *(["--reuse"] if reuse else [])]
         if name := deployment.name:
             command = ["prefect", "deployment", "run", f"RunPipeline/{name}"]

@@ -1,19 +1,31 @@
 """Checks before a pipeline's first step: mistakes are told before worlds are generated, not after."""
 
+import shutil
 import socket
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
 from ...schemas.runs.requested_requirements import goals_at_start, no_such_room, starts_on_origin
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
-from ...schemas.wire.errors import Problem, SpecError, StorageError, StorageUnavailableError
+from ...schemas.wire.errors import (
+    BucketNotFoundError,
+    Problem,
+    SpecError,
+    StorageAccessDeniedError,
+    StorageError,
+    StorageUnavailableError,
+)
 from ...schemas.wire.request_problems import nearest
 from ..service.patient_store import patiently
 from ..service.service import Service
 from ..simulations.inputs.world_rooms import Rooms, rooms_of_world
-from ..simulations.outputs.output_places import prepare_bucket
+from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
+from ..storage.naming import join_key
+from ..worlds.generation import WORLDS_PREFIX
+from .kept_forecasts import find_forecast
 
 RoomsOf = Callable[[str], Rooms | None]
 """The rooms of a world, by its ARN; None where they are not known."""
@@ -60,8 +72,29 @@ def _names_no_host(error: BaseException | None) -> bool:
     return False
 
 
+def check_disk(checked: CheckedSpec, service: Service) -> None:
+    """Checks that what a forecast says of the outputs of a whole run fits on the disk of a store that is a folder here.
+
+    Raises:
+        StorageError: it does not; a disk that fills up in the night ends the run, or has it wait until somebody comes.
+    """
+    forecast = find_forecast(checked, service.settings)
+    place = service.store.local_path(service.settings.bucket, "any")
+    if forecast is None or place is None:
+        return
+    root = next(folder for folder in place.parents if folder.exists())
+    if (free := shutil.disk_usage(root).free) < forecast.size_bytes:
+        raise StorageError(
+            f"the outputs will take {forecast.size_bytes / 1e9:.1f} GB by the forecast of {forecast.made_at:%Y-%m-%d}, "
+            f"and {free / 1e9:.1f} GB are free on the disk of {root}: robomaker gc removes old runs, and "
+            "robomaker plan --probe makes a newer forecast"
+        )
+
+
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     """Checks that object store and backend answer, and that applications named by jobs and rooms of their goals exist.
+
+    What a run stores with its own credentials has to be stored somewhere: a few bytes are written there, and removed.
 
     Applications that a step of the same specification makes count as existing.
 
@@ -74,6 +107,7 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
     if service.backend is not None:
         service.backend.check()
     prepare_bucket(service, service.settings.bucket)
+    _check_writable(checked, service)
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
         for step in checked.steps.values()
@@ -94,6 +128,41 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
         raise SpecError(problems)
 
 
+def _check_writable(checked: CheckedSpec, service: Service) -> None:
+    """Writes where the run's worlds and outputs will go; a role's own rights are seen to when its job begins.
+
+    Raises:
+        SpecError: a job's output location names a bucket that is not there or cannot be written to.
+        StorageError: the configured bucket cannot be written to.
+    """
+    own = service.settings.bucket
+    places: dict[str, tuple[str, Problem | None]] = {}
+    for step in checked.steps.values():
+        request = plain(step.input)
+        if step.operation == "CreateWorldGenerationJob":
+            places.setdefault(own, (WORLDS_PREFIX, None))
+        for path, order in _orders(request, f"steps.{step.name}.input"):
+            location = order.get("outputLocation")
+            given = location if isinstance(location, Mapping) else {}
+            bucket, prefix = given.get("s3Bucket") or own, given.get("s3Prefix", "") if given else DEFAULT_PREFIX
+            has_role = service.roles is not None and order.get("iamRole") is not None
+            if not has_role and isinstance(bucket, str) and isinstance(prefix, str) and "${{" not in bucket + prefix:
+                problem = None if bucket == own else Problem(step.place, f"{path}.outputLocation.s3Bucket", "")
+                places.setdefault(bucket, (prefix, problem))
+    problems: list[Problem] = []
+    for bucket, (prefix, problem) in places.items():
+        try:
+            if problem is not None:
+                prepare_bucket(service, bucket)
+            service.store.check_writable(bucket, join_key(prefix, "preflight"))
+        except (BucketNotFoundError, StorageAccessDeniedError) as error:
+            if problem is None:
+                raise
+            problems.append(replace(problem, message=str(error)))
+    if problems:
+        raise SpecError(problems)
+
+
 def _rooms(arn: str, service: Service) -> Rooms | None:
     world = service.catalog.get_many([arn]).get(arn)
     return None if world is None else rooms_of_world(world, service)
@@ -102,6 +171,8 @@ def _rooms(arn: str, service: Service) -> Rooms | None:
 def _room_problems(step: CheckedStep, rooms_of: RoomsOf) -> Iterator[Problem]:
     """Goals in rooms that worlds do not have which are there already, and in those where the robot starts."""
     for path, order in _orders(plain(step.input), f"steps.{step.name}.input"):
+        if not isinstance(order.get("requirements"), list):
+            continue
         arn = _written_world(order)
         rooms = rooms_of(arn) if arn else None
         if rooms is None:
@@ -126,9 +197,9 @@ def _written_world(order: Mapping[str, Any]) -> str | None:
 
 
 def _orders(value: Any, path: str) -> Iterator[tuple[str, Mapping[str, Any]]]:
-    """Path and content of every order for a job that has requirements."""
+    """Path and content of every order for a simulation job."""
     if isinstance(value, Mapping):
-        if isinstance(value.get("requirements"), list) and isinstance(value.get("simulationApplications"), list):
+        if isinstance(value.get("simulationApplications"), list) or isinstance(value.get("robotApplications"), list):
             yield path, value
         for key, inner in value.items():
             yield from _orders(inner, f"{path}.{key}")

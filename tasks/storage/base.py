@@ -48,7 +48,7 @@ class ObjectStore(Protocol):
         ...
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """Finds out whether an object could be stored, without storing anything.
+        """Finds out whether an object could be stored; no object is there afterwards that was not before.
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.

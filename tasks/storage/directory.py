@@ -60,16 +60,19 @@ class DirectoryStore:
             self._remove_abandoned()
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """Finds out whether the bucket is there and its folder can be written to.
+        """Finds out whether the bucket is there and its folder can be written to: a few bytes are written, and removed.
 
         Raises:
-            StorageAccessDeniedError: this user may not.
+            StorageAccessDeniedError: this user may not, or the file system is read-only.
             BucketNotFoundError: there is no such bucket.
+            StorageFullError: nothing more can be written.
         """
         check_bucket(bucket)
         check_key(key)
         if not (self._root / bucket).is_dir():
             raise BucketNotFoundError(f"there is no bucket {bucket!r} in {self._root}")
+        with os_failures(f"write to {self._root}"), self._written(bucket, key, BytesIO(b"probe")):
+            pass  # it has no name yet, and is removed
         if not os.access(self._root / bucket, os.W_OK | os.X_OK):
             raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
 

@@ -15,7 +15,7 @@ from ...catalog import Resource
 from ...service.service import Service
 from ...storage.naming import check_bucket, check_key, join_key
 
-_DEFAULT_PREFIX = "simulation-jobs"
+DEFAULT_PREFIX = "simulation-jobs"
 
 _logger = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str
     bucket nor prefix are put below `simulation-jobs`.
     """
     location = SimulationJobDocument.of(job).request.get("outputLocation") or {}
-    prefix = location.get("s3Prefix", "") if location else _DEFAULT_PREFIX
+    prefix = location.get("s3Prefix", "") if location else DEFAULT_PREFIX
     return location.get("s3Bucket") or service.settings.bucket, join_key(prefix, job.id, run_id)
 
 

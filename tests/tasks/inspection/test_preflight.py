@@ -1,32 +1,40 @@
+import errno
 import json
 import socket
 import threading
+from contextlib import nullcontext
 from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from prefect_robomaker.schemas.reports.forecast import Forecast, Places
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import (
     ResourceAlreadyExistsException,
     SpecError,
+    StorageAccessDeniedError,
     StorageError,
 )
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.backends.opening import open_backend
-from prefect_robomaker.tasks.inspection.preflight import await_store, check_preconditions
+from prefect_robomaker.tasks.inspection.kept_forecasts import keep_forecast
+from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from prefect_robomaker.tasks.operations.applications.records import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 SUITE = {"name": "General"}
 
 
-def spec(robot: str, **steps: Any) -> Any:
+def spec(robot: str, *, location: Any = None, **steps: Any) -> Any:
     request = {
+        **({"outputLocation": location} if location else {}),
         "maxJobDurationInSeconds": 60,
         "iamRole": "arn:aws:iam::000000000000:role/test",
         "robotApplications": [{"application": robot, "launchConfig": {}}],
@@ -58,6 +66,46 @@ def test_an_object_store_that_cannot_be_used_is_found_before_anything_runs(setti
 
     with pytest.raises(StorageError):
         check_preconditions(spec("scout"), Service.open(Settings.from_environment(values), {}))
+
+
+@pytest.mark.parametrize("location", [None, {"s3Bucket": "results", "s3Prefix": "nightly"}])
+def test_a_store_that_cannot_be_written_to_is_found_before_anything_runs(
+    service: Service, location: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written = DirectoryStore._written
+
+    def read_only(store: DirectoryStore, bucket: str, *arguments: Any) -> Any:
+        if bucket == (location or {}).get("s3Bucket", service.settings.bucket):
+            raise OSError(errno.EROFS, "Read-only file system", "/store")
+        return written(store, bucket, *arguments)
+
+    monkeypatch.setattr(DirectoryStore, "_written", read_only)
+    wanted = spec("scout", location=location)
+    with pytest.raises(SpecError if location else StorageAccessDeniedError, match="Read-only file system") as refused:
+        check_preconditions(wanted, service)
+    if location:
+        assert "steps.drive.input.outputLocation.s3Bucket" in str(refused.value)
+
+
+def test_nothing_is_left_in_the_store_of_what_was_tried(service: Service) -> None:
+    check_preconditions(spec("scout", location={"s3Bucket": "results"}), service)
+
+    root = service.store.local_path("results", "any").parents[1]  # type: ignore[union-attr]
+    assert [path for path in root.rglob("*") if path.is_file()] == []
+
+
+def test_outputs_that_do_not_fit_on_the_disk_by_the_forecast_are_found_before_anything_runs(service: Service) -> None:
+    wanted = spec("scout")
+    check_disk(wanted, service)
+    for size_bytes, fits in ((10**6, True), (10**18, False)):
+        forecast = Forecast(
+            name="check", made_at=datetime(2026, 3, 1, tzinfo=UTC), backend="local",
+            places=Places(machines=1, jobs_per_machine=2, cpus=2), steps=[], wall_time_s=1.0, size_bytes=size_bytes,
+            assumed=[], probes=[],
+        )  # fmt: skip
+        keep_forecast(forecast, wanted, service.settings)
+        with nullcontext() if fits else pytest.raises(StorageError, match=r"1000000000\.0 GB by the forecast of 2026"):
+            check_disk(wanted, service)
 
 
 def test_an_application_is_updated_to_its_archive_as_it_is_now(service: Service) -> None:
