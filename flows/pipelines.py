@@ -45,7 +45,7 @@ from ..schemas.wire.errors import (
 )
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait, Result
-from ..tasks.execution.run_watch import watched_run
+from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import skipped_night
 from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.pipeline_parts import (
@@ -63,6 +63,7 @@ from ..tasks.notifications.long_waits import LongWaits
 from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.applications.records import existing_application
 from ..tasks.operations.step_operations import step_registry
+from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
 from .lookup import perform, without_heartbeat
 
@@ -152,7 +153,9 @@ def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = 
     """
     if _current.get() is None and (skipped := skipped_night(Settings.from_environment(os.environ))) is not None:
         return skipped
-    pipeline = _current.get() or PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
+    if (pipeline := _current.get()) is None:
+        with beginning_run():
+            pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
     service = pipeline.service
     with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
         pipeline.run()
@@ -220,7 +223,8 @@ class PipelineRun:
         if text is None:
             raise ConfigurationError("there is nothing to run: give `spec`, the path of a file, or `text`")
         checked = load_spec(text, origin)
-        service = Service.current()
+        patience_s = 60.0 * Settings.from_environment(os.environ).store_patience_min
+        service = once_catalog_answers(Service.current, patience_s=patience_s)
         check_world_counts(checked, service.settings.max_worlds_per_job)
         check_preconditions(checked, service.patient(checked.name, lambda: False))
         if not reuse:

@@ -17,8 +17,9 @@ from ..schemas.wire.errors import ConfigurationError
 from ..tasks.backends.backend import JOB_WORKER_FLOW, MISCONFIGURED
 from ..tasks.execution.flow_ends import started_by_worker
 from ..tasks.execution.orphans import end_job_worker
-from ..tasks.execution.run_watch import watched_run
+from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.jobs.batch_workers import BatchWorker
+from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Service
 from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
 
@@ -72,7 +73,8 @@ def RunJobWorker(batch: str) -> State[Any]:
         batch: ARN of the simulation job batch.
     """
     try:
-        service = Service.current()
+        with beginning_run():
+            service = once_catalog_answers(Service.current)
         worker = BatchWorker(batch, service)
         with watched_run(service.catalog, worker.stop):
             count = worker.run()

@@ -8,6 +8,7 @@ import threading
 
 from ...schemas.settings import Settings
 from ...tasks.jobs.batch_workers import BatchWorker
+from ...tasks.service.catalog_wait import once_catalog_answers
 from ...tasks.service.service import Service
 from ..log_lines import log_formatter
 from .signals import interrupted_by_signals
@@ -26,11 +27,12 @@ def work(batch: str, *, end_with_input: bool) -> int:
     handler = logging.StreamHandler(sys.stderr)
     handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
-    service = Service.open(Settings.from_environment(os.environ))
+    settings = Settings.from_environment(os.environ)
     if end_with_input:
         threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
     try:
         with interrupted_by_signals():
+            service = once_catalog_answers(lambda: Service.open(settings))
             count = BatchWorker(batch, service).run()
     except KeyboardInterrupt:
         sys.stderr.write("robomaker: interrupted; other job workers go on with the jobs\n")

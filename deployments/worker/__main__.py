@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
+from ...tasks.service.catalog_wait import once_catalog_answers
 from ...tasks.service.service import Service
 from ..dead_run_sweeper import close_dead_runs
 from ..log_lines import log_formatter
@@ -59,7 +60,7 @@ def main() -> None:
 
 def _make(look: threading.Event) -> "WarmWorker":
     settings = Settings.from_environment(os.environ)
-    service, prefect = Service.open(settings), PrefectWatch(settings)
+    service, prefect = once_catalog_answers(lambda: Service.open(settings)), PrefectWatch(settings)
     prefect.start()
     # Imported late: it imports Prefect's engine, while the watch already looks for the server.
     from .warm_worker import WarmWorker

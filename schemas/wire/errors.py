@@ -140,6 +140,12 @@ class ConfigurationError(RobomakerError):
     exit_code = BAD_USAGE
 
 
+class CatalogAwayError(ConfigurationError):
+    """The catalog's database did not answer when it was to be opened; it may be started later."""
+
+    exit_code = BROKE
+
+
 class StorageError(RobomakerError):
     """The object store refused or failed."""
 

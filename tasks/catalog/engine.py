@@ -11,12 +11,14 @@ from typing import Any
 from urllib.parse import unquote
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
-from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
 
-from ...schemas.wire.errors import ConfigurationError
+from ...schemas.wire.errors import CatalogAwayError, ConfigurationError
 from .tables import metadata, schema_version
 
 _BUSY_TIMEOUT_S = 30.0
+_NOT_YET = ("starting up", "shutting down", "in recovery", "too many clients")
+_NO_SUCH_HOST = "Name or service not known"
 _MIGRATION_LOCK = 0x0B07  # any number, the same for all programs that use this catalog
 
 
@@ -34,6 +36,7 @@ def open_engine(url: str) -> Engine:
     """Connects to a catalog's database and brings its tables up to date.
 
     Raises:
+        CatalogAwayError: the database's server is away, or has not started or ended yet.
         ConfigurationError: the URL leads nowhere, a driver is missing, or a newer program made the
             database.
     """
@@ -43,12 +46,22 @@ def open_engine(url: str) -> Engine:
             _migrate(connection)
     except DBAPIError as error:
         engine.dispose()
-        raise ConfigurationError(f"the catalog {engine.url!r} cannot be opened: {error.orig}") from error
+        kind = CatalogAwayError if _is_away(engine, error) else ConfigurationError
+        raise kind(f"the catalog {engine.url!r} cannot be opened: {error.orig}") from error
     except ConfigurationError:
         engine.dispose()
         raise
     _reopen_after_fork(engine)
     return engine
+
+
+def _is_away(engine: Engine, error: DBAPIError) -> bool:
+    """Whether a server did not answer, or only said that it starts or ends; what it refuses stays refused."""
+    said = str(error.orig)
+    answered = "FATAL:" in said and not any(words in said for words in _NOT_YET)
+    return isinstance(error, OperationalError) and engine.dialect.name != "sqlite" and not (
+        answered or _NO_SUCH_HOST in said
+    )  # fmt: skip
 
 
 def writing(engine: Engine) -> Engine:

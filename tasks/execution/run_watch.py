@@ -203,6 +203,20 @@ WATCH = RunWatch()
 
 
 @contextmanager
+def beginning_run() -> Generator[None]:
+    """Gives signs of life of the running flow inside the block, where it waits for what it needs to begin.
+
+    Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process.
+    """
+    context = FlowRunContext.get()
+    if context is None or context.flow_run is None or _watched_around.get() is not None:
+        yield
+        return
+    with WATCH.watching(context.flow_run.id, context.flow_run.name, lambda: None):
+        yield
+
+
+@contextmanager
 def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]:
     """Watches the running flow inside the block, unless one of ours around it is watched already.
 

@@ -54,21 +54,20 @@ class AwaitedJobs:
 
 
 class WorkerWait:
-    """What is seen of the jobs of a batch that job workers elsewhere take."""
+    """What is seen of the jobs of a batch that job workers elsewhere take: while one runs, there is a worker."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
-    def lasts(self, pending: int, running: int, allowed: int, now_s: float) -> bool:
-        """Notes how jobs stand, and says whether one waits for a worker for longer than it takes to be found.
+    def lasts(self, pending: int, running: int, now_s: float) -> bool:
+        """Notes how jobs stand, and says whether all wait for a worker, for longer than it takes to find one.
 
         Args:
             pending: jobs that no worker has begun.
             running: jobs that workers have begun and not ended.
-            allowed: how many may run at once.
             now_s: seconds of a clock that never goes back.
         """
-        if not pending or running >= allowed:
+        if not pending or running:
             self._since_s = None
             return False
         if self._since_s is None:

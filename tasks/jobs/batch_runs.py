@@ -241,7 +241,7 @@ class BatchRun:
             self._allow(slots.count)
             awaited.look()
             self._note_workers(workers.look())
-            self._look_for_worker(wait, slots.count)
+            self._look_for_worker(wait)
             return self._look()
 
         def look() -> bool:
@@ -261,16 +261,15 @@ class BatchRun:
             self._lease.update(BatchProgress(concurrency=concurrency))
             self._concurrency = concurrency
 
-    def _look_for_worker(self, wait: WorkerWait, allowed: int) -> None:
+    def _look_for_worker(self, wait: WorkerWait) -> None:
         """Says when jobs begin to wait for a job worker, and when they do not any more; looks once a second."""
         if (now_s := time.monotonic()) < self._looks_for_worker_at_s:
             return
         self._looks_for_worker_at_s = now_s + 1.0
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         pending = statuses.get("Pending", 0)
-        alive = sum(n for status, n in statuses.items() if not is_terminal("simulation-job", status))
-        running = alive - pending - sum(self._finish().values())
-        waits: Wait | None = "worker" if wait.lasts(pending, running, allowed, now_s) else None
+        running = sum(n for status, n in statuses.items() if not is_terminal("simulation-job", status)) - pending
+        waits: Wait | None = "worker" if wait.lasts(pending, running, now_s) else None
         if waits != self._waits_for:
             self._note_wait(waits)
 

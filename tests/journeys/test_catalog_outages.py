@@ -128,3 +128,23 @@ def test_a_step_that_is_repeated_after_an_outage_is_done_once(
 
     assert [job.status for job in record.jobs] == ["Completed"]
     assert [job.arn for job in service.catalog.list(KIND).resources] == [record.jobs[0].arn]
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("environ", ["by-hand"], indirect=True)
+def test_a_job_worker_that_starts_while_the_catalog_is_away_waits_for_it(
+    service: Service, environ: dict[str, str], order: Order, postgres_server: PostgresServer, tmp_path: Path
+) -> None:
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [order()]}, service)["arn"]
+    call("CancelSimulationJobBatch", {"batch": batch}, service)
+    log = tmp_path / "work.log"
+    postgres_server.stop()
+    try:
+        with log.open("w") as output, started([*ROBOMAKER, "work", batch], environ, stderr=output) as worker:
+            wait_for(lambda: "waits for the catalog" in log.read_text(), "a line that says so")
+            postgres_server.start()
+            assert worker.wait(200) == 0, log.read_text()
+    finally:
+        postgres_server.start()
+    assert "the catalog answers" in log.read_text()
+    assert "ran 0 jobs" in log.read_text()

@@ -1,0 +1,51 @@
+"""Waiting for a catalog whose database is away when a job worker or a night begins."""
+
+import logging
+import math
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+from ...schemas.wire.errors import CatalogAwayError
+
+_LOOK_S = 2.0
+
+_logger = logging.getLogger(__name__)
+
+Opened = TypeVar("Opened")
+
+
+def once_catalog_answers(
+    open_it: Callable[[], Opened],
+    *,
+    patience_s: float = math.inf,
+    sleep: Callable[[float], None] = time.sleep,
+    clock: Callable[[], float] = time.monotonic,
+) -> Opened:
+    """Opens what needs the catalog, again and again while its database does not answer; that is logged once.
+
+    Args:
+        open_it: opens it.
+        patience_s: for how long it is tried at most; a job worker has nothing better to do.
+        sleep: waits, in seconds.
+        clock: gives seconds.
+
+    Raises:
+        CatalogAwayError: the database did not answer all the while.
+        ConfigurationError: what waiting does not mend, such as a wrong password.
+    """
+    until_s, is_told = clock() + patience_s, False
+    while True:
+        try:
+            opened = open_it()
+        except CatalogAwayError as error:
+            if clock() >= until_s:
+                raise
+            if not is_told:
+                _logger.warning("waits for the catalog, which does not answer: %s", error)
+                is_told = True
+            sleep(_LOOK_S)
+        else:
+            if is_told:
+                _logger.warning("the catalog answers")
+            return opened
