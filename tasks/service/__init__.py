@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.backends`, `tasks.catalog`, `tasks.storage`, `task
 """
 
 # pyright: reportUnsupportedDunderAll=false
-__all__ = ["builtin_applications", "home", "patient_store", "service", "spans"]
+__all__ = ["builtin_applications", "catalog_wait", "home", "patient_store", "service", "spans"]
