@@ -202,7 +202,7 @@ def test_serve_leaves_what_needs_another_environment_and_the_command_that_is_tol
         typed = command.replace(" robomaker ", f" {' '.join(ROBOMAKER)} ")
         done = subprocess.run(typed, shell=True, env={**os.environ, **environ}, capture_output=True, text=True)
         page.load(f"{served.url}/console/batches/{name}", 1280)
-        page.wait_for_text("carried out by robomaker perform", "had died")
+        page.wait_for_text("Carried out by robomaker perform", "had died")
 
     assert done.returncode == 0, done.stdout + done.stderr
     assert service.catalog.count_children(batch, "simulation-job") == {"Completed": 3}
