@@ -14,6 +14,8 @@
 | `ROBOMAKER_NICE` | niceness of simulations, 0 to 19; with 19 all else on the machine comes first | 0 |
 | `ROBOMAKER_FAILURE_VIDEO_LIMIT_S` | seconds that drawing a failed run may take; its last 10 s come first | 300 |
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
+| `ROBOMAKER_MAX_OUTPUT_GB` | what is stored of the outputs of a run, in GB; holes count | `ROBOMAKER_MAX_JOB_DISK_GB` |
+| `ROBOMAKER_MAX_OUTPUT_FILES` | how many files are stored of the outputs of a run | 100000 |
 | `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
 | `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
 | `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
@@ -67,6 +69,10 @@ DEFAULT_MIN_FREE_DISK_MB = 200
 MOST_NICE = 19
 DEFAULT_FAILURE_VIDEO_LIMIT_S = 300
 DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
+DEFAULT_MAX_OUTPUT_FILES = 100_000
+"""Four cameras whose pictures are written at 30 Hz for ten minutes are 72,000 files; 100,000 empty ones take a disk two
+minutes."""
+_MOST_OUTPUT_FILES = 1_000_000
 DEFAULT_MAX_WORLDS_PER_JOB = 50
 """What the service allowed."""
 DEFAULT_MAX_LATE_HOURS = 6
@@ -121,6 +127,16 @@ class Settings(Model):
     )
     max_job_disk_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
+    )
+    max_output_gb: int = Field(
+        default=DEFAULT_MAX_JOB_DISK_GB,
+        ge=1,
+        description="What is stored of the outputs of a simulation job's run, in GB; holes in files count.",
+    )
+    max_output_files: int = Field(
+        default=DEFAULT_MAX_OUTPUT_FILES,
+        ge=1,
+        description="How many files are stored of the outputs of a simulation job's run.",
     )
     sandbox: SandboxMode = Field(
         default="auto",
@@ -209,6 +225,15 @@ class Settings(Model):
                 environ, "ROBOMAKER_FAILURE_VIDEO_LIMIT_S", DEFAULT_FAILURE_VIDEO_LIMIT_S, 1
             ),
             "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
+            "max_output_gb": _number(
+                environ,
+                "ROBOMAKER_MAX_OUTPUT_GB",
+                # A run without sparse files writes no more than its disk limit, so that all of it is stored.
+                _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
+            ),
+            "max_output_files": _number(
+                environ, "ROBOMAKER_MAX_OUTPUT_FILES", DEFAULT_MAX_OUTPUT_FILES, 1, _MOST_OUTPUT_FILES
+            ),
             "max_worlds_per_job": max_worlds_per_job(environ),
             "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
             "robot_poll_s": _number(environ, "ROBOMAKER_ROBOT_POLL_S", DEFAULT_ROBOT_POLL_S, 1, MAX_ROBOT_POLL_S),

@@ -176,6 +176,10 @@ class SimulationJobProgress(FailureChanges):
         default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
     )
     outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    upload_canceled: bool = Field(
+        default=False,
+        description="Whether a job that had been cancelled was cancelled again while its outputs were stored.",
+    )
     earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
     made_of: MadeOf | None = Field(default=None, description="What its last run was made of; absent: it has not run.")
 

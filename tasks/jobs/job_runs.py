@@ -25,6 +25,7 @@ from ...schemas.wire.errors import (
     StateConflictError,
     StorageError,
     StorageUnavailableError,
+    TransferStoppedError,
 )
 from ..execution.blocks.credential_blocks import read_credential_block
 from ..execution.job_leases import CatalogWait, Lease
@@ -38,6 +39,7 @@ from ..simulations.containers.cleanup import remove_containers_of_job
 from ..simulations.containers.outputs import settle_containers
 from ..simulations.environment.fresh_keys import fresh_keys
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
+from ..simulations.outputs.upload_ends import UploadEnd
 from ..simulations.planning.job_contents import contents_of_plan
 from ..simulations.planning.resuming import plan_to_resume, reached_s
 from ..simulations.planning.run_plans import run_plan
@@ -443,20 +445,35 @@ class JobRun:
         """
         outputs = self._outputs(run_id)
         settle_containers(self._folder(run_id), outputs.output_dir)
+        outcome = self._overtaken(outcome, outputs) if self._is_overtaken(outcome) else outcome
+        finished = bool(self._document.finished)
         try:
-            finished = bool(self._document.finished)
             place = outputs.store(
                 outcome.about_run(),
                 finished=finished,
                 stopped=self._is_stopped,
                 resumes=resumes,
                 outdated=lambda: self._is_overtaken(outcome),
+                ended=UploadEnd(self._lease.job.arn, self._service.catalog, self._why_stop),
             )
+        except TransferStoppedError:
+            return self._concluded(outcome, outputs, finished=finished)
         except (StorageError, OSError) as error:
             if self._is_overtaken(outcome):
-                return self._published(run_id, self._overtaken(outcome, outputs), resumes=True)
+                return self._published(run_id, outcome, resumes=True)
             return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
         return outcome.model_copy(update={"outputs": place})
+
+    def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
+        """The outcome of a job that was cancelled while its outputs were stored, of which a part may be."""
+        outcome = self._overtaken(outcome, outputs) if self._is_overtaken(outcome) else outcome
+        self._lease.update(SimulationJobProgress(outcome=outcome))  # raises if the lease is another's by now
+        try:
+            place, part = outputs.conclude(outcome.about_run(), finished=finished)
+        except (StorageError, OSError) as error:
+            return without_outputs(outcome, failure_code_of(error), outputs.not_stored(error))
+        reason = "\n".join(filter(None, (part, outcome.failure_reason)))
+        return outcome.model_copy(update={"outputs": place, "failure_reason": shorten(reason) or None})
 
     def _is_overtaken(self, outcome: Outcome) -> bool:
         """Whether the job was cancelled while the outputs of its completed run were stored."""

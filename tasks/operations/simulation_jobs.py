@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import SimulationJobDocument, SimulationJobProgress
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
@@ -110,10 +110,14 @@ def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -
 def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> CancelSimulationJobResponse:
     """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
 
-    Cancelling a job that has ended changes nothing and succeeds.
+    Cancelling a job that has ended changes nothing and succeeds. A job that was cancelled while it ran stores its
+    outputs; cancelled again, it ends with what is stored by then.
     """
     service.catalog.get(request.job, kind=KIND)
+    status, is_canceled = service.catalog.standing(request.job)
     service.catalog.request_cancel(request.job)
+    if is_canceled and status == "Terminating":
+        service.catalog.update(request.job, SimulationJobProgress(upload_canceled=True))
     stop_idle_job(request.job, service)
     return CancelSimulationJobResponse()
 

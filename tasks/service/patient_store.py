@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from ..storage import ObjectInfo, ObjectStore, split_stored
-from ..storage.base import Stopped, UnfinishedUpload, never
+from ..storage.base import Stopped, Tell, UnfinishedUpload, never, tell_none
 from .patience import Patience
 
 Result = TypeVar("Result")
@@ -50,11 +50,13 @@ class PatientStore:
         """See `ObjectStore`; this does not wait."""
         self.at_once.probe(bucket)
 
-    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
         """See `ObjectStore`."""
-        return self.ask(bucket, lambda: self.at_once.find_same(bucket, key, path))
+        return self.ask(bucket, lambda: self.at_once.find_same(bucket, key, path, stopped=stopped))
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
         """See `ObjectStore`."""
         stored: dict[str, ObjectInfo] = {}
         tries = 0
@@ -64,9 +66,11 @@ class PatientStore:
             tries += 1
             left = files
             if tries > 1:
-                there, left = split_stored(self.at_once, bucket, files)
+                there, left = split_stored(self.at_once, bucket, files, stopped)
                 stored.update(there)
-            infos = dict(zip(left, self.at_once.put_files(bucket, left), strict=True))
+                for key in there:
+                    tell(key)
+            infos = dict(zip(left, self.at_once.put_files(bucket, left, stopped=stopped, tell=tell), strict=True))
             return [infos.get(key) or stored[key] for key in files]
 
         return self.ask(bucket, put)

@@ -16,6 +16,7 @@ from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
+from .outputs.bounds import lacks_outputs
 from .planning.job_contents import changed_import
 
 _KIND = "simulation-job"
@@ -94,6 +95,8 @@ def _why_not_outputs(document: SimulationJobDocument, service: Service) -> str |
         manifest = read_manifest(service.store, place.bucket, place.prefix)
         if _RESULT_FILE not in {file.path for file in manifest.files}:
             return f"has no {_RESULT_FILE}"
+        if lacks_outputs(manifest.about):
+            return "has outputs of which a part was left out"
         if removed := removed_before(manifest)[0]:
             return f"has outputs of which {removed} files were removed to free space"
         stored = service.store.get_bytes(place.bucket, f"{place.prefix}/{_RESULT_FILE}")

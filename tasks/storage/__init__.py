@@ -24,6 +24,7 @@ __all__ = [
     "fetch",
     "finish_thinning",
     "folders",
+    "holes",
     "naming",
     "open_store",
     "opening",

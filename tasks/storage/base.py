@@ -6,13 +6,33 @@ from datetime import datetime
 from pathlib import Path
 from typing import Protocol
 
+from ...schemas.wire.errors import TransferStoppedError
+
 Stopped = Callable[[], bool]
 """Whether a transfer is not wanted any more; asked several times a second, from any thread."""
+
+
+Tell = Callable[[str], None]
+"""Told of the key of an object that has been stored, from any thread."""
 
 
 def never() -> bool:
     """For transfers that are never stopped."""
     return False
+
+
+def tell_none(key: str) -> None:
+    """Ignores what is stored, where there is no listener."""
+
+
+def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
+    """Raises what a transfer raises that is not wanted any more.
+
+    Raises:
+        TransferStoppedError: `stopped` said so.
+    """
+    if stopped():
+        raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
 
 
 @dataclass(frozen=True)
@@ -72,16 +92,28 @@ class ObjectStore(Protocol):
         """
         ...
 
-    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
         """Finds an object that has a file's content already: its size, and its checksum as the store has it.
 
         Returns:
             `None`: there is none, or whether it is the same cannot be known.
+
+        Raises:
+            TransferStoppedError: `stopped` said so.
         """
         ...
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
-        """Stores many files, several at a time; raises the first error after all have ended."""
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
+        """Stores many files, several at a time; raises the first error after all have ended.
+
+        Args:
+            bucket: where to.
+            files: what to store, by keys.
+            stopped: see `put_file`; what is stored by then stays.
+            tell: told of each file that is stored.
+        """
         ...
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:

@@ -8,7 +8,6 @@ Descriptors are what is asked: the answer belongs to the file that was opened, a
 """
 
 import base64
-import hashlib
 import os
 import time
 import zlib
@@ -19,6 +18,8 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from ...schemas.wire.errors import ChecksumMismatchError
+from .base import Stopped, never
+from .holes import digest_of, pieces
 
 _CHUNK_BYTES = 1 << 20
 _ATTRIBUTE = "user.robomaker.etag"
@@ -108,24 +109,28 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
         raise ChecksumMismatchError(f"{what}: CRC32 {stored} there, {crc} here")
 
 
-def has_content(answer: Mapping[str, Any], path: Path) -> bool:
+def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never) -> bool:
     """Whether an object has a file's content, as far as a server's answer proves it.
 
     Args:
         answer: of HeadObject.
         path: the file.
+        stopped: asked while it is read whether to go on.
 
     Raises:
+        TransferStoppedError: `stopped` said so.
         OSError: it cannot be read.
     """
     with path.open("rb") as file:
         if os.fstat(file.fileno()).st_size != answer["ContentLength"]:
             return False
         if answer.get("ChecksumCRC32") and answer.get("ChecksumType", "FULL_OBJECT") == "FULL_OBJECT":
-            return measure(file)[1] == answer["ChecksumCRC32"]
+            crc = 0
+            for piece in pieces(file.fileno(), stopped):
+                crc = zlib.crc32(piece.data, crc)
+            return crc32_text(crc) == answer["ChecksumCRC32"]
         # Of an object in one piece it is the MD5, but not where the server encrypts; then they differ.
-        digest = hashlib.file_digest(file, lambda: hashlib.md5(usedforsecurity=False))
-        return digest.hexdigest() == answer["ETag"].strip('"')
+        return digest_of(file.fileno(), "md5", stopped)[0] == answer["ETag"].strip('"')
 
 
 def store_etag(descriptor: int, etag: str) -> None:
@@ -145,10 +150,15 @@ def store_etag(descriptor: int, etag: str) -> None:
                 return
 
 
-def etag_of(descriptor: int) -> str:
+def etag_of(descriptor: int, stopped: Stopped = never) -> str:
     """The ETag of an open file; its read position stays where it is.
 
+    Args:
+        descriptor: the file.
+        stopped: asked while it is read whether to go on.
+
     Raises:
+        TransferStoppedError: `stopped` said so.
         OSError: it cannot be read.
     """
     if (etag := _kept_etag(descriptor)) is not None:
@@ -156,7 +166,9 @@ def etag_of(descriptor: int) -> str:
     key = _change(descriptor)
     if key in _computed:
         return _computed[key]
-    etag = _md5(descriptor)
+    position = os.lseek(descriptor, 0, os.SEEK_CUR)
+    etag, _ = digest_of(descriptor, "md5", stopped)
+    os.lseek(descriptor, position, os.SEEK_SET)
     if _change(descriptor) == key:  # it was not written to meanwhile
         store_etag(descriptor, etag)
         if len(_computed) >= _REMEMBERED:
@@ -173,15 +185,6 @@ def _kept_etag(descriptor: int) -> str | None:
         if version == _version(descriptor) and is_last_change:
             return etag
     return None
-
-
-def _md5(descriptor: int) -> str:
-    digest = hashlib.md5(usedforsecurity=False)
-    offset = 0
-    while chunk := os.pread(descriptor, _CHUNK_BYTES, offset):
-        digest.update(chunk)
-        offset += len(chunk)
-    return digest.hexdigest()
 
 
 def _version(descriptor: int) -> str:

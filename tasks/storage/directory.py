@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from datetime import datetime
-from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO
 from uuid import uuid4
@@ -23,16 +22,15 @@ from ...schemas.wire.errors import (
     ObjectNotFoundError,
     StorageAccessDeniedError,
     StorageError,
-    TransferStoppedError,
 )
-from .base import ObjectInfo, Stopped, UnfinishedUpload, never
+from .base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, refuse_stopped, tell_none
 from .checksums import etag_of, store_etag
 from .failures import os_failures
 from .folders import open_regular
+from .holes import copy_with_holes
 from .naming import check_bucket, check_key, check_prefix
 from .parallel import run_all
 
-_CHUNK_BYTES = 1 << 20
 _ABANDONED_AFTER_S = 86_400.0
 _RACES = 20
 
@@ -85,7 +83,7 @@ class DirectoryStore:
         """
         with os_failures(f"store {path} as {bucket}/{key}"), path.open("rb") as source:
             before = os.fstat(source.fileno())
-            with self._written(bucket, key, source, stopped) as (temporary, info):
+            with self._written(bucket, key, source.fileno(), stopped) as (temporary, info):
                 after = os.fstat(source.fileno())
                 if (info.size_bytes, after.st_mtime_ns) != (before.st_size, before.st_mtime_ns):
                     raise StorageError(f"cannot store {path} as {bucket}/{key}: it was written to meanwhile")
@@ -98,19 +96,28 @@ class DirectoryStore:
         with os_failures(f"look into {self._root}"), suppress(FileNotFoundError, PermissionError, NotADirectoryError):
             (self._root / bucket).stat()
 
-    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
         """Finds an object that has a file's content already, by its size and its MD5."""
+        refuse_stopped(stopped, bucket, key)
         with suppress(ObjectNotFoundError, BucketNotFoundError):
             found = self.head(bucket, key)
             with os_failures(f"read {path}"), open_regular(path) as content:
                 size = os.fstat(content.fileno()).st_size
-                if found.size_bytes == size and found.etag == etag_of(content.fileno()):
+                if found.size_bytes == size and found.etag == etag_of(content.fileno(), stopped):
                     return found
         return None
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
-        return run_all(lambda item: self.put_file(bucket, *item), files.items())
+
+        def put(item: tuple[str, Path]) -> ObjectInfo:
+            info = self.put_file(bucket, *item, stopped=stopped)
+            tell(info.key)
+            return info
+
+        return run_all(put, files.items())
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """Stores bytes.
@@ -120,7 +127,7 @@ class DirectoryStore:
         """
         with (
             os_failures(f"store {bucket}/{key}"),
-            self._written(bucket, key, BytesIO(data)) as (temporary, info),
+            self._written(bucket, key, data) as (temporary, info),
         ):
             self._name(temporary, info, create_only=create_only)
             return info
@@ -131,8 +138,7 @@ class DirectoryStore:
         with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
             try:
                 with temporary.open("xb") as target:
-                    for chunk in _chunks(source):
-                        target.write(chunk)
+                    copy_with_holes(source.fileno(), target)
                 temporary.replace(path)
             finally:
                 temporary.unlink(missing_ok=True)
@@ -220,23 +226,25 @@ class DirectoryStore:
 
     @contextmanager
     def _written(
-        self, bucket: str, key: str, source: BinaryIO, stopped: Stopped = never
+        self, bucket: str, key: str, source: int | bytes, stopped: Stopped = never
     ) -> Generator[tuple[Path, ObjectInfo]]:
-        """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends."""
+        """Writes a source into a temporary file that is on the disk when the block begins and gone when it ends.
+
+        The source is the descriptor of a file, whose holes stay holes, or the content itself.
+        """
         check_key(key)
         self._bucket_path(bucket)
         self._incoming.mkdir(exist_ok=True)
         temporary = self._incoming / f"{os.getpid()}-{uuid4().hex}"
         digest = hashlib.md5(usedforsecurity=False)
-        size = 0
+        refuse_stopped(stopped, bucket, key)
         try:
             with temporary.open("xb") as target:
-                for chunk in _chunks(source):
-                    if stopped():
-                        raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
-                    target.write(chunk)
-                    digest.update(chunk)
-                    size += len(chunk)
+                if isinstance(source, bytes):
+                    size = target.write(source)
+                    digest.update(source)
+                else:
+                    size = copy_with_holes(source, target, stopped, digest.update, f"{bucket}/{key}")
                 target.flush()
                 os.fsync(target.fileno())
             yield temporary, ObjectInfo(bucket, key, size, digest.hexdigest())
@@ -277,11 +285,6 @@ class DirectoryStore:
                 with suppress(FileNotFoundError):
                     if self._clock() - entry.stat(follow_symlinks=False).st_mtime > _ABANDONED_AFTER_S:
                         os.unlink(entry.path)  # noqa: PTH108 - entries of scandir have strings
-
-
-def _chunks(source: BinaryIO) -> Iterator[bytes]:
-    while chunk := source.read(_CHUNK_BYTES):
-        yield chunk
 
 
 def _keys(folder: Path, prefix: str) -> Iterator[str]:

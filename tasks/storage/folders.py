@@ -40,21 +40,21 @@ def regular_files(folder: Path) -> list[FolderFile]:
     def refuse(path: Path, why: str) -> None:
         raise StorageError(f"{str(path)[:200]} {why}")
 
-    return files_told(folder, refuse)
+    with os_failures(f"read the folder {folder}"):
+        return sorted(files_told(folder, refuse), key=lambda file: os.fsencode(file.name))
 
 
-def files_told(folder: Path, tell: Callable[[Path, str], None]) -> list[FolderFile]:
-    """All files below a folder that can be stored, ordered by name.
+def files_told(folder: Path, tell: Callable[[Path, str], None]) -> Iterator[FolderFile]:
+    """Yields all files below a folder that can be stored, in any order.
 
     Args:
         folder: where they are.
         tell: told of everything else: where it is, and what is wrong with it.
 
     Raises:
-        StorageError: the folder is none or cannot be read.
+        OSError: the folder is none or cannot be read.
     """
-    with os_failures(f"read the folder {folder}"):
-        return sorted(_walk(folder, "", MAX_DEPTH, tell), key=lambda file: os.fsencode(file.name))
+    return _walk(folder, "", MAX_DEPTH, tell)
 
 
 def _walk(folder: Path, prefix: str, depth: int, tell: Callable[[Path, str], None]) -> Iterator[FolderFile]:

@@ -9,7 +9,7 @@ import hashlib
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 
@@ -24,9 +24,10 @@ from ...schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
-from .base import ObjectInfo, ObjectStore, Stopped, never
+from .base import ObjectInfo, ObjectStore, Stopped, Tell, never, tell_none
 from .failures import os_failures
 from .folders import FolderFile, open_regular, version_of
+from .holes import digest_of
 from .naming import check_key, join_key
 from .parallel import run_all
 
@@ -44,6 +45,8 @@ def publish(
     stored: Sequence[ManifestFile] = (),
     resumes: bool = False,
     stopped: Stopped = never,
+    ended: Stopped = never,
+    tell: Callable[[ManifestFile], None] | None = None,
 ) -> Manifest:
     """Stores files, and last the manifest that makes them count.
 
@@ -61,9 +64,11 @@ def publish(
         resumes: whether an earlier attempt may have stored a part; what is there with the same content is not
             stored again.
         stopped: asked before the manifest is written, whether these files are not to count after all.
+        ended: asked all the time while files are read and stored, whether to end that at once; quick.
+        tell: told of each file that is stored, from any thread.
 
     Raises:
-        TransferStoppedError: `stopped` said so.
+        TransferStoppedError: `stopped` or `ended` said so.
         ObjectExistsError: something else is published under this prefix.
         ChecksumMismatchError: a file changed meanwhile.
         StorageError: a file cannot be read or stored.
@@ -74,12 +79,14 @@ def publish(
     if MANIFEST_NAME in keys:
         raise StorageError(f"{keys[MANIFEST_NAME]} is in the way: the manifest gets this name")
     versions = [version_of(file.path) for file in files]
-    described = sorted([*run_all(_described, files), *stored], key=lambda file: os.fsencode(file.path))
+    own = run_all(lambda file: _described(file, ended), files)
+    described = sorted([*own, *stored], key=lambda file: os.fsencode(file.path))
     manifest = Manifest(created_at=created_at, about=dict(about), files=described)
     if (there := _published(store, bucket, prefix)) is not None:
         return _same(there, manifest, bucket, prefix)
     wanted = {keys[file.name]: file.path for file in files}
-    store.put_files(bucket, split_stored(store, bucket, wanted)[1] if resumes else wanted)
+    by_key = dict(zip(keys.values(), own, strict=True))
+    _put(store, bucket, wanted, ended, lambda key: tell(by_key[key]) if tell else None, resumes=resumes)
     for file, version in zip(files, versions, strict=True):
         if version_of(file.path) != version:
             raise ChecksumMismatchError(f"{file.path} changed while it was being published")
@@ -95,6 +102,8 @@ def store_unfinished(
     files: Sequence[FolderFile],
     *,
     resumes: bool = False,
+    ended: Stopped = never,
+    tell: Callable[[str], None] = tell_none,
 ) -> None:
     """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
 
@@ -104,17 +113,29 @@ def store_unfinished(
         prefix: the files' keys start with it, then a slash; may be empty.
         files: what to store.
         resumes: see `publish`.
+        ended: see `publish`.
+        tell: told of the key of each file that is stored, from any thread.
 
     Raises:
+        TransferStoppedError: `ended` said so.
         StorageError: a file cannot be read or stored.
     """
     keys = {join_key(prefix, file.name): file.path for file in files}
     keys.pop(join_key(prefix, MANIFEST_NAME), None)
-    store.put_files(bucket, split_stored(store, bucket, keys)[1] if resumes else keys)
+    _put(store, bucket, keys, ended, tell, resumes=resumes)
+
+
+def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped, tell: Tell, *, resumes: bool) -> None:
+    """Stores files, of which some may be stored already if this resumes an earlier attempt."""
+    if resumes:
+        there, files = split_stored(store, bucket, files, ended)
+        for key in there:
+            tell(key)
+    store.put_files(bucket, files, stopped=ended, tell=tell)
 
 
 def split_stored(
-    store: ObjectStore, bucket: str, files: Mapping[str, Path]
+    store: ObjectStore, bucket: str, files: Mapping[str, Path], stopped: Stopped = never
 ) -> tuple[dict[str, ObjectInfo], dict[str, Path]]:
     """Splits files into those that are stored already, with the same content, and those that are not.
 
@@ -122,11 +143,12 @@ def split_stored(
         store: where they belong.
         bucket: where they belong.
         files: by their keys.
+        stopped: see `ObjectStore.find_same`.
 
     Raises:
         StorageError: that cannot be found out.
     """
-    found = run_all(lambda item: store.find_same(bucket, *item), files.items())
+    found = run_all(lambda item: store.find_same(bucket, *item, stopped=stopped), files.items())
     there = {key: info for key, info in zip(files, found, strict=True) if info is not None}
     return there, {key: path for key, path in files.items() if key not in there}
 
@@ -201,10 +223,10 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify:
     return manifest
 
 
-def _described(file: FolderFile) -> ManifestFile:
+def _described(file: FolderFile, ended: Stopped) -> ManifestFile:
     with os_failures(f"read {file.path}"), open_regular(file.path) as content:
-        digest = hashlib.file_digest(content, "sha256").hexdigest()
-        return ManifestFile(path=file.name, size_bytes=content.tell(), sha256=digest)
+        digest, size = digest_of(content.fileno(), "sha256", ended)
+        return ManifestFile(path=file.name, size_bytes=size, sha256=digest)
 
 
 def _published(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:

@@ -16,7 +16,10 @@ from ....schemas.settings import Settings
 from ...service.service import Service
 from ...simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
 
-_SIMULATION = ("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb")
+_SIMULATION = (
+    *("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb"),
+    *("max_output_gb", "max_output_files"),
+)
 _SETTINGS: Mapping[str, Sequence[str]] = {
     "CreateSimulationJob": _SIMULATION,
     "StartSimulationJobBatch": (*_SIMULATION, "backend"),

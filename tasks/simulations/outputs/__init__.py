@@ -4,4 +4,4 @@ May import: `schemas`, `tasks.catalog`, `tasks.runtime.supervision`, `tasks.serv
 `tasks.storage`.
 """
 
-__all__ = ["output_places", "run_outputs", "upload_files"]
+__all__ = ["bounds", "output_places", "run_outputs", "upload_ends", "upload_files"]

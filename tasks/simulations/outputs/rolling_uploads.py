@@ -7,7 +7,6 @@ the job worker that goes on after a crash knows what each of them is. `rolled.js
 manifest.
 """
 
-import hashlib
 import json
 import logging
 import os
@@ -18,10 +17,12 @@ from pathlib import Path
 from types import TracebackType
 
 from ....schemas.runs.manifest import ManifestFile
-from ....schemas.wire.errors import StorageError
+from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import ObjectStore
 from ...storage.folders import regular_files
+from ...storage.holes import digest_of
 from ...storage.naming import check_key, join_key
+from .bounds import Room
 from .upload_configurations import Upload
 from .upload_files import take, visit_matches
 
@@ -41,6 +42,7 @@ class RollingUploads:
         bucket: where they go.
         prefix: of the run's outputs.
         every_s: seconds between two looks for finished files.
+        room: what may be stored of the run; files without room wait for the end, which leaves them out by name.
     """
 
     def __init__(
@@ -51,6 +53,7 @@ class RollingUploads:
         bucket: str,
         prefix: str,
         every_s: float,
+        room: Room | None = None,
     ) -> None:
         self._uploads = rolling_only(uploads)
         self._folder = folder
@@ -58,6 +61,10 @@ class RollingUploads:
         self._bucket = bucket
         self._prefix = prefix
         self._every_s = every_s
+        self._room = room
+        self._sizes = {file.path: file.size_bytes for file in rolled_files(folder, later=[])}
+        self._sizes |= {name: path.lstat().st_size for name, path in taken_files(folder)}
+        self._used_bytes = sum(self._sizes.values())
         self._sweeps = 0
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._go_on, name=f"uploads to {prefix}", daemon=True)
@@ -91,21 +98,34 @@ class RollingUploads:
         while not self._ended.wait(self._every_s):
             try:
                 self.sweep()
+            except TransferStoppedError:
+                return  # the run has ended, and the rest is stored with the other outputs
             except (StorageError, OSError) as error:
                 _logger.warning("rolling uploads to %s/%s wait: %s", self._bucket, self._prefix, error)
 
     def _taker(self, target: Path) -> Callable[[int, str, str], None]:
         def visit(folder: int, name: str, below: str) -> None:
             with suppress(OSError, StorageError):  # it may be gone; what cannot be taken is noted at the end
-                check_key(join_key(self._prefix, target.name, below))
-                take(folder, name, target / below)
+                key, size = f"{target.name}/{below}", os.stat(name, dir_fd=folder, follow_symlinks=False).st_size
+                check_key(join_key(self._prefix, key))
+                more = size - self._sizes.get(key, 0)  # a later version takes the place of the one before
+                if not self._ended.is_set() and self._has_room(key, more) and take(folder, name, target / below):
+                    self._sizes[key] = size
+                    self._used_bytes += more
 
         return visit
 
+    def _has_room(self, key: str, more_bytes: int) -> bool:
+        """Whether a file has room beside what was taken so far."""
+        room = self._room
+        if room is None:
+            return True
+        files = len(self._sizes) + (key not in self._sizes)
+        return self._used_bytes + more_bytes <= room.most_bytes and files <= room.most_files
+
     def _store_one(self, name: str, path: Path) -> None:
         with path.open("rb") as content:
-            digest = hashlib.file_digest(content, "sha256").hexdigest()
-            size = content.tell()
+            digest, size = digest_of(content.fileno(), "sha256", self._ended.is_set)
         self._store.put_file(self._bucket, join_key(self._prefix, name), path, stopped=self._ended.is_set)
         if self._ended.is_set():
             return  # a store that hung answers only now, and the file may be stored with the other outputs already

@@ -8,6 +8,7 @@ from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.documents.worlds import StoredPlace
+from ....schemas.runs.manifest import ManifestFile
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
@@ -24,6 +25,7 @@ from ...storage.base import Stopped, never
 from ...storage.folders import FolderFile, regular_files
 from ...storage.naming import check_key, join_key
 from ..environment.role_access import acting_service, role_of
+from .bounds import RESULT_FILE, LeftOut, Room, rank
 from .distinct_names import Found, distinct
 from .output_places import output_place, prepare_bucket
 from .result_notes import keep_new_bucket, notes_of
@@ -40,6 +42,8 @@ Visit = Callable[[int, str, str], None]
 
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
+_PARTIAL_NOTE = "logs/partial.log"
+"""What is stored of a run that was not whole, when that was cancelled: such a run has no manifest that could say it."""
 _MOST_NOTES = 200
 
 
@@ -67,6 +71,9 @@ class RunOutputs:
         self._folder = folder
         self._service = service
         self._sleep = sleep
+        self._planned: list[FolderFile] = []
+        self._arrived: dict[str, ManifestFile | None] = {}
+        self._left_out = LeftOut()
         self.bucket, self.prefix = output_place(job, run_id, service)
 
     @property
@@ -103,7 +110,8 @@ class RunOutputs:
         """The uploads while the run goes on."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
-        return RollingUploads(self._uploads(), self._folder, store, self.bucket, self.prefix, every_s)
+        room = Room.of(self._service.settings)
+        return RollingUploads(self._uploads(), self._folder, store, self.bucket, self.prefix, every_s, room)
 
     def store(
         self,
@@ -113,11 +121,13 @@ class RunOutputs:
         stopped: Stopped = never,
         resumes: bool = False,
         outdated: Stopped = never,
+        ended: Stopped = never,
     ) -> StoredPlace:
         """Stores them; returns where.
 
-        What a crashed or killed run left is stored too, but without a manifest: it is not whole. A store that does
-        not answer is waited for, see `Service.patient`; a file that changes is stored again, a few times.
+        What has no room is left out; the manifest names it. What a crashed or killed run left is stored too, but
+        without a manifest: it is not whole. A store that does not answer is waited for, see `Service.patient`; a file
+        that changes is stored again, a few times.
 
         Args:
             about: how the run ended.
@@ -126,9 +136,10 @@ class RunOutputs:
                 stop before has a short grace instead.
             resumes: whether an earlier attempt may have stored a part of them.
             outdated: asked before the manifest is written, whether the run ended in another way than `about` says.
+            ended: asked all the time whether to end that at once; quick. `conclude` has to follow.
 
         Raises:
-            TransferStoppedError: it is outdated.
+            TransferStoppedError: it is outdated, or ended.
             StorageError: that does not work.
             OSError: the outputs cannot be read.
         """
@@ -136,13 +147,56 @@ class RunOutputs:
         uploaded = self._stage()
         for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._store_once(service, about, uploaded, finished=finished, resumes=resumes, outdated=outdated)
+                self._store_once(
+                    service, about, uploaded, finished=finished, resumes=resumes, outdated=outdated, ended=ended
+                )
                 break
             except ChecksumMismatchError:
                 resumes = True
                 if not changes_left:
                     raise
         return self.place
+
+    def conclude(self, about: Mapping[str, Any], *, finished: bool) -> tuple[StoredPlace, str | None]:
+        """Makes what was stored, before that was ended or outdated, count as what it is, which mostly is a part.
+
+        Args:
+            about: how the run ended.
+            finished: whether the run was whole; of one that was not, no manifest is made.
+
+        Returns:
+            Where it is stored, and what of it in words; `None`: all of it.
+
+        Raises:
+            StorageError: that does not work.
+            OSError: the result cannot be read.
+        """
+        service = self._patient(lambda: True)
+        for file in self._planned:
+            if file.name not in self._arrived:
+                self._left_out.note(file.name, "was not stored yet when that was cancelled", _size_of(file.path))
+        stored = len(self._arrived)
+        is_part = stored < len(self._planned)
+        words = f"storing outputs was cancelled: {stored} of {len(self._planned)} files are stored" if is_part else None
+        if not finished:
+            if words:
+                service.store.put_bytes(self.bucket, join_key(self.prefix, _PARTIAL_NOTE), f"{words}\n".encode())
+            return self.place, words
+        # The result may have changed: a run that was cancelled is judged no more.
+        again = [file for file in self._planned if file.name == RESULT_FILE]
+        publish(
+            service.store,
+            self.bucket,
+            self.prefix,
+            again,
+            about=self._about({**about, **({"partial": True} if is_part else {})}),
+            created_at=self._service.clock(),
+            stored=[
+                *(file for name, file in self._arrived.items() if file is not None and name != RESULT_FILE),
+                *rolled_files(self._folder, [file.name for file in self._planned]),
+            ],
+        )
+        return self.place, words
 
     def were_stored(self, stopped: Stopped = never) -> None:
         """Checks that they are stored as a whole; a store that does not answer is waited for.
@@ -178,29 +232,45 @@ class RunOutputs:
         finished: bool,
         resumes: bool,
         outdated: Stopped,
+        ended: Stopped,
     ) -> None:
         store = service.store
         prepare_bucket(service, self.bucket)
-        files = [*storable_files(self.output_dir, self.prefix).files, *uploaded]
+        files = [*storable_files(self.output_dir, self.prefix, self._room()).files, *uploaded]
+        files.sort(key=lambda file: rank(file.name))  # what says how the run went is stored first
+        self._planned, self._arrived = files, {}
         if not finished:
-            store_unfinished(store, self.bucket, self.prefix, files, resumes=resumes)
+            start = len(join_key(self.prefix, "x")) - 1
+            tell = lambda key: self._arrived.update({key[start:]: None})  # noqa: E731
+            store_unfinished(store, self.bucket, self.prefix, files, resumes=resumes, ended=ended, tell=tell)
             return
         publish(
             store,
             self.bucket,
             self.prefix,
             files,
-            about={
-                "job": self._job.arn,
-                "run": self._run_id,
-                "seed": SimulationJobDocument.of(self._job).seed,
-                **about,
-            },
+            about=self._about(about),
             created_at=self._service.clock(),
             stored=rolled_files(self._folder, [file.name for file in files]),
             resumes=resumes,
             stopped=outdated,
+            ended=ended,
+            tell=lambda file: self._arrived.update({file.path: file}),
         )
+
+    def _about(self, about: Mapping[str, Any]) -> dict[str, Any]:
+        """What the manifest says of the run, and of what is left out."""
+        job = {"job": self._job.arn, "run": self._run_id, "seed": SimulationJobDocument.of(self._job).seed}
+        return {**job, **about, **self._left_out.about()}
+
+    def _room(self) -> Room:
+        """What may be stored beside what was stored while the run went on, and beside what was taken for that."""
+        room = Room.of(self._service.settings)
+        room.use(rolled_files(self._folder, later=[]))
+        taken = taken_files(self._folder)
+        room.used_files += len(taken)
+        room.used_bytes += sum(_size_of(path) for _, path in taken)
+        return room
 
     def _uploads(self) -> list[Upload]:
         return uploads_of(self._request, self._folder)
@@ -211,23 +281,23 @@ class RunOutputs:
         They are linked into folders of their own, one for each configuration, so that a job worker that goes on after a
         crash finds them too, and finds the same.
         """
-        staged, uploads = self._folder / "uploads", self._uploads()
-        notes: list[str] = []
+        staged, uploads, room = self._folder / "uploads", self._uploads(), self._room()
+        outputs = storable_files(self.output_dir, self.prefix, room)  # they have room before what is from elsewhere
         rolling = rolling_only(uploads)
         files = [Found(name, path, replaces=True) for name, path in taken_files(self._folder)]
         matched = self._matched_before(uploads, {file.name for file in files})
         seen: set[tuple[str, int, int]] = set()
         for index, upload in enumerate(uploads):
             folder = staged / f"{index:02d}"
-            stage = self._stager(upload, folder, seen, notes)
+            stage = self._stager(upload, folder, seen, room)
             visit_matches(upload.sandbox.root, upload.glob, _counted(stage, index, matched))
             if folder.is_dir():
                 found = regular_files(folder)
                 files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
-        add_result_notes(self.output_dir, notes_of(self._request, self._folder, uploads, matched))
-        outputs = storable_files(self.output_dir, self.prefix)
+        self._left_out = room.left_out
+        add_result_notes(self.output_dir, [*notes_of(self._request, self._folder, uploads, matched), *room.notes()])
         names = [file.name for file in outputs.files]
-        return self._named(names, files, staged / "notes.log", [*outputs.notes, *notes])
+        return self._named(names, files, staged / "notes.log", outputs.notes)
 
     def _matched_before(self, uploads: Sequence[Upload], taken: Set[str]) -> set[int]:
         """Numbers of upload configurations of which files were taken while the run went on, or staged before."""
@@ -250,7 +320,7 @@ class RunOutputs:
         told, _ = distinct([*outputs, *(file.name for file in placed)], stored, [Found(_NOTES, notes_file)])
         return [*placed, *told]
 
-    def _stager(self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], notes: list[str]) -> Visit:
+    def _stager(self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], room: Room) -> Visit:
         def visit(descriptor: int, name: str, below: str) -> None:
             try:
                 about = os.stat(name, dir_fd=descriptor, follow_symlinks=False)
@@ -258,12 +328,22 @@ class RunOutputs:
                 if same in seen:
                     return  # another configuration means the same file by the same name
                 check_key(join_key(self.prefix, upload.name, below))
+                if not room.take(f"{upload.name}/{below}", about.st_size):
+                    return
                 link_or_copy(descriptor, name, folder / below)
                 seen.add(same)
             except (StorageError, OSError) as error:
-                notes.append(f"{upload.name}/{below!r} is not uploaded: {error}")
+                room.left_out.note(f"{upload.name}/{below}", f"cannot be uploaded: {error}")
 
         return visit
+
+
+def _size_of(path: Path) -> int:
+    """A file's size; 0 if it is gone."""
+    try:
+        return path.lstat().st_size
+    except OSError:
+        return 0
 
 
 def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:

@@ -7,7 +7,6 @@ other, and files are named by their open folder.
 import errno
 import fcntl
 import os
-import shutil
 import signal
 import stat
 import time
@@ -16,6 +15,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ....schemas.wire.globs import Glob
+from ...storage.holes import copy_with_holes
 
 MAX_DEPTH = 100
 """Folders within each other that are looked into."""
@@ -108,8 +108,8 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
         try:
             os.link(name, target, src_dir_fd=folder, follow_symlinks=False)
         except OSError:  # on another file system, or of another user
-            with os.fdopen(os.dup(content), "rb") as source, target.open("xb") as copy:
-                shutil.copyfileobj(source, copy)
+            with target.open("xb") as copy:
+                copy_with_holes(content, copy)
 
 
 def take(folder: int, name: str, target: Path) -> bool:

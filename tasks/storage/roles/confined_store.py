@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ....schemas.roles import Role, is_within
 from ....schemas.wire.errors import StorageAccessDeniedError
-from ..base import ObjectInfo, ObjectStore, Stopped, UnfinishedUpload, never
+from ..base import ObjectInfo, ObjectStore, Stopped, Tell, UnfinishedUpload, never, tell_none
 
 
 class ConfinedStore:
@@ -44,16 +44,18 @@ class ConfinedStore:
         """See `ObjectStore`."""
         self._store.probe(bucket)
 
-    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
         """See `ObjectStore`."""
         self._check_read(bucket, key)
-        return self._store.find_same(bucket, key, path)
+        return self._store.find_same(bucket, key, path, stopped=stopped)
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
         """See `ObjectStore`."""
         for key in files:
             self._check_write(bucket, key)
-        return self._store.put_files(bucket, files)
+        return self._store.put_files(bucket, files, stopped=stopped, tell=tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """See `ObjectStore`."""

@@ -31,10 +31,9 @@ from ....schemas.wire.errors import (
     ObjectNotFoundError,
     StorageError,
     StorageUnavailableError,
-    TransferStoppedError,
 )
 from ..aws_sessions import new_session
-from ..base import ObjectInfo, Stopped, UnfinishedUpload, never
+from ..base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, refuse_stopped, tell_none
 from ..checksums import compare, crc32_of, has_content, measure
 from ..naming import check_bucket, check_key, check_prefix
 from ..parallel import WORKERS, WORKERS_FOR_SMALL, run_all
@@ -188,8 +187,7 @@ class S3Store:
         with self._failures(f"store {path} as {bucket}/{key}"):
             size = path.stat().st_size
             with nullcontext() if size < _SMALL_BYTES else self._turns:
-                if stopped():
-                    raise TransferStoppedError(f"{bucket}/{key} is not wanted any more")
+                refuse_stopped(stopped, bucket, key)
                 if size < _LARGE_BYTES:
                     return self._put(bucket, key, path.read_bytes(), create_only=False)
                 return self._put_large(bucket, key, path, stopped)
@@ -205,9 +203,10 @@ class S3Store:
         except StorageError:
             return  # that was an answer
 
-    def find_same(self, bucket: str, key: str, path: Path) -> ObjectInfo | None:
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
         """Finds an object that has a file's content already: by its size and CRC32, or its MD5 where it has that."""
         _check(bucket, key)
+        refuse_stopped(stopped, bucket, key)
         with self._failures(f"compare {path} with {bucket}/{key}"):
             try:
                 answer = self._head(bucket, key)
@@ -217,11 +216,19 @@ class S3Store:
                 return None
             except (ObjectNotFoundError, BucketNotFoundError):
                 return None
-            return _info(bucket, key, answer) if has_content(answer, path) else None
+            return _info(bucket, key, answer) if has_content(answer, path, stopped) else None
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
-        return run_all(lambda item: self.put_file(bucket, *item), files.items(), WORKERS_FOR_SMALL)
+
+        def put(item: tuple[str, Path]) -> ObjectInfo:
+            info = self.put_file(bucket, *item, stopped=stopped)
+            tell(info.key)
+            return info
+
+        return run_all(put, files.items(), WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """Stores bytes.

@@ -216,7 +216,7 @@ def test_names_that_no_store_can_hold_are_left_out_and_noted(
 
     assert job["status"] == "Completed", job.get("failureReason")
     assert set(uploaded(service, job, "pictures")) == {"pictures/maps/a.pgm", "pictures/maps/deep/b.pgm"}
-    assert b"is not uploaded" in stored(service, job)["logs/uploads.log"]
+    assert b"cannot be uploaded" in stored(service, job)["logs/uploads.log"]
 
 
 @contextmanager
@@ -270,10 +270,10 @@ def test_a_store_that_does_not_answer_is_asked_again(
     request = with_uploads(order({"DO": WRITE}), upload("maps", "/home/robomaker/maps/*"))
     put_files, refusals = service.store.put_files, iter([StorageUnavailableError("503 Slow Down")] * 3)
 
-    def sometimes(*arguments: Any) -> Any:
+    def sometimes(*arguments: Any, **options: Any) -> Any:
         for refusal in refusals:
             raise refusal
-        return put_files(*arguments)
+        return put_files(*arguments, **options)
 
     monkeypatch.setattr(service.store, "put_files", sometimes)
 
@@ -289,8 +289,8 @@ def test_a_file_that_never_comes_to_rest_fails_the_job(
     request = with_uploads(order({"DO": WRITE}), upload("maps", "/home/robomaker/maps/*"))
     put_files = service.store.put_files
 
-    def while_somebody_writes(bucket: str, files: dict[str, Path]) -> Any:
-        stored = put_files(bucket, files)
+    def while_somebody_writes(bucket: str, files: dict[str, Path], **options: Any) -> Any:
+        stored = put_files(bucket, files, **options)
         with next(path for key, path in files.items() if key.endswith("/maps/a.pgm")).open("a") as writer:
             writer.write("more")
         return stored

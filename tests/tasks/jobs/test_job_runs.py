@@ -31,7 +31,7 @@ def runs_of(service: Service, job: dict[str, Any]) -> Path:
 
 
 def refuse(service: Service, monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
-    def put_files(*arguments: object) -> None:
+    def put_files(*arguments: object, **options: object) -> None:
         raise error
 
     monkeypatch.setattr(service.store, "put_files", put_files)

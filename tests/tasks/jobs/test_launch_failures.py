@@ -47,7 +47,7 @@ def test_what_a_run_that_could_not_be_started_left_is_stored_without_a_manifest(
 def test_its_reason_is_kept_where_that_cannot_be_stored(
     service: Service, unstartable: Simulate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def put_files(*arguments: object) -> None:
+    def put_files(*arguments: object, **options: object) -> None:
         raise StorageFullError("no space left")
 
     monkeypatch.setattr(service.store, "put_files", put_files)

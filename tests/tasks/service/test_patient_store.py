@@ -39,7 +39,7 @@ class Shaky:
     def __getattr__(self, name: str) -> Any:
         return getattr(self._store, name)
 
-    def put_files(self, bucket: str, files: dict[str, Path]) -> list[Any]:
+    def put_files(self, bucket: str, files: dict[str, Path], **_: Any) -> list[Any]:
         return [self.put_file(bucket, key, path) for key, path in files.items()]
 
     def put_file(self, bucket: str, key: str, path: Path) -> Any:

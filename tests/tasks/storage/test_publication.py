@@ -107,7 +107,7 @@ def test_something_else_under_the_prefix_is_neither_replaced_nor_touched(
 def test_a_failure_midway_leaves_no_manifest_and_can_be_repeated(
     store: ObjectStore, bucket: str, outputs: Path, tmp_path: Path, put_before_failure: int
 ):
-    def put_some(bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
+    def put_some(bucket: str, files: dict[str, Path], **_: Any) -> list[ObjectInfo]:
         some = dict(list(files.items())[:put_before_failure])
         store.put_files(bucket, some)
         raise StorageError("the connection broke")
@@ -180,8 +180,8 @@ def test_a_missing_folder_is_named(disk: DirectoryStore, tmp_path: Path):
 
 
 def test_a_file_that_changes_meanwhile_is_no_publication(disk: DirectoryStore, outputs: Path):
-    def put_then_write(bucket: str, files: dict[str, Path]) -> list[ObjectInfo]:
-        done = disk.put_files(bucket, files)
+    def put_then_write(bucket: str, files: dict[str, Path], **options: Any) -> list[ObjectInfo]:
+        done = disk.put_files(bucket, files, **options)
         with (outputs / "logs/agent.log").open("ab") as log:
             log.write(b"one more line\n")
         return done

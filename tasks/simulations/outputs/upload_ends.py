@@ -1,0 +1,62 @@
+"""When the upload of a run's outputs is to end: its job is cancelled while it goes on."""
+
+import logging
+import threading
+import time
+from collections.abc import Callable
+
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
+from ....schemas.runs.stops import StopReason
+from ....schemas.wire.errors import ServiceUnavailableException
+from ...catalog import Catalog
+
+_ASK_EVERY_S = 0.2
+"""The threads of an upload ask thousands of times a second; the catalog is asked as often as while a job runs."""
+
+_logger = logging.getLogger(__name__)
+
+
+class UploadEnd:
+    """Says whether a job was cancelled since its upload began: again, if that is why its run ended.
+
+    Args:
+        job: ARN of the job.
+        catalog: where it is stored.
+        why_stop: why the job has to end; `None` if it does not have to.
+        clock: seconds on a clock that only runs forward.
+    """
+
+    def __init__(
+        self,
+        job: str,
+        catalog: Catalog,
+        why_stop: Callable[[], StopReason | None],
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._job = job
+        self._catalog = catalog
+        self._why_stop = why_stop
+        self._clock = clock
+        self._was_canceled = why_stop() is StopReason.CANCELED
+        self._lock = threading.Lock()
+        self._next_s = clock() + _ASK_EVERY_S
+        self._heard = False
+
+    def __call__(self) -> bool:
+        """The last answer; one thread asks again when it is time, and no other waits for it."""
+        if not self._heard and self._clock() >= self._next_s and self._lock.acquire(blocking=False):
+            try:
+                self._heard = self._is_canceled()
+                self._next_s = self._clock() + _ASK_EVERY_S
+            finally:
+                self._lock.release()
+        return self._heard
+
+    def _is_canceled(self) -> bool:
+        if not self._was_canceled:
+            return self._why_stop() is StopReason.CANCELED
+        try:
+            return SimulationJobDocument.of(self._catalog.get(self._job)).upload_canceled
+        except ServiceUnavailableException as error:  # it is asked again at once
+            _logger.warning("whether the upload of %s is to end is not known: %s", self._job, error)
+            return False
