@@ -25,6 +25,7 @@
 | `ROBOMAKER_VERDICT_FAILS_RUN` | `0`: a verdict FAIL leaves flow runs `Completed` in Prefect | `1`: they are `Failed` |
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
+| `ROBOMAKER_JOBS_CREATE_JOBS` | `1`: a job may create jobs with its own role and applications | `0` |
 | `ROBOMAKER_TRUSTED_PROXIES` | addresses of proxies before `robomaker serve`, with commas between | none |
 | `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
 | `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
@@ -163,6 +164,10 @@ class Settings(Model):
     verdict_fails_run: bool = Field(
         default=True, description="Whether a flow run ends as failed in Prefect when a simulation's verdict is FAIL."
     )
+    jobs_create_jobs: bool = Field(
+        default=False,
+        description="Whether a simulation job's code may create jobs, with the role and the applications of its own.",
+    )
     access_keys_file: Path | None = Field(
         default=None,
         description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
@@ -239,6 +244,7 @@ class Settings(Model):
             "robot_poll_s": _number(environ, "ROBOMAKER_ROBOT_POLL_S", DEFAULT_ROBOT_POLL_S, 1, MAX_ROBOT_POLL_S),
             "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
+            "jobs_create_jobs": _switch(environ, "ROBOMAKER_JOBS_CREATE_JOBS"),
             "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),
         }
         if channels := environ.get("ROBOMAKER_NOTIFY"):

@@ -289,6 +289,11 @@ def check_sandbox(settings: Settings) -> Finding:
             "sandbox", "ok", f"off: {found}, as ROBOMAKER_SANDBOX says; this machine has {confinement.level}"
         )
     found += f"; network: {box.network}"
+    found += (
+        "; without access keys `serve` takes what a job's processes ask for as that job's own"
+        if settings.access_keys_file is None
+        else "; `serve` takes signed requests only, and jobs have no access key"
+    )
     if confinement.why_not_more:
         remedy = "allow user namespaces (docs/sandbox.md)"
         return Finding("sandbox", "warning", f"{found}\n{confinement.why_not_more}", remedy)

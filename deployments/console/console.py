@@ -29,7 +29,7 @@ from ...tasks.service.service import Service
 from ..endpoint.application import Endpoint
 from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.failures import Failures
-from ..endpoint.messages import ProtocolError, ServiceRequest
+from ..endpoint.messages import AccessDeniedException, ProtocolError, ServiceRequest
 from ..endpoint.origins import is_local_host
 from ..spec_runs.spec_runs import SpecRuns
 from ..web_guard.decision import refusal
@@ -170,8 +170,20 @@ class Console:
         is_own_host = _is_any_host if self.checks_signatures else is_local_host
         refused = refusal("http", scope["method"], scope["headers"], is_own_host, ("http", "https"))
         answer = self._pages if refused is None else PlainTextResponse(f"{refused.reason}\n", refused.status)
+        if refused is None and (why := await run_in_threadpool(self._why_not, scope)) is not None:
+            answer = PlainTextResponse(f"{why}\n", HTTPStatus.FORBIDDEN)
         with self._noted(ServiceRequest(scope, receive)) as seen:
             await answer(scope, receive, _guarded(send, seen))
+
+    def _why_not(self, scope: Scope) -> str | None:
+        """Why a request gets no page: a simulation job's code sent it, or may have."""
+        if (callers := self._endpoint.job_callers) is None:
+            return None
+        try:
+            job = callers.job_of(scope)
+        except AccessDeniedException as error:
+            return str(error)
+        return None if job is None else "a simulation job sent this request, and the console is not for jobs"
 
     @contextmanager
     def _noted(self, request: ServiceRequest) -> Iterator[list[int]]:

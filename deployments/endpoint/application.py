@@ -20,12 +20,14 @@ from .calling.access_keys import AccessKey
 from .calling.audit_log import AuditLog, Call
 from .calling.authentication import Authenticator, Signer
 from .calling.calls import Calls
+from .calling.job_callers import JobCallers
 from .calling.replays import is_repeatable
 from .calling.scopes import check_scope
 from .failures import Failures
 from .health import HealthPages
 from .limits import Arrivals, read_body
-from .messages import ServiceRequest
+from .messages import AccessDeniedException, ServiceRequest
+from .metrics import PATH as METRICS
 from .metrics import Metrics
 from .origins import check_origin
 from .routes import Route, Router
@@ -90,6 +92,9 @@ class Endpoint:
         )
         self.calls = Calls(service, on_submitted, audit_log)
         """How operations are called; the console calls them so, too."""
+
+        self.job_callers = None if self.checks_signatures else JobCallers(service)
+        """Tells requests of jobs from others; `None`: signatures tell whose a request is."""
 
         self._health = HealthPages(service, worker_status, is_open=access_keys is None, console=console)
         self._metrics = Metrics(service, access_keys, worker_status)
@@ -174,7 +179,8 @@ class Endpoint:
         try:
             if self._authenticator is None:
                 check_origin(request)
-            if (page := self._health.answer(request) or self._metrics.answer(request)) is not None:
+            call.job = self.job_callers.job_of(request.scope) if self.job_callers else None
+            if (page := self._page(request, is_of_job=call.job is not None)) is not None:
                 return page
             signer = self._authenticator.check(request) if self._authenticator is not None else None
             call.key = signer and signer.key
@@ -191,6 +197,12 @@ class Endpoint:
         self.calls.write(call)
         return answer
 
+    def _page(self, request: ServiceRequest, *, is_of_job: bool) -> Response | None:
+        """The page at a path; a job is told that the service works, and nothing of others."""
+        if is_of_job and request.raw_path == METRICS:
+            raise AccessDeniedException("a simulation job sent this request, and metrics are not for jobs")
+        return self._health.answer(request, is_of_job=is_of_job) or self._metrics.answer(request)
+
     def _called(self, route: Route, request: ServiceRequest, signer: Signer | None, call: Call) -> Response:
         shape = route.operation
         operation = self._operations[shape.name]
@@ -199,4 +211,7 @@ class Endpoint:
         members = request_members(route, request)
         if signer is not None and self._authenticator is not None:
             self._authenticator.use(signer, repeatable=is_repeatable(shape.name, members))
-        return WireResponse(self.calls.answer(operation, operation.checked(members, self._service), call))
+        checked = operation.checked(members, self._service)
+        if call.job is not None and self.job_callers is not None:
+            self.job_callers.check(call.job, shape, checked.to_wire())
+        return WireResponse(self.calls.answer(operation, checked, call))

@@ -11,6 +11,8 @@ from typing import Any
 
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+ENDS = "connection_ends"
+"""The member of a request's state that has the addresses of its connection: the client's, and this server's."""
 HEAD_S = 15.0
 ANSWER_S = 60.0
 _MOST_CONNECTIONS = 8192
@@ -67,6 +69,8 @@ class _LimitedProtocol(H11Protocol):
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
+        # `client` is what a trusted proxy says; these are the connection's own.
+        self.app_state = {**self.app_state, ENDS: tuple(map(transport.get_extra_info, ("peername", "sockname")))}
         self._quiet_since = self.loop.time()
         self._asking = self.loop.call_later(self.limits.head_s, self._end)
         if len(self.connections) > self.limits.connections:

@@ -41,8 +41,12 @@ class HealthPages:
         self._is_open = is_open
         self._console = console
 
-    def answer(self, request: ServiceRequest) -> Response | None:
+    def answer(self, request: ServiceRequest, *, is_of_job: bool = False) -> Response | None:
         """The page at a path; `None` if there is none.
+
+        Args:
+            request: what is asked.
+            is_of_job: whether a simulation job asks, which sees no more than that it works.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -54,7 +58,7 @@ class HealthPages:
             raise MethodNotAllowedException(f"{request.raw_path} can only be read", _METHODS)
         # The catalog is asked in any case: without it nothing works.
         facts: dict[str, Any] = {"status": "ok", "resources": self._service.catalog.count()}
-        if self._is_open:
+        if self._is_open and not is_of_job:
             settings = self._service.settings
             facts |= {"region": settings.region, "account": settings.account, "performer": self._worker_status()}
         else:

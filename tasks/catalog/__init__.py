@@ -14,7 +14,7 @@ May import: `schemas`.
 """
 
 from .catalog import Catalog, Stored
-from .client_tokens import ClientToken
+from .client_tokens import ClientToken, tokens_of
 from .records import FirstLease, NewResource, Ownership, Page, Resource
 from .rollouts import StoredEvent, StoredRollout
 
@@ -29,4 +29,5 @@ __all__ = [
     "Stored",
     "StoredEvent",
     "StoredRollout",
+    "tokens_of",
 ]

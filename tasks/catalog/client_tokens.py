@@ -1,7 +1,8 @@
 """Client tokens: idempotency of Create and Start calls.
 
 A caller that repeats a call with the same `clientRequestToken` gets the resource that the first call added, whatever
-has changed since; the same token with another request is refused. The catalog stores the token in the transaction
+has changed since; the same token with another request is refused. Tokens belong to the access key that called: another
+one learns nothing of them. The catalog stores the token in the transaction
 that adds the resource, and forgets it when the resource is deleted.
 
 ```
@@ -13,6 +14,9 @@ catalog.create(resource, token=token)                     adds both, or returns 
 
 import hashlib
 import json
+from collections.abc import Generator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 
 from sqlalchemy import Connection, bindparam, insert, select
@@ -30,6 +34,23 @@ _EARLIER = select(client_tokens.c.request_hash, client_tokens.c.arn).where(
 )
 
 
+_OWNER: ContextVar[str] = ContextVar("owner of client tokens", default="")
+
+
+@contextmanager
+def tokens_of(owner: str) -> Generator[None]:
+    """Has tokens of requests in the block belong to one caller.
+
+    Args:
+        owner: an access key or a job; empty: whoever calls without one.
+    """
+    before = _OWNER.set(owner)
+    try:
+        yield
+    finally:
+        _OWNER.reset(before)
+
+
 @dataclass(frozen=True)
 class ClientToken:
     """A caller's token, the operation that it is for, and the request that it came with."""
@@ -43,6 +64,14 @@ class ClientToken:
     request_hash: str
     """Equal for equal requests."""
 
+    owner: str = ""
+    """Whose it is: an access key or a job; empty: that of everybody who calls without one."""
+
+    @property
+    def stored(self) -> str:
+        """What stands for the token in the catalog: tokens of different owners have nothing to do with each other."""
+        return hashlib.sha256(f"{self.owner}\0{self.token}".encode()).hexdigest() if self.owner else self.token
+
     @classmethod
     def of(cls, operation: str, request: Shape) -> "ClientToken | None":
         """The token in a request's `clientRequestToken`; `None` if it has none."""
@@ -51,7 +80,7 @@ class ClientToken:
         if token is None:
             return None
         canonical = json.dumps(members, sort_keys=True, separators=(",", ":"))
-        return cls(operation, token, hashlib.sha256(canonical.encode()).hexdigest())
+        return cls(operation, token, hashlib.sha256(canonical.encode()).hexdigest(), _OWNER.get())
 
     @classmethod
     def of_batch_job(cls, batch_id: str, index: int) -> "ClientToken":
@@ -65,7 +94,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
     Raises:
         IdempotentParameterMismatchException: that call was another request.
     """
-    meant = {"called": token.operation, "by": account, "given": token.token}
+    meant = {"called": token.operation, "by": account, "given": token.stored}
     earlier = connection.execute(_EARLIER, meant).mappings().one_or_none()
     if earlier is None:
         return None
@@ -80,6 +109,6 @@ def store_token(connection: Connection, token: ClientToken, account: str, arn: s
     """Stores the token of the call that added the resource `arn`."""
     connection.execute(
         insert(client_tokens).values(
-            operation=token.operation, account=account, token=token.token, request_hash=token.request_hash, arn=arn
+            operation=token.operation, account=account, token=token.stored, request_hash=token.request_hash, arn=arn
         )
     )

@@ -40,6 +40,9 @@ class Call:
     outcome: str = "ok"
     """`ok`, or the error's name."""
 
+    job: str | None = None
+    """ARN of the simulation job whose process sent it; `None`: another program did."""
+
 
 class AuditLog:
     """A file that lines are added to; several servers may share it.
@@ -74,7 +77,7 @@ class AuditLog:
         """Adds a call. One that cannot be written is named in the server's log; its answer is not held back."""
         line = {
             "time": self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z"),
-            "caller": call.key and call.key.name,
+            "caller": call.key.name if call.key else call.job,
             "access_key": call.key and call.key.id,
             "address": call.address,
             "operation": call.operation,

@@ -6,6 +6,7 @@ from typing import Any
 
 from ....schemas.wire.base import Shape
 from ....schemas.wire.errors import InternalServerException
+from ....tasks.catalog import tokens_of
 from ....tasks.operations.registry import Operation, registry
 from ....tasks.service.service import Service
 from .audit_log import AuditLog, Call
@@ -67,7 +68,8 @@ class Calls:
             call.resources = list(named_resources(wire))
             if key is not None:
                 check_resources(key, shape, wire, catalog)
-        answer = operation.handle(checked, self._service)
+        with tokens_of(key.id if key is not None else call.job or ""):
+            answer = operation.handle(checked, self._service)
         call.resources = [*filter(None, [answer.get("arn")]), *call.resources]
         if shape.is_job:
             self._tell(answer["arn"], call.request_id)

@@ -3,4 +3,14 @@
 May import: `schemas`, `tasks.runtime.limits`.
 """
 
-__all__ = ["box", "forking", "landlock", "levels", "rights", "system_calls", "views"]
+__all__ = [
+    "box",
+    "connections",
+    "forking",
+    "landlock",
+    "levels",
+    "rights",
+    "run_marks",
+    "system_calls",
+    "views",
+]

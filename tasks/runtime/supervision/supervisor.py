@@ -27,6 +27,7 @@ from ..process.run_request import RunRequest
 from ..process.run_sights import sights_of_run
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..sandbox.box import Box
+from ..sandbox.run_marks import mark_run
 from ..sandbox.views import Sight
 from ..states.provenance import note_run_of_programs
 from .process_supervision import Supervision
@@ -125,6 +126,7 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
 
     supervision = Supervision(channel, request, progress, run.begin, tell, run.box)
     try:
+        mark_run(request.plan.output_dir.parent, request.plan.job_arn)
         supervision.prepare()
         if not request.plan.has_episode:
             with suppress(OSError):  # a full disk fails the run when its result is written

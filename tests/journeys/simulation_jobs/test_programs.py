@@ -12,7 +12,6 @@ from helpers.application_calls import Applications
 from helpers.endpoint_here import ServeHere
 from helpers.fake_engine import FakeEngine
 from helpers.ports import free_port
-from helpers.small_flat import ROLE
 
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
@@ -22,34 +21,6 @@ from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
 Ending = dict[str, Any]
-
-
-@pytest.fixture
-def order_command(sleeper: dict[str, Any], service: Service) -> Order:
-    """Makes the request of a job whose simulation application is a bash script, and the only one."""
-    del sleeper  # its bundle is what the applications have
-    service.store.ensure_bucket("results")
-
-    def make(script: str, application: str = "sleeper", **members: Any) -> dict[str, Any]:
-        config = {
-            "application": application,
-            # Words of a command have at most 255 characters, variables 1024.
-            "launchConfig": {
-                "command": ["bash", "-c", 'eval "$SCRIPT"'],
-                "environmentVariables": {"SCRIPT": script, **members.pop("variables", {})},
-                **members.pop("launch", {}),
-            },
-            **members.pop("config", {}),
-        }
-        return {
-            "maxJobDurationInSeconds": 60,
-            "iamRole": ROLE,
-            "outputLocation": {"s3Bucket": "results"},
-            "simulationApplications": [config],
-            **members,
-        }
-
-    return make
 
 
 @pytest.fixture

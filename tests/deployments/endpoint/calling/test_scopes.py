@@ -172,3 +172,19 @@ def test_the_audit_log_says_who_did_what(call: Call, log: Path) -> None:
     assert all(each["time"].endswith("Z") for each in lines)
     assert log.stat().st_mode & 0o777 == 0o600
     assert SECRET not in log.read_text()
+
+
+def test_client_tokens_belong_to_their_key(call: Call) -> None:
+    """Another key's resource was named in an error, or given back as if it was one's own."""
+    template = {"templateBody": json.dumps(BODY), "clientRequestToken": "a-token-that-both-use"}
+    first = call("ADMIN", "CreateWorldTemplate", name="a", **template)
+
+    same = call("CI", "CreateWorldTemplate", name="a", **template)
+    other = call("CI", "CreateWorldTemplate", name="ci-b", **template)
+
+    assert (same.status, other.status) == (403, 200), "the first may not make it; the token says nothing of it"
+    assert made(other) != made(first)
+    assert made(call("ADMIN", "CreateWorldTemplate", name="a", **template)) == made(first)
+    refused = call("CI", "CreateWorldTemplate", name="ci-c", **template)
+    assert refused.status == 400
+    assert made(first).encode() not in refused.body

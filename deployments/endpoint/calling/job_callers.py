@@ -1,0 +1,136 @@
+"""What a job's own processes may ask of the service without a signature: their job acts for itself only.
+
+Without access keys each program of this machine may call the service, and so could the programs of a job, which are
+not trusted. Whose a connection is says the kernel, by the process that has it open.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from starlette.types import Scope
+
+from ....schemas.documents.simulation_jobs import SimulationJobDocument
+from ....schemas.wire.operation_shape import OperationShape
+from ....tasks.catalog import Resource
+from ....tasks.runtime.sandbox.connections import Callers, as_address
+from ....tasks.service.service import Service
+from ..connections import ENDS
+from ..messages import AccessDeniedException
+from .scopes import named_resources
+
+_OF_ITSELF = frozenset(
+    {
+        "DescribeSimulationJob",
+        "BatchDescribeSimulationJob",
+        "CancelSimulationJob",
+        "TagResource",
+        "UntagResource",
+        "ListTagsForResource",
+    }
+)
+"""What a job may do with itself."""
+
+_OF_WHAT_IT_USES = frozenset(
+    {"DescribeWorld", "DescribeRobotApplication", "DescribeSimulationApplication", "ListTagsForResource"}
+)
+"""What a job may read of the world and the applications that its request names."""
+
+_CREATE = "CreateSimulationJob"
+_ROLES = ("robotApplications", "simulationApplications")
+
+
+class JobCallers:
+    """Tells requests of jobs from those of other programs of this machine, where no signature does.
+
+    Args:
+        service: where jobs are; jobs of job workers with its home are known.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._callers = Callers(service.settings.home)
+
+    def job_of(self, scope: Scope) -> str | None:
+        """ARN of the job that a request comes from; `None`: it comes from none.
+
+        Raises:
+            AccessDeniedException: that cannot be told, so it may be any job.
+        """
+        peer, server = map(as_address, scope.get("state", {}).get(ENDS, (None, None)))
+        if peer is None or server is None:  # it came over no connection
+            return None
+        caller = self._callers.who(peer, server)
+        if caller.why_unknown is not None:
+            raise AccessDeniedException(
+                f"it cannot be told whether a job sent this request: {caller.why_unknown}; "
+                "keep the connection open until the answer is there, or have the service check access keys"
+            )
+        return caller.job
+
+    def check(self, arn: str, shape: OperationShape, members: Mapping[str, Any]) -> None:
+        """Checks what a job asks for.
+
+        Args:
+            arn: the job.
+            shape: the operation.
+            members: the members of the request on the wire, which have been checked.
+
+        Raises:
+            AccessDeniedException: it is not the job's to ask for; whether anything else exists is not told.
+            ResourceNotFoundException: the job is not in the catalog any more.
+        """
+        job = self._service.catalog.get(arn, kind="simulation-job")
+        named = set(named_resources(members))
+        if shape.name in _OF_ITSELF and named <= {arn} and named:
+            return
+        own = SimulationJobDocument.of(job).request
+        if shape.name in _OF_WHAT_IT_USES and named <= set(named_resources(own)):
+            return
+        if shape.name == _CREATE and self._service.settings.jobs_create_jobs:
+            self._check_created(job, own, members)
+            return
+        why = "the setting ROBOMAKER_JOBS_CREATE_JOBS is 0" if shape.name == _CREATE else "it is not among these"
+        raise AccessDeniedException(
+            f"{shape.name}: the job {job.id} sent this request, and a job may describe, cancel and tag itself, and "
+            f"read what its request names; {why}"
+        )
+
+    def _check_created(self, job: Resource, own: Mapping[str, Any], members: Mapping[str, Any]) -> None:
+        """Checks that a job makes another of its own kind: role, applications, and what these read and write."""
+        for what, given, allowed in self._compared(own, members):
+            if given not in allowed:
+                raise AccessDeniedException(
+                    f"{what}: the job {job.id} makes this job, which may have what the job's own request has"
+                )
+
+    def _compared(
+        self, own: Mapping[str, Any], members: Mapping[str, Any]
+    ) -> Iterator[tuple[str, object, list[object]]]:
+        """What a created job asks for that could be more than its maker has, and what its maker has."""
+        yield "iamRole", members.get("iamRole"), [own.get("iamRole")]
+        for role in _ROLES:
+            # The same application may run, in the same box or under the same engine, with another launch.
+            allowed = [_application(each) for each in own.get(role) or []]
+            for index, each in enumerate(members.get(role) or []):
+                yield f"{role}[{index}].application", _application(each), allowed
+        for world in _worlds(members):
+            yield "worldConfigs", world, list(_worlds(own))
+        if self._service.settings.roles_file is None:  # no role says what is read and written
+            yield "outputLocation", members.get("outputLocation"), [own.get("outputLocation"), None]
+            for index, each in enumerate(members.get("dataSources") or []):
+                yield f"dataSources[{index}]", _place(each), [_place(each) for each in own.get("dataSources") or []]
+
+
+def _application(config: Mapping[str, Any]) -> object:
+    return config.get("application"), config.get("applicationVersion")
+
+
+def _place(source: Mapping[str, Any]) -> object:
+    return source.get("type"), source.get("s3Bucket"), source.get("s3Keys")
+
+
+def _worlds(request: Mapping[str, Any]) -> Iterator[object]:
+    for role in _ROLES:
+        for config in request.get(role) or []:
+            for world in config.get("worldConfigs") or []:
+                yield world.get("world")

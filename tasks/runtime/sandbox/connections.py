@@ -1,0 +1,213 @@
+"""Which job a connection of this machine comes from, found by the process that has it open.
+
+The kernel says of a connection who made its socket, and which one it is; the process that has it open descends from the
+supervisor of a run, or it does not. What cannot be told counts as unknown: a process that has closed its end already,
+one in a namespace that is none of ours, such as a container.
+"""
+
+import os
+import socket
+import struct
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from ipaddress import IPv6Address, ip_address
+from pathlib import Path
+from typing import NamedTuple
+
+from .run_marks import ancestors, marked_runs
+
+Address = tuple[str, int]
+"""An IP address and a port."""
+
+_DIAGNOSIS = 4  # NETLINK_SOCK_DIAG
+_BY_FAMILY = 20  # SOCK_DIAG_BY_FAMILY
+_REQUEST = 1  # NLM_F_REQUEST
+_ANSWER_BYTES = 8192
+_HEADER = struct.Struct("=IHHII")
+_NO_COOKIE = b"\xff" * 8
+_OWNER_AT = _HEADER.size + 4 + 48 + 12
+"""Where the answer has user and inode: behind its header, four bytes of state, the socket's id, and three numbers."""
+_ERROR = 2  # NLMSG_ERROR
+_MOST_KNOWN = 10_000
+_KNOWN_S = 60.0
+"""How long it is known who has a connection: numbers of sockets come again, after some billions."""
+
+
+class ConnectionEnd(NamedTuple):
+    """The other end of a connection."""
+
+    user: int
+    inode: int
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Who is at the other end of a connection."""
+
+    job: str | None = None
+    """ARN of the job whose process it is; `None`: no job's."""
+
+    why_unknown: str | None = None
+    """Why that cannot be told; `None`: it can."""
+
+
+class Callers:
+    """Finds out who calls; what was found of a connection is remembered as long as it is there.
+
+    Args:
+        home: the data home of the job workers of this machine.
+        end_of: finds the other end of a connection.
+    """
+
+    def __init__(self, home: Path, end_of: Callable[[Address, Address], ConnectionEnd | None] | None = None) -> None:
+        self._home = home
+        self._end_of = end_of or end_of_connection
+        self._known: dict[tuple[Address, Address, ConnectionEnd], tuple[float, Caller]] = {}
+        self._can_tell = os.path.exists("/proc/self/ns/pid")  # else there are no boxes either
+
+    def who(self, peer: Address, server: Address) -> Caller:
+        """Who has the other end of a connection.
+
+        Args:
+            peer: its address there.
+            server: its address here.
+        """
+        if not self._can_tell or not ip_address(peer[0]).is_loopback:
+            return Caller()
+        end = self._end_of(peer, server)
+        if end is None or end.inode == 0:
+            return Caller(why_unknown="it has been closed by its sender")
+        known_until_s, caller = self._known.get((peer, server, end), (0.0, Caller()))
+        if (now_s := time.monotonic()) >= known_until_s:
+            caller = self._found(end)
+            if len(self._known) >= _MOST_KNOWN:
+                self._known.clear()
+            if caller.why_unknown is None:
+                self._known[peer, server, end] = (now_s + _KNOWN_S, caller)
+        return caller
+
+    def _found(self, end: ConnectionEnd) -> Caller:
+        user = os.geteuid()
+        if end.user != user and user != 0:
+            return _of_another_user(end.user)
+        runs = marked_runs(self._home)
+        holders = list(_holders(end))
+        if not holders:
+            return Caller(why_unknown="no process can be seen that has it open")
+        # A socket may be held by several; one of a job among them is enough.
+        callers = [_caller_of(pid, runs) for pid in holders]
+        return next(
+            (each for each in callers if each.job), next((each for each in callers if each.why_unknown), callers[0])
+        )
+
+
+def end_of_connection(peer: Address, server: Address) -> ConnectionEnd | None:
+    """Asks the kernel for the other end of a connection on this machine; `None` if there is none any more."""
+    try:
+        return _asked(peer, server)
+    except OSError:  # such questions are refused here
+        return _listed(peer, server)
+
+
+def _asked(peer: Address, server: Address) -> ConnectionEnd | None:
+    (ours, our_port), (theirs, their_port) = server, peer
+    family = socket.AF_INET6 if ":" in theirs else socket.AF_INET
+    addresses = [socket.inet_pton(family, each).ljust(16, b"\0") for each in (theirs, ours)]
+    wanted = struct.pack("=BBBxI", family, socket.IPPROTO_TCP, 0, 0xFFFFFFFF)
+    wanted += struct.pack("!HH", their_port, our_port) + addresses[0] + addresses[1] + struct.pack("=I", 0) + _NO_COOKIE
+    message = _HEADER.pack(_HEADER.size + len(wanted), _BY_FAMILY, _REQUEST, 1, 0) + wanted
+    with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, _DIAGNOSIS) as kernel:
+        kernel.settimeout(1.0)
+        kernel.send(message)
+        answer = kernel.recv(_ANSWER_BYTES)
+    _, kind, _, _, _ = _HEADER.unpack_from(answer)
+    if kind == _ERROR:
+        number = -struct.unpack_from("=i", answer, _HEADER.size)[0]
+        if number == 2:  # ENOENT: there is no such connection
+            return None
+        raise OSError(number, os.strerror(number))
+    return ConnectionEnd(*struct.unpack_from("=II", answer, _OWNER_AT))
+
+
+def _listed(peer: Address, server: Address) -> ConnectionEnd | None:
+    """The same out of the list of all connections."""
+    wanted = (_written(peer), _written(server))
+    name = "tcp6" if ":" in peer[0] else "tcp"
+    with suppress(OSError), Path(f"/proc/net/{name}").open() as lines:
+        for line in lines:
+            fields = line.split()
+            if (fields[1], fields[2]) == wanted:
+                return ConnectionEnd(int(fields[7]), int(fields[9]))
+    return None
+
+
+def _written(address: Address) -> str:
+    packed = ip_address(address[0]).packed
+    words = struct.unpack(f"={len(packed) // 4}I", packed)
+    return "".join(f"{word:08X}" for word in words) + f":{address[1]:04X}"
+
+
+def _holders(end: ConnectionEnd) -> Iterator[int]:
+    """The processes that can be seen to have a socket open."""
+    link = f"socket:[{end.inode}]"
+    with os.scandir("/proc") as entries:
+        for entry in entries:
+            if entry.name.isdecimal():
+                with suppress(OSError), os.scandir(f"/proc/{entry.name}/fd") as descriptors:
+                    if any(_links_to(each.path, link) for each in descriptors):
+                        yield int(entry.name)
+
+
+def _links_to(path: str, link: str) -> bool:
+    try:
+        return os.readlink(path) == link
+    except OSError:
+        return False
+
+
+def _caller_of(pid: int, runs: Mapping[int, str]) -> Caller:
+    line = ancestors(pid)
+    if line is None:
+        return Caller(why_unknown="its process has ended")
+    if (job := next((runs[each] for each in line if each in runs), None)) is not None:
+        return Caller(job=job)
+    try:
+        is_here = os.path.samestat(os.stat(f"/proc/{pid}/ns/pid"), os.stat("/proc/self/ns/pid"))
+    except OSError:
+        is_here = False
+    return Caller() if is_here else Caller(why_unknown="its process is in a namespace of its own, such as a container")
+
+
+def _of_another_user(user: int) -> Caller:
+    """Another user's processes say nothing of their connections; a job can only be among them in a container."""
+    with os.scandir("/proc") as entries:
+        for entry in entries:
+            if entry.name.isdecimal() and _is_contained(entry.name, user):
+                return Caller(why_unknown=f"user {user} has processes in containers, which jobs may have started")
+    return Caller()
+
+
+def _is_contained(pid: str, user: int) -> bool:
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text().splitlines()
+    except OSError:
+        return False
+    about = {name: value.split() for name, _, value in (line.partition(":") for line in lines)}
+    return about.get("Uid", [""])[:1] == [str(user)] and len(about.get("NSpid", [])) > 1
+
+
+def as_address(given: object) -> Address | None:
+    """An address as a server has it, without what is of IPv6 only; `None`: it is none of TCP."""
+    if not isinstance(given, tuple) or len(given) < 2:
+        return None
+    host, port = given[0], given[1]
+    if not isinstance(host, str) or not isinstance(port, int):
+        return None
+    with suppress(ValueError):
+        address = ip_address(host.partition("%")[0])
+        if isinstance(address, IPv6Address) and address.ipv4_mapped:
+            return str(address.ipv4_mapped), port
+        return str(address), port
+    return None
