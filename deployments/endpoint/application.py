@@ -179,7 +179,7 @@ class Endpoint:
         try:
             if self._authenticator is None:
                 check_origin(request)
-            call.job = self.job_callers.job_of(request.scope) if self.job_callers else None
+            call.job = self._job_of(request)
             if (page := self._page(request, is_of_job=call.job is not None)) is not None:
                 return page
             signer = self._authenticator.check(request) if self._authenticator is not None else None
@@ -196,6 +196,12 @@ class Endpoint:
             call.outcome = answer.headers["x-amzn-errortype"]
         self.calls.write(call)
         return answer
+
+    def _job_of(self, request: ServiceRequest) -> str | None:
+        """ARN of the job that a request comes from; `None`: it comes from none, or signatures say whose it is."""
+        if self.job_callers is None:
+            return None
+        return self.job_callers.job_of_path(request.scope) or self.job_callers.job_of(request.scope)
 
     def _page(self, request: ServiceRequest, *, is_of_job: bool) -> Response | None:
         """The page at a path; a job is told that the service works, and nothing of others."""

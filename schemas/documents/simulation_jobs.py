@@ -176,6 +176,9 @@ class SimulationJobProgress(FailureChanges):
         default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
     )
     outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    call_key: str | None = Field(
+        default=None, description="What the code of its last run calls the service with, as long as that run goes on."
+    )
     upload_canceled: bool = Field(
         default=False,
         description="Whether a job that had been cancelled was cancelled again while its outputs were stored.",

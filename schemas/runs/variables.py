@@ -17,6 +17,9 @@ HIDDEN = "(secret)"
 ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
 """Where SDKs find the service."""
 
+OF_JOB = "/of-job/"
+"""Paths of the endpoint that begin so are a job's own: its id and its key follow, and then the path of an operation."""
+
 SECRETS_VARIABLE = "ROBOMAKER_SECRETS"
 """A launch variable: the names of other variables that are secrets, with commas between them."""
 

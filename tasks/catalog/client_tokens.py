@@ -42,7 +42,7 @@ def tokens_of(owner: str) -> Generator[None]:
     """Has tokens of requests in the block belong to one caller.
 
     Args:
-        owner: an access key or a job; empty: whoever calls without one.
+        owner: an access key or a job; empty: a caller without either.
     """
     before = _OWNER.set(owner)
     try:
@@ -65,7 +65,7 @@ class ClientToken:
     """Equal for equal requests."""
 
     owner: str = ""
-    """Whose it is: an access key or a job; empty: that of everybody who calls without one."""
+    """Whose it is: an access key or a job; empty: a caller without either."""
 
     @property
     def stored(self) -> str:

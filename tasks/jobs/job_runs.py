@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 from enum import Enum, auto
 from functools import cache
 from pathlib import Path
+from secrets import token_urlsafe
 
 from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import (
@@ -272,6 +273,7 @@ class JobRun:
             simulated_at=None,
             video_s=None,
             upload_s=None,
+            call_key=token_urlsafe(),
         )
         self._lease.transition("prepare", begun)
         service = self._service.patient(self._lease.job.id, self._is_stopped)

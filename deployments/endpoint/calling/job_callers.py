@@ -4,12 +4,15 @@ Without access keys each program of this machine may call the service, and so co
 not trusted. Whose a connection is says the kernel, by the process that has it open.
 """
 
+import hmac
 from collections.abc import Iterator, Mapping
 from typing import Any
+from urllib.parse import unquote
 
 from starlette.types import Scope
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
+from ....schemas.runs.variables import OF_JOB
 from ....schemas.wire.operation_shape import OperationShape
 from ....tasks.catalog import Resource
 from ....tasks.runtime.sandbox.connections import Callers, as_address
@@ -36,6 +39,8 @@ _OF_WHAT_IT_USES = frozenset(
 """What a job may read of the world and the applications that its request names."""
 
 _CREATE = "CreateSimulationJob"
+_RUNS = ("Preparing", "Running", "RunningFailed", "Restarting")
+"""Statuses in which code of a job may run."""
 _ROLES = ("robotApplications", "simulationApplications")
 
 
@@ -49,6 +54,28 @@ class JobCallers:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._callers = Callers(service.settings.home)
+
+    def job_of_path(self, scope: Scope) -> str | None:
+        """ARN of the job whose own path is asked for; what is left of that is the path of an operation.
+
+        So processes in containers, whose connections say nothing of their jobs, and those of job workers elsewhere are
+        known too.
+
+        Raises:
+            AccessDeniedException: it is no path of a job that runs.
+        """
+        path = scope["raw_path"].decode("latin-1")
+        if not path.startswith(OF_JOB):
+            return None
+        job_id, _, rest = path.removeprefix(OF_JOB).partition("/")
+        key, slash, rest = rest.partition("/")
+        found = self._service.catalog.get_many([arn := self._service.arn("simulation-job", job_id)]).get(arn)
+        known = SimulationJobDocument.of(found).call_key if found is not None and found.status in _RUNS else None
+        if not hmac.compare_digest((known or "").encode(), key.encode()) or not known:
+            raise AccessDeniedException("there is no job that runs with this key")
+        scope["raw_path"] = f"{slash}{rest}".encode("latin-1") or b"/"
+        scope["path"] = unquote(scope["raw_path"].decode("latin-1"))
+        return arn
 
     def job_of(self, scope: Scope) -> str | None:
         """ARN of the job that a request comes from; `None`: it comes from none.

@@ -6,28 +6,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from urllib.parse import quote
 
-from ....schemas.runs.variables import ENDPOINT_VARIABLE
+from ....schemas.runs.variables import ENDPOINT_VARIABLE, OF_JOB
 from ....schemas.settings import Settings
 from .folders import TEMPORARY, Sandbox
 
 
-def process_variables(sandbox: Sandbox, settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:
+def process_variables(
+    sandbox: Sandbox, settings: Settings, environ: Mapping[str, str], caller: str = ""
+) -> dict[str, str]:
     """The variables that every process of a run has, besides those that say what run it is and where its folders are.
 
     Args:
         sandbox: the run's folders.
         settings: the service's.
         environ: variables of this process.
+        caller: see `service_variables`.
     """
     return {
         "TMPDIR": str(sandbox.place(TEMPORARY)),
         "PATH": search_path(environ),
-        **service_variables(settings, environ),
+        **service_variables(settings, environ, caller),
     }
 
 
-def service_variables(settings: Settings, environ: Mapping[str, str]) -> dict[str, str]:
-    """What a job needs to call the service, about itself for example: no secret is among it.
+def service_variables(settings: Settings, environ: Mapping[str, str], caller: str = "") -> dict[str, str]:
+    """What a job needs to call the service, about itself for example: no secret but its own is among it.
 
     SDKs get the endpoint where this process knows one, and placeholder keys where signatures are not checked. The
     command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
@@ -35,13 +38,15 @@ def service_variables(settings: Settings, environ: Mapping[str, str]) -> dict[st
     Args:
         settings: the service's.
         environ: variables of this process.
+        caller: id and key of the job, with a slash between, by which the endpoint knows its calls.
     """
     variables = {"AWS_REGION": settings.region, "AWS_DEFAULT_REGION": settings.region}
     if endpoint := environ.get(ENDPOINT_VARIABLE):
-        variables[ENDPOINT_VARIABLE] = endpoint
+        is_open = settings.access_keys_file is None
+        variables[ENDPOINT_VARIABLE] = f"{endpoint.rstrip('/')}{OF_JOB}{caller}" if caller and is_open else endpoint
         if models := environ.get("AWS_DATA_PATH"):
             variables["AWS_DATA_PATH"] = models
-        if settings.access_keys_file is None:
+        if is_open:
             variables |= {"AWS_ACCESS_KEY_ID": "local", "AWS_SECRET_ACCESS_KEY": "local"}
     if _keeps_catalog_at_home(settings):
         variables |= {

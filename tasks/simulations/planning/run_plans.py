@@ -78,7 +78,7 @@ def run_plan(
         output_dir=output_dir,
         checkpoint_dir=folder / CHECKPOINTS_FOLDER,
         compute=limits,
-        environment={DOMAIN_VARIABLE: str(ros_domain), **_variables(request, sandbox, service)},
+        environment={DOMAIN_VARIABLE: str(ros_domain), **_variables(document, sandbox, service, job.id)},
         failure_behavior=request.get("failureBehavior") or "Fail",
         record=request.get("loggingConfig", {}).get("recordAllRosTopics", True),
         video=document.video,
@@ -103,9 +103,11 @@ def run_plan(
     return planned
 
 
-def _variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
+def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Service, job_id: str) -> dict[str, str]:
     """The variables of all processes of the run; files that some of them name are written."""
-    usual, store = process_variables(sandbox, service.settings, os.environ), store_variables(request, sandbox, service)
+    request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
+    usual = process_variables(sandbox, service.settings, os.environ, caller)
+    store = store_variables(request, sandbox, service)
     if not store:
         return usual
     keys = role_keys(request, service)

@@ -8,15 +8,17 @@ import time
 import urllib.error
 import urllib.request
 
-URL = os.environ["AWS_ENDPOINT_URL_ROBOMAKER"]
+OWN_URL = os.environ["AWS_ENDPOINT_URL_ROBOMAKER"]
+PLAIN_URL, KEY = OWN_URL.split("/of-job/")
+URL = OWN_URL if os.environ["BY"] == "key" else PLAIN_URL
 OWN = os.environ["AWS_ROBOMAKER_SIMULATION_JOB_ARN"]
 OTHER, ORDER = json.loads(os.environ["OTHER"]), json.loads(os.environ["ORDER"])
 
 
-def asked(path, members=None):
+def asked(path, members=None, **headers):
     """Status and text of an answer."""
     body = None if members is None else json.dumps(members).encode()
-    request = urllib.request.Request(URL + path, data=body, headers={"content-type": "application/json"})
+    request = urllib.request.Request(URL + path, data=body, headers={"content-type": "application/json", **headers})
     try:
         with urllib.request.urlopen(request, timeout=60) as answer:
             return answer.status, answer.read().decode()
@@ -40,7 +42,7 @@ def in_an_orphan(path, members):
 def sent_and_gone(path, members):
     """A request whose sender does not wait for the answer."""
     body = json.dumps(members)
-    host, port = URL.removeprefix("http://").split(":")
+    host, port = PLAIN_URL.removeprefix("http://").split(":")
     with socket.create_connection((host, int(port))) as connection:
         head = f"POST {path} HTTP/1.1\r\nHost: {host}\r\nContent-Type: application/json\r\n"
         head += f"Content-Length: {len(body)}\r\n\r\n"
@@ -59,6 +61,9 @@ ATTEMPTS = {
     "tag itself": lambda: asked(tag_path(OWN), {"tags": {"verdict": "good"}}),
     "health": lambda: asked("/health"),
     "list jobs": lambda: asked("/listSimulationJobs", {}),
+    "list jobs as if a proxy passed it on": lambda: asked(
+        "/listSimulationJobs", {}, **{"x-forwarded-for": "10.1.2.3", "x-forwarded-proto": "https"}
+    ),
     "list batches": lambda: asked("/listSimulationJobBatches", {}),
     "list worlds": lambda: asked("/listWorlds", {}),
     "describe": lambda: asked("/describeSimulationJob", {"job": OTHER}),
