@@ -1,5 +1,6 @@
 """The document of a simulation job: its request, what is fixed when it is created, and how it goes on."""
 
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any, Literal
 
@@ -185,6 +186,32 @@ class SimulationJobProgress(FailureChanges):
     )
     earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
     made_of: MadeOf | None = Field(default=None, description="What its last run was made of; absent: it has not run.")
+
+    @classmethod
+    def begun(cls, run_id: str, waited_s: Mapping[Scarce, float], call_key: str) -> "SimulationJobProgress":
+        """What is recorded of a new run: what an earlier one failed of, and was judged to be, is nothing it has.
+
+        Args:
+            run_id: its id.
+            waited_s: see `waited_s`.
+            call_key: see `call_key`.
+        """
+        return cls(
+            run_id=run_id,
+            waited_s=dict(waited_s),
+            call_key=call_key,
+            outcome=None,
+            finished=None,
+            failure_code=None,
+            failure_reason=None,
+            verdict=None,
+            verdict_reason=None,
+            reached_s=0.0,
+            trials_finished=None,
+            simulated_at=None,
+            video_s=None,
+            upload_s=None,
+        )
 
     @property
     def started_at(self) -> datetime | None:

@@ -258,23 +258,7 @@ class JobRun:
     def _prepared(self, run_id: str, ros_domain: int) -> RunPlan:
         """Fetches all that a new run needs; it counts as running from then on."""
         folder = self._service.folder("jobs", self._lease.job.id, run_id)
-        # What an earlier run failed of, and what it was judged to be, is nothing that this one has.
-        begun = SimulationJobProgress(
-            run_id=run_id,
-            outcome=None,
-            finished=None,
-            failure_code=None,
-            failure_reason=None,
-            verdict=None,
-            verdict_reason=None,
-            reached_s=0.0,
-            trials_finished=None,
-            waited_s=self._waited_s,
-            simulated_at=None,
-            video_s=None,
-            upload_s=None,
-            call_key=token_urlsafe(),
-        )
+        begun = SimulationJobProgress.begun(run_id, self._waited_s, token_urlsafe())
         self._lease.transition("prepare", begun)
         service = self._service.patient(self._lease.job.id, self._is_stopped)
         try:

@@ -69,7 +69,7 @@ class DirectoryStore:
         check_key(key)
         if not (self._root / bucket).is_dir():
             raise BucketNotFoundError(f"there is no bucket {bucket!r} in {self._root}")
-        with os_failures(f"write to {self._root}"), self._written(bucket, key, BytesIO(b"probe")):
+        with os_failures(f"write to {self._root}"), self._written(bucket, key, b"probe"):
             pass  # it has no name yet, and is removed
         if not os.access(self._root / bucket, os.W_OK | os.X_OK):
             raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
