@@ -223,3 +223,7 @@ class LaunchInterruptedError(LaunchError):
 
 class StateConflictError(RobomakerError):
     """An event arrived in a state that does not know it."""
+
+
+class LeaseLostError(StateConflictError):
+    """A process was held up for so long, or slept, that another one has taken over its job."""

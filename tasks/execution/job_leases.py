@@ -11,7 +11,7 @@ from contextlib import contextmanager, suppress
 from typing import TypeVar
 
 from ...schemas.documents.base import Changes
-from ...schemas.wire.errors import ServiceUnavailableException, StateConflictError
+from ...schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
 from ..catalog import Resource, Stored
 from ..service.service import Service
 
@@ -25,7 +25,7 @@ _MOST_REFUSALS = 3
 class Lease:
     """The right to change one job, held by one job worker.
 
-    Changes made through it fail with `StateConflictError` once another worker has taken over.
+    Changes made through it fail with `LeaseLostError` once another worker has taken over.
 
     Args:
         job: the job as it was when the lease was taken.
@@ -89,10 +89,14 @@ class Lease:
         """Checks after a refused change whether the lease was lost, before any cleanup."""
         try:
             yield
-        except StateConflictError:
+        except StateConflictError as error:
             with suppress(ServiceUnavailableException):
                 if not self._renew_once():
                     self._lost.set()
+            if self.lost:
+                raise LeaseLostError(
+                    f"{self.job.arn} was taken over by another process, which goes on with it"
+                ) from error
             raise
 
     def _renew(self) -> None:

@@ -5,11 +5,12 @@ that made the job, a job worker, a user who resumes after a crash. A lease in th
 others wait for the end of the job, or take over when the lease of a dead worker runs out.
 """
 
+import logging
 import time
 from collections.abc import Callable
 
 from ...schemas.lifecycles import is_terminal
-from ...schemas.wire.errors import ServiceUnavailableException
+from ...schemas.wire.errors import LeaseLostError, ServiceUnavailableException
 from ..service.service import Service
 from ..service.spans import span
 from .held_leases import HELD, HeldLeases
@@ -17,6 +18,8 @@ from .job_leases import CatalogWait, Lease
 from .retry_limit import fail_job, why_not_retried
 
 _WAIT_S = 0.5
+
+_logger = logging.getLogger(__name__)
 
 
 def run_under_lease(
@@ -34,7 +37,12 @@ def run_under_lease(
     Raises:
         ResourceNotFoundException: there is no such job.
     """
-    while not run_if_unclaimed(arn, kind, service, work, held):
+    while True:
+        try:
+            if run_if_unclaimed(arn, kind, service, work, held):
+                return
+        except LeaseLostError as error:
+            _logger.warning("%s; its end is waited for", error)
         time.sleep(_WAIT_S)
 
 
@@ -55,6 +63,7 @@ def run_if_unclaimed(
 
     Raises:
         ResourceNotFoundException: there is no such job.
+        LeaseLostError: another worker has taken over meanwhile.
         WorkerStopping: this process is about to end.
     """
     job = service.catalog.get(arn, kind=kind)

@@ -16,7 +16,7 @@ from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocume
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.machine_waits import Scarce
 from ...schemas.runs.stops import STOPPING, StopReason
-from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException, RobomakerError
+from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
 from ..execution.one_worker_per_job import run_under_lease
@@ -187,8 +187,8 @@ class BatchWorker:
         try:
             with Place(take, permit_of(machine)) as place:
                 place.simulate()
-                self._perform(arn, self._service, self._why_stop, waited_s=waited_s, place=place)
-        except (CatalogUnavailable, WorkerStopping) as error:
+                self._perform(arn, self._service, self._why_stop, waited_s=waited_s, place=place, waits=False)
+        except (CatalogUnavailable, LeaseLostError, WorkerStopping) as error:
             _logger.warning("%s is left to another job worker: %s", arn, error)
         except Exception as error:
             _logger.exception("%s broke its job worker", arn)

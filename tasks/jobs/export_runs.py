@@ -6,6 +6,7 @@ from ...schemas.documents.world_export_jobs import WorldExportJobDocument, World
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
     BucketNotFoundError,
+    LeaseLostError,
     ObjectNotFoundError,
     ResourceNotFoundException,
     StorageAccessDeniedError,
@@ -35,6 +36,8 @@ def run_export(lease: Lease, service: Service) -> None:
     total = len(WorldExportJobDocument.of(lease.job).request.worlds)
     try:
         stored = _stored_archive(lease, service)
+    except LeaseLostError:
+        raise  # the job is another's to end
     except Exception as error:  # the job has to end whatever breaks
         code = _failure_code(error)
         if code == _INTERNAL:

@@ -71,6 +71,7 @@ def perform_job(
     on_trials: OnTrials | None = None,
     waited_s: Mapping[Scarce, float] | None = None,
     place: Place | None = None,
+    waits: bool = True,
 ) -> None:
     """Carries a simulation job from wherever it stands to its end.
 
@@ -87,13 +88,14 @@ def perform_job(
         on_trials: see `OnTrials`; absent: nothing is told.
         waited_s: how long it has waited for this machine, in seconds, by what the machine had too little of.
         place: its place among the jobs that simulate; absent: it needs none.
+        waits: whether the end of a job that another process has taken over is waited for.
     """
     remove_abandoned_containers(service)
 
-    def run(lease: Lease) -> None:
-        JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, place).run()
-
-    run_under_lease(arn, KIND, service, run)
+    run = run_under_lease if waits else run_if_unclaimed
+    run(
+        arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, place).run()
+    )
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
@@ -230,6 +232,8 @@ class JobRun:
             CatalogWait.of(self._lease, self._service).outlast(error)
             next_run = _Next.GO_ON
         except Exception as error:  # the job has to end whatever breaks
+            if self._lease.lost:
+                raise  # it is another's to end
             _logger.exception("simulation job %s broke", self._lease.job.arn)
             self._terminate(failed("InternalServiceError", f"{type(error).__name__}: {error}"))
         finally:

@@ -1,12 +1,17 @@
+import logging
+import threading
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.base import Changes
-from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, StateConflictError
+from prefect_robomaker.schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
 from prefect_robomaker.tasks.execution.job_leases import Lease
 from prefect_robomaker.tasks.execution.one_worker_per_job import run_if_unclaimed, run_under_lease
+from prefect_robomaker.tasks.jobs.job_runs import JobRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
@@ -37,8 +42,8 @@ def test_a_worker_that_was_held_up_learns_that_another_took_over(
         wait_for(lambda: lease.lost, "it to notice")
         lease.transition("start")
 
-    with pytest.raises(StateConflictError, match="another"):
-        run_under_lease(job, KIND, service, work)
+    with pytest.raises(LeaseLostError, match="taken over by another process"):
+        run_if_unclaimed(job, KIND, service, work)
 
     assert service.catalog.get(job).status == "Pending"
     assert not service.catalog.claim(job, "a third", 60)
@@ -100,3 +105,32 @@ def test_a_job_that_somebody_performs_is_left_to_them(service: Service, job: str
     service.catalog.transition(job, "canceled")
     assert run_if_unclaimed(job, KIND, service, worked.append)
     assert [entry.status for entry in worked] == ["Canceling"]
+
+
+def test_a_lease_that_was_lost_is_said_in_one_line_and_the_end_of_the_job_is_waited_for(
+    service: Service, order: Callable[..., dict[str, Any]], caplog: pytest.LogCaptureFixture
+) -> None:
+    """A laptop that slept, while another machine went on with its job."""
+    arn = call("CreateSimulationJob", order(), service)["arn"]
+    tried: list[str] = []
+
+    def work(lease: Lease) -> None:
+        tried.append("once")
+        service.catalog.expire_leases("")
+        assert service.catalog.claim(arn, "another machine", 60.0)
+        with caplog.at_level(logging.WARNING):
+            threading.Timer(0.2, others_end).start()
+            JobRun(lease, service).run()
+
+    def others_end() -> None:
+        for event in ("terminate", "cancel"):
+            service.catalog.transition(arn, event, owner="another machine")
+        service.catalog.release(arn, "another machine")
+
+    run_under_lease(arn, "simulation-job", service, work)
+
+    assert tried == ["once"]
+    assert service.catalog.get(arn).status == "Canceled"
+    (said,) = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert said.getMessage() == f"{arn} was taken over by another process, which goes on with it; its end is waited for"
+    assert said.exc_info is None
