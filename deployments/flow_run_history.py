@@ -15,8 +15,10 @@ from typing import Any
 from ..schemas.reports.retention import GcFlowRuns, RetentionPolicy
 from ..schemas.settings import Settings
 from ..tasks.operations.registry import flow_names
+from ..tasks.service.service import Service
 from .prefect_database import WORTH_BYTES, database_file, measure_database, prepare_database, shrink_database
 from .prefect_server.local_server import ServerStatus, client_variables, server_status
+from .prefect_server.secret import auth_string
 
 _NO_PROFILE = {"PREFECT_PROFILES_PATH": os.devnull}
 _PAGE = 50
@@ -44,6 +46,31 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
         return _shrink(path, told, is_open=status.running or status.busy, act=act)
     except sqlite3.Error as error:
         return told.model_copy(update={"problem": told.problem or f"{path}: {error}"})
+
+
+def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[str]:
+    """Finds concurrency limits of batches that have ended on the local server, if it runs, and removes them.
+
+    Args:
+        settings: whose local server.
+        service: where the batches are.
+        act: whether anything is changed.
+
+    Returns:
+        Their names.
+    """
+    status = server_status(settings, _NO_PROFILE)
+    if not status.running:
+        return []
+    from prefect.client.orchestration import SyncPrefectClient
+
+    from ..tasks.execution.batch_slots import batches_with_limits
+    from .leftover_limits import leftover_limits, remove_leftover_limits
+
+    with SyncPrefectClient(str(status.api_url), auth_string=auth_string(settings)) as client:
+        if act:
+            return remove_leftover_limits(client, settings)
+        return leftover_limits(batches_with_limits(client), service)
 
 
 def _collect(

@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import stat
 import subprocess
 import sys
 import uuid
@@ -61,6 +62,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "extras": check_extras,
         "containers": lambda: check_containers(without_roles),
         "sandbox": lambda: check_sandbox(settings),
+        "left behind": lambda: check_left_behind(without_roles),
         "kept outputs": lambda: check_kept_outputs(without_roles),
         "left jobs": lambda: check_left_jobs(settings, without_roles),
     }
@@ -155,7 +157,7 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
     """
     probe = home / f".doctor-{uuid.uuid4().hex}"
     try:
-        home.mkdir(parents=True, exist_ok=True)
+        home.mkdir(0o700, parents=True, exist_ok=True)
         probe.write_bytes(b"probe")
         probe.unlink()
     except OSError as error:
@@ -171,6 +173,9 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
         return Finding("data home", "broken", found, remedy)
     if free < _LITTLE_SPACE_BYTES:
         return Finding("data home", "warning", found, "worlds and recordings may fill it; free some space")
+    if home.stat().st_mode & stat.S_IRWXO:
+        words = f"{home} is open to all users of this machine ({stat.filemode(home.stat().st_mode)})"
+        return Finding("data home", "warning", words, f"chmod o-rwx {home}, unless others are to look into it")
     return Finding("data home", "ok", found)
 
 
@@ -313,6 +318,25 @@ def check_robot_keys(settings: Settings) -> Finding:
         return Finding("robots' keys", "warning", "\n".join(warnings), "see `robomaker robots keys status`")
     until = min((role.expires for role in roles if role.role == "root"), default=None)
     return Finding("robots' keys", "ok", f"the root is valid until {until:%Y-%m-%d}" if until else "nothing published")
+
+
+def check_left_behind(settings: Settings) -> Finding:
+    """Whether processes that died or lost their jobs left folders of runs, or limits on the local Prefect server."""
+    from ...tasks.jobs.job_folders import overtaken_runs
+    from ...tasks.service.service import Service
+    from ..flow_run_history import collect_limits
+
+    service = Service.open(settings)
+    left = [f"{run}: its job was taken over, and has ended" for run, _ in overtaken_runs(service)]
+    left += [
+        f"the concurrency limit {name}: its batch has ended" for name in collect_limits(settings, service, act=False)
+    ]
+    service.catalog.close()
+    if left:
+        return Finding(
+            "left behind", "warning", "\n".join(left), "`robomaker gc`, and job workers that start, remove them"
+        )
+    return Finding("left behind", "ok", "nothing of processes that died or lost their jobs")
 
 
 def check_kept_outputs(settings: Settings) -> Finding:

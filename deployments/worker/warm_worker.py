@@ -66,8 +66,10 @@ class WarmWorker:
     def prepare(self) -> None:
         """Imports modules and starts processes, so that the first job need not wait for them."""
         from ...flows.lookup import find_perform_flow
+        from ...tasks.jobs.job_folders import remove_overtaken_runs
         from ...tasks.jobs.job_runs import launcher
 
+        remove_overtaken_runs(self._service)
         launcher().start()
         for module in _FIRST_NEEDED:
             importlib.import_module(module)

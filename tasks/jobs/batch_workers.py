@@ -23,7 +23,7 @@ from ..execution.one_worker_per_job import run_under_lease
 from ..execution.retry_limit import fail_job
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
-from .job_folders import KIND
+from .job_folders import KIND, remove_overtaken_runs
 from .job_runs import launcher, perform_job
 from .places import SIMULATED, Place, permit_of
 
@@ -74,6 +74,7 @@ class BatchWorker:
             BaseException: the interruption that ended it; its jobs have been released, and the process has to end.
         """
         machine = self._machine()
+        remove_overtaken_runs(self._service)
         launcher().start()
         # In as many threads as there are slots, jobs simulate; in as many, they finish.
         pool = ThreadPoolExecutor(2 * self._service.settings.max_jobs, thread_name_prefix="job")

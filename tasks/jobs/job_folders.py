@@ -5,6 +5,7 @@ other takes the job over, the next job worker on the machine removes the contain
 """
 
 import logging
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
@@ -20,6 +21,9 @@ from ..simulations.environment.folders import remove
 from ..simulations.outputs.run_outputs import NOT_STORED
 
 KIND = "simulation-job"
+
+_QUIET_S = 600.0
+"""For how long nothing of a run must have changed before its folder counts as left."""
 
 _logger = logging.getLogger(__name__)
 
@@ -96,6 +100,63 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
             job = service.catalog.get_many([arn]).get(arn)
             if job is not None and _is_abandoned(job, service):
                 yield run, job
+
+
+def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
+    """Folders of runs on this machine of which nothing is needed, each with its job, which has ended.
+
+    Another process took the job over, perhaps on another machine, and the outputs are those of its run. Outputs that
+    could not be stored are needed; so is what has changed a moment ago, as its process may still end its programs.
+
+    Args:
+        service: where the jobs are stored.
+
+    Raises:
+        ServiceUnavailableException: the catalog does not answer.
+    """
+    runs = [run for run in _runs(service.settings.home / "jobs") if run.is_dir() and _is_quiet(run)]
+    jobs = service.catalog.get_many({service.arn(KIND, run.parent.name) for run in runs})
+    found: list[tuple[Path, Resource]] = []
+    for run in runs:
+        job = jobs.get(service.arn(KIND, run.parent.name))
+        if job is None or not is_terminal(job.kind, job.status):
+            continue
+        document = SimulationJobDocument.of(job)
+        earlier = kept_runs(document).get(run.name)
+        is_needed = (
+            document.outputs is None if run.name == document.run_id else earlier is not None and not earlier.outputs
+        )
+        if not is_needed and service.catalog.lease_of(job.arn)[0] is None:
+            found.append((run, job))
+    return found
+
+
+def remove_overtaken_runs(service: Service) -> list[Path]:
+    """Removes what is not needed of jobs that others took over; what does not work is logged, and tried again later.
+
+    Returns:
+        The folders that are gone.
+    """
+    gone: list[Path] = []
+    try:
+        for run, _ in overtaken_runs(service):
+            if remove_run(run):
+                gone.append(run)
+            with suppress(OSError):
+                run.parent.rmdir()
+    except (OSError, ServiceUnavailableException) as error:
+        _logger.warning("runs that others took over are not looked for: %s", error)
+    if gone:
+        _logger.info("removed %d folders of runs that others took over", len(gone))
+    return gone
+
+
+def _is_quiet(run: Path) -> bool:
+    """Whether nothing in a run's folder was written lately."""
+    with suppress(OSError):
+        changed_s = max(path.stat().st_mtime for path in (run, *run.iterdir(), *run.glob("output/*")))
+        return time.time() - changed_s > _QUIET_S
+    return False
 
 
 def _runs(jobs: Path) -> list[Path]:

@@ -92,10 +92,8 @@ def perform_job(
     """
     remove_abandoned_containers(service)
 
-    run = run_under_lease if waits else run_if_unclaimed
-    run(
-        arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials, waited_s or {}, place).run()
-    )
+    run, waited_s = run_under_lease if waits else run_if_unclaimed, waited_s or {}
+    run(arn, KIND, service, lambda lease: JobRun(lease, service, stop, run_step, on_trials, waited_s, place).run())
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:

@@ -12,7 +12,7 @@ import pytest
 from helpers.fake_engine import FakeEngine
 
 from prefect_robomaker.deployments.cli import health
-from prefect_robomaker.tasks.jobs.job_folders import remove_abandoned_containers
+from prefect_robomaker.tasks.jobs.job_folders import remove_abandoned_containers, remove_overtaken_runs
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.containers.cleanup import ContainerNote, note_container
@@ -112,3 +112,45 @@ def test_jobs_that_end_meanwhile_do_not_hide_the_others(service: Service, caplog
         over.set()
         others.join()
     assert not caplog.records
+
+
+@pytest.fixture
+def taken_over(service: Service, order: Order) -> Any:
+    """Makes a job that ended with the outputs of another run than the one whose folder is here, long ago."""
+
+    def make(*, run_id: str = "2026-01-02T09-00-00-000000Z", outputs: bool = True, age_s: float = 3600.0) -> Any:
+        arn = call("CreateSimulationJob", order(), service)["arn"]
+        place = {"outputs": {"bucket": "results", "prefix": "there"}} if outputs else {}
+        service.catalog.transition(arn, "prepare", document_changes={"runId": run_id})
+        service.catalog.transition(arn, "terminate", document_changes=place)
+        service.catalog.transition(arn, "fail")
+        run = service.folder("jobs", arn.rpartition("/")[2], RUN)
+        (run / "output").mkdir()
+        (run / "output" / "log.txt").write_text("half a run")
+        for path in (run / "output" / "log.txt", run / "output", run):
+            os.utime(path, (path.stat().st_mtime - age_s,) * 2)
+        return run
+
+    return make
+
+
+def test_folders_of_runs_that_others_took_over_are_named_and_removed(service: Service, taken_over: Any) -> None:
+    elsewhere, stored, unstored = taken_over(), taken_over(run_id=RUN), taken_over(run_id=RUN, outputs=False)
+    of_now, waiting = taken_over(age_s=0.0), service.folder("jobs", "sim-of-another-catalog", RUN)
+    told = health.check_left_behind(service.settings)
+    assert (told.health, told.found.count("\n")) == ("warning", 1)
+    assert str(elsewhere) in told.found
+
+    assert set(remove_overtaken_runs(service)) == {elsewhere, stored}
+
+    assert not elsewhere.parent.exists()
+    assert all(folder.is_dir() for folder in (unstored, of_now, waiting))
+    assert health.check_left_behind(service.settings).health == "ok"
+
+
+def test_a_job_that_goes_on_keeps_its_folders(service: Service, taken_over: Any, order: Order) -> None:
+    job = call("CreateSimulationJob", order(), service)["arn"]
+    run = taken_over()
+    run.parent.rename(run.parents[1] / job.rpartition("/")[2])
+
+    assert remove_overtaken_runs(service) == []

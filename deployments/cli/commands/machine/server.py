@@ -1,8 +1,8 @@
 """Start, stop or look at the local Prefect server, or let other programs use it.
 
-start prints its API's URL. status prints, besides, a link that logs a browser in, once, within ten minutes. env starts
-the server if needed and prints the variables with which the prefect command, Prefect workers and programs of one's own
-use it:
+start prints its API's URL. stop asks, in a terminal, if runs or Prefect workers still use it. status prints, besides, a
+link that logs a browser in, once, within ten minutes. env starts the server if needed and prints the variables with
+which the prefect command, Prefect workers and programs of one's own use it:
 
   eval "$(robomaker server env)"
 """
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from .....schemas.settings import Settings
 
 _SECRET = "PREFECT_API_AUTH_STRING"  # noqa: S105 - a name
+_MOST_NAMED = 3
 _PAGES = "Its pages, for one login within ten minutes: "
 
 
@@ -37,9 +38,57 @@ def execute(arguments: argparse.Namespace) -> int:
         return _env(settings)
     if arguments.action == "status":
         return _status(settings)
+    if not _may_stop(settings):
+        sys.stderr.write("It was not stopped.\n")
+        return 0
     stopped = stop_server(settings)
     sys.stdout.write("The local Prefect server has stopped.\n" if stopped else "No local Prefect server was running.\n")
     return 0
+
+
+def _may_stop(settings: "Settings") -> bool:
+    """Whether the server may be stopped: a person at a terminal is asked if it is in use, others are told."""
+    users = _users(settings)
+    if not users:
+        return True
+    sys.stderr.write(f"The local Prefect server is in use: {', '.join(users)}.\n")
+    if not sys.stdin.isatty():
+        return True
+    sys.stderr.write(
+        "What runs goes on, and is not shown; Prefect workers begin nothing until it is back. Stop it? [y/N] "
+    )
+    sys.stderr.flush()
+    return sys.stdin.readline().strip().lower() in ("y", "yes")
+
+
+def _users(settings: "Settings") -> list[str]:
+    """Who uses the local server now, in words; nothing where it does not run or does not answer."""
+    from ....prefect_server.local_server import client_variables, server_status
+
+    without_profile = {"PREFECT_PROFILES_PATH": os.devnull}
+    status = server_status(settings, without_profile)
+    if not status.running:
+        return []
+    import httpx
+    from prefect.client.orchestration import SyncPrefectClient
+    from prefect.client.schemas import filters
+    from prefect.client.schemas.objects import StateType
+    from prefect.exceptions import PrefectException
+
+    secret = client_variables(str(status.api_url), settings, without_profile).get(_SECRET)
+    running = filters.FlowRunFilterState(type=filters.FlowRunFilterStateType(any_=[StateType.RUNNING]))
+    top = filters.FlowRunFilterParentTaskRunId(is_null_=True)
+    try:
+        with SyncPrefectClient(str(status.api_url), auth_string=secret) as client:
+            runs = client.read_flow_runs(flow_run_filter=filters.FlowRunFilter(state=running, parent_task_run_id=top))
+            pools = [pool.name for pool in client.read_work_pools()]
+            workers = [each for pool in pools for each in client.read_workers_for_work_pool(pool)]
+    except (httpx.HTTPError, PrefectException):
+        return []
+    online = [each.name for each in workers if each.status == "ONLINE"]
+    names = [f"the run {run.name}" for run in runs[:_MOST_NAMED]]
+    names += [f"{len(runs) - _MOST_NAMED} more runs"] if len(runs) > _MOST_NAMED else []
+    return [*names, *(f"the Prefect worker {name}" for name in online)]
 
 
 def _start(settings: "Settings") -> int:

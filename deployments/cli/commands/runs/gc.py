@@ -99,9 +99,26 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
     try:
         report = (collect if act else plan_collection)(policy, service)
         flow_runs = collect_flow_runs(settings, policy, service.clock(), act=act)
-        return report.model_copy(update={"flow_runs": flow_runs, "notes": [*report.notes, *_kept_outputs(service)]})
+        return report.model_copy(
+            update={
+                "flow_runs": flow_runs,
+                "notes": [*report.notes, *_left_behind(settings, service, act=act), *_kept_outputs(service)],
+            }
+        )
     finally:
         service.catalog.close()
+
+
+def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list[str]:
+    """Says what was left by processes that died or lost their jobs, and collects it, whatever the policy is."""
+    from .....tasks.jobs.job_folders import overtaken_runs, remove_overtaken_runs
+    from ....flow_run_history import collect_limits
+
+    runs = len(remove_overtaken_runs(service) if act else overtaken_runs(service))
+    limits = len(collect_limits(settings, service, act=act))
+    told = [f"{runs} folder(s) of runs that other processes took over"] if runs else []
+    told += [f"{limits} concurrency limit(s) of batches that have ended"] if limits else []
+    return [f"{'removed' if act else 'to be removed'}: {each}" for each in told]
 
 
 def _kept_outputs(service: "Service") -> list[str]:

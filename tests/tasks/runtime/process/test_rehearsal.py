@@ -1,4 +1,6 @@
 import logging
+import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -63,3 +65,19 @@ def test_nothing_is_rehearsed_where_all_processors_have_work(tmp_path: Path) -> 
         assert rehearsal.has_idle_processor(loadavg, processors=2) is has_idle
     loadavg.unlink()
     assert not rehearsal.has_idle_processor(loadavg, processors=2)
+
+
+def test_rooms_of_processes_that_were_killed_are_removed_and_those_that_live_keep_theirs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    left, new = (Path(tempfile.mkdtemp(prefix="robomaker-rehearsal-")) for _ in range(2))
+    (left / "world.xml").write_text("<mujoco/>")
+    with rehearsal.rehearsal_room() as lives:
+        assert lives is not None
+        for folder in (left, lives):
+            os.utime(folder, (0, 0))
+        with rehearsal.rehearsal_room():
+            assert not left.exists()
+            assert new.is_dir(), "it may not be locked yet"
+            assert (lives / "world.xml").is_file()

@@ -20,7 +20,7 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
     subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "roles", "prefect server"]
-    subjects += ["video", "extras", "containers", "sandbox", "kept outputs", "left jobs"]
+    subjects += ["video", "extras", "containers", "sandbox", "left behind", "kept outputs", "left jobs"]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0
@@ -80,6 +80,14 @@ def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypat
     assert findings["video"].health == "broken"
     assert "libGL.so.1" in findings["video"].found
     assert findings["data home"].health == "ok"
+
+
+@pytest.mark.parametrize(("mode", "told"), [(0o700, "ok"), (0o770, "ok"), (0o755, "warning"), (0o707, "warning")])
+def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Path, mode: int, told: str) -> None:
+    tmp_path.chmod(mode)
+    finding = health.check_home(tmp_path)
+    assert finding.health == told
+    assert ("open to all users" in finding.found) == (told == "warning")
 
 
 def test_wrong_package_versions_are_found(monkeypatch) -> None:
