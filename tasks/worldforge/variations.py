@@ -19,7 +19,7 @@ _TOUCHES_M = 2e-3
 
 
 class Move(NamedTuple):
-    """By how much a piece of furniture is moved."""
+    """Displacement of a piece of furniture: metres to the east and north, and a turn in degrees."""
 
     east_m: float
     north_m: float
@@ -28,7 +28,7 @@ class Move(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """What is to differ."""
+    """Requested differences from the world."""
 
     doors: Mapping[str, float] = {}
     """How far doors are open, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
@@ -149,7 +149,7 @@ def _piece(world: World, name: str) -> Furniture:
 
 
 def _carried(world: World, piece: Furniture) -> list[Furniture]:
-    """What rests on a piece: not what stands on the table that a chair is pushed under."""
+    """Furniture that rests on a piece, not what is on the table that a chair is pushed under."""
     parts, (c, s) = parts_of(piece), turn(piece.yaw)
     carried: list[Furniture] = []
     for item in world.furniture:
@@ -166,7 +166,7 @@ def _place(item: Furniture) -> str:
 
 
 def _instead(name: str, names: Collection[str]) -> str:
-    """What could have been meant."""
+    """Suggestion for an unknown name: the most similar one, else the first of those that exist."""
     if near := get_close_matches(name, names, n=1):
         return f"; did you mean {near[0]!r}?"
     shown = ", ".join(sorted(names)[:_MOST_NAMED])

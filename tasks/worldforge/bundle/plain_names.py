@@ -17,7 +17,7 @@ class PlainModel(NamedTuple):
 
     mjcf: str
     names: Mapping[str, str]
-    """What `world.json` and the other files call a thing, by its plain name; only those that differ."""
+    """Names in `world.json` and the other files, by plain name; only those that differ."""
 
 
 def with_plain_names(mjcf: str) -> PlainModel:

@@ -24,7 +24,7 @@ HEIGHTS_M = 0.05, 2.0
 """Heights of robots: from a little above what stays flat on the floor to below the lintels of doors."""
 
 _TOUCHING_M = 1e-4
-"""What reaches by less into what the robot passes only touches it: many beds begin at 10 cm sharp."""
+"""Height by which a part only touches what the robot passes, in metres: many beds begin at exactly 10 cm."""
 _ROUND = 24
 """Corners of a circle."""
 
@@ -36,12 +36,12 @@ class Scene(Protocol):
 
     @property
     def world(self) -> World:
-        """What `world.json` says."""
+        """Contents of `world.json`."""
         ...
 
     @property
     def model(self) -> mujoco.MjModel:
-        """What `world.xml` says."""
+        """Compiled model of `world.xml`."""
         ...
 
 
@@ -122,7 +122,7 @@ def _circle() -> tuple[Points, Points]:
 
 
 def _between(corners: Points, low_m: float, high_m: float) -> Points:
-    """Where a convex body between two heights may have corners, seen from above."""
+    """Possible corners of a convex body between two heights, seen from above."""
     heights = corners[:, 2]
     found = [corners[(heights >= low_m) & (heights <= high_m), :2]]
     for level in (low_m, high_m):

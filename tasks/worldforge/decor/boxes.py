@@ -1,4 +1,4 @@
-"""What stands in a room, as seen from above."""
+"""Boxes of the furniture in a room, as seen from above."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ from ....schemas.worlds.world import World
 from ..geometry.boxes import Box, box_of, hits
 
 Standing = tuple[Box, float]
-"""What a piece covers, and how high it is."""
+"""Box that a piece covers, and its height, in metres."""
 
 
 def covered(world: World, room: str) -> list[Standing]:

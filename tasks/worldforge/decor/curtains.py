@@ -19,15 +19,15 @@ _ROD = rgb("4a423b")
 _BLIND = rgb("e4dfd3")
 
 _OFF_M = 0.1
-"""Of the rod's middle from the wall."""
+"""Distance of the rod's middle from the wall, in metres."""
 _DEEP_M = 0.056
-"""Of the folds."""
+"""Depth of the folds, in metres."""
 _OVER_M = 0.13
-"""Of the rod above the window."""
+"""Height of the rod above the window, in metres."""
 
 
 def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """What hangs at the windows of living rooms, dining rooms and bedrooms; others have blinds at times."""
+    """Curtains at the windows of living rooms, dining rooms and bedrooms; other windows have blinds at times."""
     cloth = {room.name: dice.choice(_CLOTHS) for room in world.floorplan.rooms}
     for face in faces:
         for number, span in face.windows:

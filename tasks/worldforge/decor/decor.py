@@ -22,7 +22,7 @@ Sides = Callable[[Wall, World], tuple[str, str]]
 
 @dataclass(slots=True)
 class Decoration:
-    """What decorates a world, as MJCF has it."""
+    """Decoration of a world, as MJCF."""
 
     assets: list[str] = field(default_factory=list)
     """Lines of meshes."""

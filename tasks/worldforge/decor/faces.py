@@ -27,11 +27,11 @@ class Face:
     room: Room
     along_x: bool
     at: float
-    """Where the face is, across the wall."""
+    """Coordinate of the face across the wall, in metres."""
     inward: float
     """1 or -1: the direction from the wall into the room."""
     span: Span
-    """Where the wall begins and ends."""
+    """Coordinates of the wall's ends along it, in metres."""
     windows: list[tuple[int, Span]]
     """Numbers and sides of the windows in the wall, in order along it."""
 
@@ -45,7 +45,7 @@ class Face:
         return (across, middle, z), (deep, half, high)
 
     def strip(self, along: Span, near: float, far: float) -> Box:
-        """What lies between two distances off the face, seen from above."""
+        """Box between two distances off the face, seen from above."""
         one, other = sorted((self.at + self.inward * near, self.at + self.inward * far))
         return (along[0], one, along[1], other) if self.along_x else (one, along[0], other, along[1])
 

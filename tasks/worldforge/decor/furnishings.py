@@ -1,4 +1,4 @@
-"""What hangs over counters and lies on floors: upper cabinets and rugs."""
+"""Upper cabinets over counters, and rugs on floors."""
 
 from collections.abc import Iterator, Sequence
 from random import Random

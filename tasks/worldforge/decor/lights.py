@@ -25,7 +25,7 @@ _BELOW_CEILING_M = 0.4
 _WIDE_M2 = 24.0
 _SHADE_M = 0.09
 _NEAR, _FADE = 0.7, 1.2
-"""Of lamps' light: at the corner of its room about half is left."""
+"""Constant and quadratic attenuation of lamps: at the corner of its room about half of a lamp's light is left."""
 _DAY = APPEARANCES[DAY]
 
 
@@ -68,9 +68,9 @@ def _sun_direction(world: World) -> Vector:
 
 
 def lamp_spots(world: World) -> list[Vector]:
-    """Where lamps hang, and how far their corners are.
+    """Positions of the lamps, and the distances to their farthest corners: (x, y, distance), in metres.
 
-    One in each room, the largest first, and a second one in wide rooms while lights are left.
+    One lamp in each room, the largest room first, and a second one in wide rooms while lights are left.
     """
     rooms = sorted(world.floorplan.rooms, key=lambda room: -room.area_m2)[:MOST_LAMPS]
     left = MOST_LAMPS - len(rooms)

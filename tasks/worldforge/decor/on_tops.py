@@ -1,4 +1,4 @@
-"""Where small things stand: on tables, counters, chests and open shelves."""
+"""Small things on tables, counters, chests and open shelves."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ ON_TOP: dict[str, tuple[str, ...]] = {
     "VanityCounters": ("soap", "glass", "bottles_small", "bottles_small", "folded", "candle", "herb"),
     "WashingMachinesAndDryers": ("bottle", "box", "folded"),
 }  # fmt: skip
-"""What stands on furniture, what matters most first."""
+"""Small things by the kind of furniture that carries them, the most important first."""
 
 _ON_BOARDS: dict[str, tuple[str, ...]] = {
     "Bathroom": ("folded", "bottles_small", "bottles_small", "soap", "box"),
@@ -178,7 +178,7 @@ def _around(thing: Furniture) -> Box:
 
 
 def _local(item: Furniture, thing: Furniture) -> Box:
-    """What a loose thing covers, in a piece's own frame."""
+    """Box that a loose thing covers, in a piece's own frame."""
     c, s = turn(item.yaw)
     dx, dy = thing.x - item.x, thing.y - item.y
     x, y, reach = c * dx + s * dy, c * dy - s * dx, hypot(thing.width_m, thing.depth_m) / 2 + 0.01

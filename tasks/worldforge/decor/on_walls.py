@@ -1,4 +1,4 @@
-"""What hangs on walls: pictures, shelves with things on them, mirrors, clocks, coats and towels."""
+"""Decorations on walls: pictures, shelves with things on them, mirrors, clocks, coats and towels."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
@@ -69,7 +69,7 @@ class _Wall:
 
     @property
     def yaw(self) -> float:
-        """Where what hangs there faces."""
+        """Direction that decorations on this wall face, in radians."""
         return self.face.inward * pi / 2 if self.face.along_x else (0.0 if self.face.inward > 0 else pi)
 
     def spot(self, along: float, off: float, up: float) -> Vector:
@@ -179,7 +179,7 @@ _HANGINGS: dict[str, tuple[Hang, float, float]] = {
     "shelf": (_shelf, _SHELF_WIDE_M, 1.15),
     "towels": (_towels, 0.95, 0.5),
 }
-"""What hangs, how wide it is, and how high what stands below may be."""
+"""Builder of each decoration, its width and the largest height of furniture below it, in metres."""
 
 _IN_ROOMS: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("towels", "shelf", "towels", "shelf"),
@@ -190,14 +190,14 @@ _IN_ROOMS: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("shelf", "clock", "shelf"),
     "Living": ("picture", "shelf", "picture", "clock"),
 }
-"""What hangs in rooms, what matters most first."""
+"""Decorations on the walls of each type of room, the most important first."""
 
 _OVER_COUNTERS = ("Kitchen",)
 """Rooms in which cabinets hang over what stands at walls."""
 
 
 def things_on_walls(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """What hangs in all rooms, one thing after another on the wall that has least."""
+    """Decorations on the walls of all rooms, each on the wall that has fewest and room for it."""
     for index, room in enumerate(world.floorplan.rooms):
         standing = [*covered(world, room.name), *_swept(world, room)]
         own = [_Wall(face, standing, _windows(face)) for face in faces if face.room.name == room.name]
@@ -217,7 +217,7 @@ def _windows(face: Face) -> list[Span]:
 
 
 def _swept(world: World, room: Room) -> Iterator[Standing]:
-    """What leaves of doors sweep over in a room."""
+    """Boxes that the leaves of doors sweep over in a room, and the leaves' heights, in metres."""
     for passage in world.floorplan.passages:
         door = passage.door
         if door is None or room.name not in passage.rooms:

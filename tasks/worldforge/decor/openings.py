@@ -52,9 +52,9 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
 def pierced_wall(
     number: int, wall: Wall, sides: tuple[str, str], world: World
 ) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """What is drawn of a wall with windows, and the meshes of patterned halves.
+    """Ornaments of a wall with windows, and the meshes of its patterned halves.
 
-    A pattern has to go on from piece to piece, which boxes with pictures of their own do not do.
+    A pattern has to continue from piece to piece, which boxes with pictures of their own do not do.
     """
     along_x, at, span = wall_span(wall)
     pieces = _around(span, world.floorplan.ceiling_height_m, windows_in(wall, world), window_heights(world))
@@ -111,7 +111,7 @@ def _box(piece: Rectangle, half: float) -> Iterator[tuple[Floats, np.ndarray]]:
 
 
 def _normals(vertices: Floats, triangles: np.ndarray) -> Floats:
-    """Of flat pieces whose vertices are their own: one a vertex."""
+    """Normals of flat pieces that share no vertices: one per vertex."""
     a, b, c = (vertices[triangles[:, index]] for index in range(3))
     across = np.cross(b - a, c - a)
     normals = np.zeros_like(vertices)

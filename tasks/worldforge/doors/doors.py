@@ -19,7 +19,7 @@ from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_cor
 from .leaves import HANDLE_M, Box, box_between, leaf_outlines, open_box
 
 THICKNESS_M = 0.04
-"""Of the leaf."""
+"""Thickness of the leaf, in metres."""
 GAP_M = 0.005
 """Between the leaf and its frame, on every side but the floor's."""
 BOTTOM_M = 0.01
@@ -81,7 +81,7 @@ class Hanging(NamedTuple):
 
     @property
     def outline(self) -> list[Point]:
-        """What the leaf sweeps, as a convex polygon around it."""
+        """Area that the leaf sweeps, as a convex polygon around it."""
         # Tangents to the arc: the polygon lies outside it.
         radius = self.leaf_m / cos(pi / 4 / _ARC_STEPS)
         angles = [(step + 0.5) * pi / 2 / _ARC_STEPS for step in range(_ARC_STEPS)]
@@ -90,7 +90,7 @@ class Hanging(NamedTuple):
 
     @property
     def open_leaf(self) -> Box:
-        """Where the leaf stands when it is fully open, handles included."""
+        """Box of the leaf when it is fully open, handles included."""
         return box_between(self.at(-HANDLE_M, 0), self.at(THICKNESS_M + HANDLE_M, self.leaf_m))
 
 

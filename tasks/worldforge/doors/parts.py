@@ -11,7 +11,7 @@ from ..geometry.parts import CHROME, WHITE, Color, Part, Span, box, rgb
 
 FORMS = ("flush", "panelled", "glazed", "boarded")
 MASS_KG = {"flush": 16.0, "panelled": 20.0, "glazed": 24.0, "boarded": 22.0}
-"""Of the leaf without its handles."""
+"""Mass of the leaf without its handles, by form, in kilograms."""
 HANDLE_KG = 0.2
 
 _FINISHES: dict[str, tuple[Color, Color]] = {
@@ -52,7 +52,7 @@ def door_parts(door: Door) -> list[Part]:
 
 
 def _relief(form: str, width: float, height: Span, accent: Color) -> Iterator[tuple[str, Span, Span, Color]]:
-    """What stands out of a face: name, extent along the leaf, extent upwards, colour."""
+    """Raised parts of a leaf's face: name, extent along the leaf, extent upwards, colour."""
     low, high = height
     if form == "panelled":
         edge = (0.12, width - 0.12)

@@ -193,7 +193,7 @@ def _kind(words: tuple[str, ...]) -> Kind | None:
 
 
 def _place(entity: Entity) -> str:
-    """What errors call an entity: its handle is what CAD programs find it by."""
+    """Name of an entity in error messages, with the handle by which CAD programs find it."""
     return f'{entity.dxftype()} {entity.dxf.handle} on layer "{entity.dxf.layer}"'
 
 

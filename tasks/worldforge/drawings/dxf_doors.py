@@ -35,7 +35,7 @@ class DoorError(ValueError):
 
 
 def closed_leaf(swing: Swing, lines: Sequence[Sequence[Point]]) -> tuple[Point, Point]:
-    """Where a leaf is when its door is shut: from its hinge to that end of its arc which no leaf leads to.
+    """Line of a door's shut leaf: from its hinge to that end of its arc which no leaf leads to.
 
     Args:
         swing: the arc.

@@ -17,7 +17,7 @@ _LEAST: dict[PassageKind, int] = {"Doorway": 17, "Opening": 16}
 """Least widths of ways, in units: 0.8 m stay clear, beside an open leaf, too."""
 _NARROWEST_M = 0.5
 _WIDEST_M = 2.4
-"""Of a door, with two leaves."""
+"""Largest width of a door, with two leaves, in metres."""
 _LEAST_WINDOW = 8
 
 
@@ -42,7 +42,7 @@ class FittedWay(NamedTuple):
 
 
 class _Place(NamedTuple):
-    """What was drawn, on a line of walls, in units."""
+    """Position of a drawn way or window on a line of walls, in units."""
 
     horizontal: bool
     at: float
@@ -141,7 +141,7 @@ def fit_window(
 
 
 def _places(drawn: DrawnWay, moved: tuple[Lines, Lines]) -> list[_Place]:
-    """Where it may lie: along its longer side; along either where both are about as long."""
+    """Possible positions: along its longer side; along either where both are about as long."""
     (x0, x1), (y0, y1) = (_span(lines, drawn.ends[0][axis], drawn.ends[1][axis]) for axis, lines in enumerate(moved))
     along, up = x1 - x0, y1 - y0
     level = [_Place(True, (y0 + y1) / 2, x0, x1)] if along >= up else []

@@ -27,7 +27,7 @@ _MOST_LOOKS = 20_000_000
 Reader = Callable[[bytes, str], Drawing]
 
 READERS: Mapping[str, tuple[DrawingForm, Reader]] = {".svg": ("svg", read_svg), ".dxf": ("dxf", read_dxf)}
-"""What reads a file, by the end of its name."""
+"""Form of a drawing and the function that reads it, by the ending of the file's name."""
 
 MAPS = (".yaml", ".yml")
 """Ends of the names of maps."""

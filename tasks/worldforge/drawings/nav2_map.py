@@ -24,15 +24,15 @@ Cells = NDArray[np.bool_]
 _NARROW_M = 0.55
 """Half the width of the widest door: where free space is narrower, one room ends and another begins."""
 _SPECK_M2 = 0.02
-"""What covers less is no wall: eight cells of 5 cm."""
+"""Smallest area of a wall, in square metres: eight cells of 5 cm; less than this is ignored."""
 _LEAST_CORE_M2 = 0.05
 _LEAST_ROOM_M2 = 1.5
 _STRAIGHT_M = 0.2
 """Edges of a room that are nearer than this to a longer one are on its line."""
 _DOOR_M = 1.3
-"""What is wider is an opening."""
+"""Largest width of a door, in metres; a wider gap is an opening."""
 _MOST_SHARED_M2 = 0.1
-"""Of two rooms' outlines, after their edges were made straight."""
+"""Largest overlap of two rooms' outlines after their edges were made straight, in square metres."""
 _MOST_CELLS = 4_000_000
 _MOST_CORNERS = 24
 _LONG = 2.5
@@ -206,7 +206,7 @@ def _fewer(corners: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
 
 
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
-    """Where two rooms meet: the rooms' places in the order, and the line between them."""
+    """Doors and openings between two rooms: the rooms' places in the order, and the line between them."""
     for place, number in enumerate(order, 1):
         grown = np.asarray(ndimage.binary_dilation(regions == number))
         for after, other in enumerate(order[place:], place + 1):

@@ -38,7 +38,7 @@ class DrawnRoom(NamedTuple):
 
 
 class DrawnPlan(NamedTuple):
-    """What was found in a drawing, in metres."""
+    """Contents of a drawing, in metres: rooms, ways and windows."""
 
     file: str
     rooms: list[DrawnRoom]
@@ -52,10 +52,10 @@ class MadePlan(NamedTuple):
 
     floorplan: Floorplan
     open_percents: dict[int, float]
-    """By place in `passages`."""
+    """Opening of the doors, in percent, by index in `passages`."""
     on_faces: bool
     origin_m: Point
-    """Where the world's origin lies in the drawing."""
+    """Position of the world's origin in the drawing, in metres."""
 
 
 def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:

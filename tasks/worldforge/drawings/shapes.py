@@ -28,7 +28,7 @@ _ROOM_WORDS: tuple[tuple[RoomType, tuple[str, ...]], ...] = (
     ("Hallway", ("hall", "corridor", "entr", "foyer", "lobby", "landing", "flur", "diele", "couloir", "pasillo")),
     ("Living", ("living", "lounge", "wohn", "salon", "sala", "sitting", "family", "office", "study", "arbeit", "buro")),
 )
-"""What words begin with in names of rooms, by the room's type."""
+"""Beginnings of words in names of rooms, by the room's type."""
 
 _NUMBERED = re.compile(r"(rect|path|polygon|polyline|line|g|layer|shape|lwpolyline|room|space|raum)?[-_]?\d*(-\d+)*")
 """Names that drawing programs give by themselves."""
@@ -46,13 +46,13 @@ class Shape(NamedTuple):
     closed: bool
     curved: bool
     name: str
-    """What it is called; empty if it has no name."""
+    """Name of the shape; empty if it has none."""
     words: tuple[str, ...]
     """Classes, names and layers, those of the shape itself first, then those of the groups around it."""
     facts: dict[str, str]
-    """What else is said of it: `type`, `open`."""
+    """Further facts about the shape: `type`, `open`."""
     place: str
-    """What errors call it: `<rect> "kitchen"`."""
+    """Name of the shape in error messages: `<rect> "kitchen"`."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:
@@ -69,7 +69,7 @@ class Label(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """What a file draws."""
+    """Shapes and labels of a drawing, and its scale."""
 
     shapes: list[Shape]
     labels: list[Label]
@@ -78,7 +78,7 @@ class Drawing(NamedTuple):
     paper_m: float | None = None
     """Metres of paper for one unit, where it says that; a scale such as 1:50 makes metres of the world of them."""
     left_out: Sequence[str] = ()
-    """What could not be read as shapes."""
+    """Elements that could not be read as shapes, in words."""
 
 
 def plain_words(text: str) -> list[str]:
@@ -93,7 +93,7 @@ def without_accents(text: str) -> str:
 
 
 def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
-    """What a shape is: by its words, else a room if it is closed and named as one."""
+    """Kind of a shape: by its words, else a room if it is closed and named as one; None: unknown."""
     for words in shape.words:
         found = set(plain_words(words))
         for kind, meaning in _KINDS:
@@ -105,7 +105,7 @@ def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
 
 
 def label_of(shape: Shape, labels: Iterable[Label]) -> str:
-    """What a room is called: its own name, or the text that stands in it."""
+    """Label of a room: its own name, else the text drawn inside it; empty if there is neither."""
     if shape.name and not _NUMBERED.fullmatch(shape.name.lower()):
         return shape.name
     inside = [label for label in labels if shape.closed and contains(shape.points, *label.at)]

@@ -17,7 +17,7 @@ THICKEST_M = 0.5
 """Gaps up to this between rooms are walls."""
 
 _SQUARE_M = 0.05
-"""By how much an edge may lean."""
+"""Largest lean of an edge, in metres between its ends."""
 _SAME_M = 0.04
 """Edges that far apart along one line are on one line."""
 _BESIDE_M = 0.05
@@ -31,7 +31,7 @@ class Edge(NamedTuple):
 
     room: int
     number: int
-    """Which of the room's: it leads to the corner of this number from the one before."""
+    """Number of the edge in its room: it leads to the corner of this number from the one before."""
     at: float
     low: float
     high: float
@@ -45,7 +45,7 @@ class Squared(NamedTuple):
     rooms: list[Corners]
     """Corners, counter-clockwise, in units; the south-west corner of all of them together is at 0, 0."""
     moved: tuple["Lines", "Lines"]
-    """Where coordinates of the drawing went, along x and along y."""
+    """Drawn coordinates and the units they became, along x and along y."""
     on_faces: bool
     """Whether outlines were drawn along the faces of walls."""
 
@@ -57,13 +57,13 @@ class Lines(NamedTuple):
     made: list[int]
 
     def place(self, at: float) -> float:
-        """Where a coordinate between the lines goes, in units: it keeps its distance from the nearest line."""
+        """Converts a coordinate between the lines to units; it keeps its distance from the nearest line."""
         nearest = min(range(len(self.drawn)), key=lambda index: abs(self.drawn[index] - at))
         return self.made[nearest] + (at - self.drawn[nearest]) * UNITS_PER_M
 
     @property
     def start_m(self) -> float:
-        """Where 0 units lies in the drawing; faces of the outer walls on both sides lie as far off their middles."""
+        """Drawn coordinate of 0 units, in metres: both outer walls have their faces equally far off their middles."""
         first, last = (self.drawn[end] - self.made[end] / UNITS_PER_M for end in (0, -1))
         return (first + last) / 2
 
@@ -153,7 +153,7 @@ def _facing(edges: Sequence[Edge]) -> list[tuple[int, int, float]]:
 
 
 def _targets(edges: list[Edge], on_faces: bool) -> dict[tuple[int, int], int]:
-    """Where the edges across an axis go, in units, by room and number."""
+    """Target coordinates of the edges across an axis, in units, by room and number."""
     group = list(range(len(edges)))
 
     def root(index: int) -> int:

@@ -47,7 +47,7 @@ def path_points(d: str) -> tuple[list[Point], bool, bool]:
 
 
 def _end(command: str, numbers: Sequence[float], at: Point) -> Point:
-    """Where a command of a path leads to."""
+    """End point of a path's command."""
     base = at if command.islower() else (0.0, 0.0)
     if command in "Hh":
         return base[0] + numbers[0], at[1]

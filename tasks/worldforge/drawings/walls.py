@@ -24,7 +24,7 @@ class Run(NamedTuple):
 
     @property
     def thickness(self) -> int:
-        """Of an outer or an inner wall."""
+        """Thickness of an outer or an inner wall, in units."""
         return EXTERIOR_WALL if len(self.rooms) == 1 else INTERIOR_WALL
 
     def node(self, at: int) -> Node:
@@ -81,7 +81,7 @@ class Walls:
             yield Piece(run.horizontal, run.at, start, end, run.thickness, run.rooms, False)
 
     def _inset(self, run: Run, at: int, *, ahead: bool) -> int:
-        """By how much a run ends before the junction at one of its ends, or, if negative, after it."""
+        """Length by which a run ends before the junction at one of its ends, in units; negative: after it."""
         arms = self._arms[run.node(at)]
         along = {each: arms.get((run.horizontal, each), 0) for each in (True, False)}
         across = [arms.get((not run.horizontal, each), 0) for each in (True, False)]

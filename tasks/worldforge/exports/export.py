@@ -114,7 +114,7 @@ class _Export:
     def __init__(self, archive: zipfile.ZipFile) -> None:
         self._archive = archive
         self._files: list[dict[str, Any]] = []
-        """What `index.json` says of the files of the part that is being written."""
+        """Entries of `index.json` for the files of the part that is being written."""
 
     def write(self, bundles: Mapping[str, Path]) -> None:
         names = sorted(bundles)

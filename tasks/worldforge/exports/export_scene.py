@@ -85,7 +85,7 @@ class Joint:
 
     kind: Literal["revolute", "prismatic"]
     position: Vector
-    """In the body's frame, metres."""
+    """Position in the body's frame, in metres."""
     axis: Vector
     lower: float
     """Least way from where the body is now, radians or metres."""
@@ -96,12 +96,12 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """What a body weighs, about its centre of mass."""
+    """Mass of a body, and its moments of inertia about its centre of mass."""
 
     mass_kg: float
     position: Vector
     moments: Matrix
-    """In the body's axes, kg m2."""
+    """Moments of inertia in the body's axes, in kg m2."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class Thing:
     """Unique in the world."""
     kind: ThingKind
     label: str
-    """What it is; equal things have equal labels."""
+    """Label of what the thing is; equal things have equal labels."""
     position: Vector
     rotation: Matrix
     shapes: tuple[Shape, ...]

@@ -1,4 +1,4 @@
-"""What shapes look like in formats of meshes: their triangles in true size, and where pictures lie on them."""
+"""Surfaces of shapes in mesh formats: their triangles in true size, and their picture coordinates."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -38,9 +38,9 @@ def drawn_mesh(model: mujoco.MjModel, shape: Shape) -> Mesh:
 
 
 def picture_coordinates(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.float64]:
-    """Where vertices of its mesh, in true size, are on its picture: repetitions to the right, and up from the foot.
+    """Picture coordinates of the vertices of a mesh in true size: repetitions to the right, and up from the foot.
 
-    Of a flat mesh, the corners of its faces.
+    For a flat mesh, those of the corners of its faces.
     """
     places = picture_places(model, shape.mesh) if shape.kind == "mesh" else None
     if places is None:

@@ -63,7 +63,7 @@ class _Picture:
         file.write(self._png)
 
     def tobytes(self) -> bytes:
-        """What tells pictures apart."""
+        """Bytes by which trimesh tells pictures apart."""
         return self._png
 
     def __len__(self) -> int:

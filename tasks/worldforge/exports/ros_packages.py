@@ -70,7 +70,7 @@ endif()
 """
 
 _PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
-"""Where Gazebo classic, Gazebo Sim, Ignition Gazebo and libsdformat look for `model://`."""
+"""Environment variables with which Gazebo classic, Gazebo Sim, Ignition Gazebo and libsdformat find `model://`."""
 
 
 def package_files(worlds: list[str]) -> dict[str, str]:

@@ -11,12 +11,12 @@ from .sdf import SDF_VERSION, model_files, pose_text, xml_text
 from .sdf_models import SharedModels
 
 _FIELD_OF_VIEW_RAD = 1.047
-"""Of the camera of Gazebo's window."""
+"""Field of view of the camera of Gazebo's window, in radians."""
 
 
 @dataclass(frozen=True, slots=True)
 class SdfWorld:
-    """What belongs to one world alone; the rest went into the shared models."""
+    """Files that belong to one world alone; the shared models have the others."""
 
     world: str
     """The world file."""

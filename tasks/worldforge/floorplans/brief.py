@@ -50,7 +50,7 @@ OUTLIER = 1.5
 """Factor of a deviation's square, so that one bad room costs more than two that are a little off."""
 
 FOOTPRINT_WEIGHTS = (0.0, 0.7, 1.3, 2.0)
-"""By number of rooms, the last from there on: with one room, the room's own preference wins."""
+"""Weight of the footprint's ratio by number of rooms, 3 and more alike: with one room, its own preference wins."""
 
 TOO_NARROW = 9.0
 NOT_CONNECTED = 9.0

@@ -139,7 +139,7 @@ def _doorways(
 
 
 def _shifts(number: int, free: int, dice: Random) -> list[int]:
-    """By how much the jambs of the doorways in a wall are moved along it, of `free` units in all.
+    """Chooses how far each doorway is shifted along its wall, given `free` units of slack.
 
     A single doorway mostly stands near one end, which leaves the rest of the wall to furniture.
     """

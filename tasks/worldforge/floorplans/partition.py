@@ -125,7 +125,7 @@ def _sizes(expression: Sequence[int], areas: Sequence[float]) -> tuple[list[floa
 
 
 def _pocket_ratio(box: Box, guest: int, ratios: Sequence[float]) -> float:
-    """Which extent along x over extent along y suits a pocket with one room, or with several."""
+    """Preferred extent along x over extent along y of a pocket with one room, or with several."""
     if guest >= 0:
         return ratios[guest] if box.x1 - box.x0 > box.y1 - box.y0 else 1 / ratios[guest]
     return {SIDE_BY_SIDE: 2.0, STACKED: 0.5}.get(guest, 1.0)
@@ -286,7 +286,7 @@ def outline(plan: Partition) -> Corners:
 
 
 def _left(start: int, end: int, others: list[tuple[int, int, int]]) -> Iterator[tuple[int, int]]:
-    """What of a span others leave."""
+    """Parts of a span that the others do not cover."""
     for low, high, _ in sorted(others):
         if low < end and high > start:
             if low > start:

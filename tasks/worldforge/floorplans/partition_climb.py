@@ -59,7 +59,7 @@ _SETTLINGS = 3
 
 
 class Draft(NamedTuple):
-    """What a partition is cut from."""
+    """Input that a partition is cut from: the expression of a slicing tree, footprint ratio and room areas."""
 
     expression: tuple[int, ...]
     ratio: float
@@ -119,7 +119,7 @@ class PlanEvaluator:
         return cost
 
     def _off_shape(self, inside: Partition, room: int) -> float:
-        """What it costs that a floor is off its ratio and its area."""
+        """Cost of a floor's deviation from its preferred ratio and area."""
         off = log(slenderness(inside, room)) - self.log_ratios[room]
         if self.brief.types[room] == "Hallway" and off > 0:
             off /= 2  # a hallway that is longer than preferred is still a good hallway
@@ -313,7 +313,7 @@ def _changed(expression: list[int], dice: Random) -> list[int]:
 
 
 def _first_token(expression: Sequence[int], root: int) -> int:
-    """Where the tree that ends at `root` begins."""
+    """Index at which the tree that ends at `root` begins."""
     open_trees, index = 1, root
     while True:
         open_trees += -1 if expression[index] >= 0 else 1

@@ -39,7 +39,7 @@ Flags = NDArray[np.bool_]
 
 _AREA_WEIGHT = 0.25
 _USUAL_WALLS = 2.6
-"""By how many units a room is wider than its floor, on average: some rooms have outer walls, on some sides."""
+"""Average units by which a room is wider than its floor: some rooms have outer walls, on some sides."""
 
 _DARK = 1.0
 _AWAY_FROM_HALLWAY = 0.35
@@ -57,14 +57,14 @@ class Cuts(NamedTuple):
 
 
 class Nature(NamedTuple):
-    """What plans are like."""
+    """Cost, validity and missed preferences of plans."""
 
     cost: Floats
     """One number per plan."""
     valid: Flags
     """Whether every room is wide enough and a way leads to each."""
     misses: Flags
-    """Which preferences are missed: (preference, plan); the footprint, each room's ratio, each room's area, each
+    """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
 
 
@@ -122,7 +122,7 @@ class BatchEvaluator:
         types = brief.types
         self.pairs = np.array([*combinations(range(len(types)), 2)], dtype=np.intp).reshape(-1, 2).T
         self.areas = np.array(brief.areas_m2)[:, None] * UNITS_PER_M**2
-        """Of the floors, in square units."""
+        """Preferred areas of the floors, in square units."""
         self.footprint = log(brief.footprint_ratio)
         self.footprint_weight = FOOTPRINT_WEIGHTS[min(len(types), 3)]
         self.least = np.array(brief.min_sides, dtype=float)[:, None]
@@ -145,7 +145,7 @@ class BatchEvaluator:
         return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)
 
     def shapes(self, cuts: Cuts) -> Floats:
-        """What the rooms' shapes cost."""
+        """Cost of the rooms' shapes."""
         off, narrow, areas = self._off(cuts)
         off_footprint = self._off_footprint(cuts)
         cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > RATIO_TOLERANCE))
@@ -219,7 +219,7 @@ class BatchEvaluator:
         return np.where((cuts.low == 0) | (cuts.high == limits), sides, 0.0).max(axis=0)
 
     def _neighbours(self, ways: Flags) -> Floats:
-        """What it costs that rooms are joined to others than they should be."""
+        """Cost of rooms that are joined to others than they should be."""
         best = (ways * self.affinities).max(axis=2)
         cost = STRANGE_NEIGHBOURS * (1 - best).sum(axis=1)
         if self.hallways.any():
@@ -233,7 +233,7 @@ class BatchEvaluator:
 
 
 def _closure(ways: Flags) -> Flags:
-    """Which rooms can be reached from which."""
+    """Mask of the rooms that can be reached from each room."""
     rooms = ways.shape[1]
     reached = (ways | np.eye(rooms, dtype=bool)).astype(np.float32)
     for _ in range(max(1, (rooms - 1).bit_length())):

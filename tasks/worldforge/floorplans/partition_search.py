@@ -14,10 +14,10 @@ from .partition_shortlist import Shortlist, shortlist
 
 _CHOICE_TEMPERATURE = 0.4
 _CHOICE_MARGIN = 2.0
-"""What a plan may cost more than the best one, to be drawn because it satisfies as many preferences."""
+"""Cost margin above the best plan: a plan within it may be drawn because it satisfies as many preferences."""
 
 _EQUAL_MARGIN = 1.5
-"""What of those plans one may cost more than another: how far off they are where they miss a preference counts too."""
+"""Cost margin among those plans: how far off they are where they miss a preference counts too."""
 
 _CONNECTION_WEIGHT = 3
 """As how many preferences of shape a requested connection counts."""
@@ -27,7 +27,7 @@ _POOR = 5.0
 
 _DRAWS = 4
 _WORSE = 0.2
-"""By how much bending may add to the cost of a plan."""
+"""Largest cost that bending may add to a plan."""
 
 Choice = tuple[Shortlist, int]
 """One plan of a list."""

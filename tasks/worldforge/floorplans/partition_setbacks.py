@@ -56,7 +56,7 @@ class Setbacks(NamedTuple):
     ratios: Floats
     """Logarithm of each floor's ratio over the one it may have."""
     walls: Floats
-    """What walls add to the sides of floors, in units: (axis, room, plan)."""
+    """Length that walls add to the sides of floors, in units: (axis, room, plan)."""
 
     def take(self, columns: NDArray[np.intp]) -> "Setbacks":
         """Some of the plans, in the order given."""
@@ -106,7 +106,7 @@ class Setbacks(NamedTuple):
         return self._replace(areas=areas, ratios=ratios)
 
     def rough_cost(self, evaluator: BatchEvaluator) -> Floats:
-        """What their shapes cost."""
+        """Cost of the shapes of rooms and outlines."""
         cuts, enclosed = self.laid(evaluator)
         return evaluator.shapes(cuts) + outline_cost(cuts, enclosed)
 
@@ -159,7 +159,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
 
 
 def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
-    """What it costs that outlines are no rectangles."""
+    """Cost of outlines that are not rectangles."""
     sides = cuts.high - cuts.low
     whole = cuts.high.max(axis=1)
     empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)
@@ -179,7 +179,7 @@ def _shared(cuts: Cuts) -> Floats:
 
 
 def has_small_steps(cuts: Cuts) -> Flags:
-    """Which plans have an outline with a step between two rooms that is smaller than a setback may be."""
+    """Mask of the plans whose outline has a step between two rooms that is smaller than a setback may be."""
     low, high = cuts
     one, other = (slice(None), slice(None), None), (slice(None), None, slice(None))
     found = np.zeros(low.shape[2], bool)
@@ -194,7 +194,7 @@ def has_small_steps(cuts: Cuts) -> Flags:
 
 
 def _empty(cuts: Cuts, x: Floats, y: Floats) -> Flags:
-    """Which of the spots lie in no room: (spot, plan)."""
+    """Mask of the spots outside every room: (spot, plan)."""
     spots = np.array([x, y])[:, :, None]
     inside = (cuts.low[:, None] < spots) & (spots < cuts.high[:, None])
     return ~np.any(np.all(inside, axis=0), axis=1)
@@ -251,7 +251,7 @@ def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
 
 
 def _better(evaluator: BatchEvaluator, found: Setbacks, cost: Floats, tried: Setbacks) -> tuple[Setbacks, Floats]:
-    """Of plans found and tried the cheaper ones."""
+    """Keeps the cheaper of the plans found and tried, column by column, with its cost."""
     costs = tried.rough_cost(evaluator)
     # Rounded: another machine's last digit has to make no difference.
     better = np.round(costs - cost, 6) < 0

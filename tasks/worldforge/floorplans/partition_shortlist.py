@@ -105,7 +105,7 @@ class Shortlist(NamedTuple):
     plans: Plans
     cost: Floats
     misses: Flags
-    """Which preferences each misses: (preference, plan); the footprint, each room's ratio, each room's area, each
+    """Mask of missed preferences: (preference, plan); the footprint, each room's ratio, each room's area, each
     requested pair."""
     tried: int
     """How many plans were compared."""
@@ -118,7 +118,7 @@ def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
 
 
 def key_of(brief: Brief) -> BriefKey:
-    """What `brief_of` makes the brief of again."""
+    """Key of a brief, from which `brief_of` makes the brief again."""
     names, types, areas_m2, ratios, footprint_ratio, requests = brief
     return names, types, areas_m2, ratios, footprint_ratio, tuple(requests.items())
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 _SIX_ROOMS = 6
 _SIX_ROOMS_STRIDE = 5
-"""Of the orders of six rooms each shape takes every fifth one: five times as fast, and hardly worse."""
+"""Stride through the orders of six rooms: each shape takes every fifth one, five times as fast and hardly worse."""
 
 Node = int | tuple[bool, "Node", "Node"]
 """A place for a room, numbered from left to right, or (sideways, first, second)."""
@@ -110,7 +110,7 @@ def _row(node: tuple[bool, Node, Node]) -> list[Node]:
 
 
 def _is_first_of_its_mirror_images(node: Node, orders: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """Of the orders of rooms that are mirror images along either axis, marks one."""
+    """Marks one of the orders of rooms that are mirror images of each other along either axis."""
     if isinstance(node, int):
         return np.ones(len(orders), bool)
     row = _row(node)

@@ -87,7 +87,7 @@ FOOTPRINT = 0
 
 
 def _misses(brief: Brief, plan: Partition, preferences: int) -> np.ndarray:
-    """Which preferences of shape the plan itself misses; requested ways count as satisfied."""
+    """Mask of the preferences of shape that the plan itself misses; requested ways count as satisfied."""
     missed = np.zeros(preferences, bool)
     missed[0] = abs(log(plan.width / plan.height / brief.footprint_ratio)) > RATIO_TOLERANCE
     rooms = len(brief.ratios)

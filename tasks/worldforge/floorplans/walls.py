@@ -96,7 +96,7 @@ def _outer_piece(plan: Partition, side: Side, outer: list[Side]) -> Piece:
 
 
 def _shortening(plan: Partition, line: Contact | Side, end: int, along: dict[bool, dict[Node, int]]) -> int:
-    """By how much a wall ends before (or, if negative, after) the junction at one of its ends."""
+    """Length by which a wall ends before (or, if negative, after) the junction at one of its ends, in units."""
     if end in (0, plan.width if line.horizontal else plan.height):
         return EXTERIOR_WALL // 2
     node = (end, line.at) if line.horizontal else (line.at, end)

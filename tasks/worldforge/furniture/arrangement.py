@@ -1,4 +1,4 @@
-"""What rooms hold when a template does not say, and how full they are."""
+"""Furniture of rooms for which a template names none, and how full rooms are."""
 
 from typing import Literal
 
@@ -12,7 +12,7 @@ Density = Literal["Sparse", "Moderate", "Dense"]
 
 
 HALLWAY_WAY_M = 0.9
-"""What stays free before everything that stands in a hallway."""
+"""Free space before every piece in a hallway, in metres."""
 
 _ESSENTIAL: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Beds", "Nightstands", "Storage"),
@@ -54,7 +54,7 @@ INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Kitchen": ("Ovens",),
     "Living": SEATS,
 }
-"""What a room is not worth its name without; one of several kinds is enough."""
+"""Furniture without which a room does not deserve its type; one of several kinds is enough."""
 
 _SHARES: dict[RoomType, tuple[float, float, float]] = {
     "Bathroom": (0.19, 0.30, 14.0),
@@ -85,7 +85,7 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
 
 
 def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) -> tuple[str, ...]:
-    """What a room of this type and size holds when the template leaves it open."""
+    """Kinds of furniture for a room of this type and size when the template leaves them open."""
     essential = _ESSENTIAL[room_type]
     if density == "Sparse":
         return essential
@@ -102,15 +102,15 @@ def first_count(model_type: str, density: Density) -> int:
 
 
 def front_of(model_type: str, room_type: RoomType) -> float:
-    """What stays free before a piece in a room of this type."""
+    """Free space before a piece in a room of this type, in metres."""
     front = RULES[model_type].front_m
     return max(front, HALLWAY_WAY_M) if room_type == "Hallway" else front
 
 
 def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[str]:
-    """Which forms of a kind suit a room: a kitchen's storage is a counter, a bathroom's is shelves.
+    """Forms of a kind that suit a room: a kitchen's storage is a counter, a bathroom's is shelves.
 
-    All forms where the catalogue has none of the suiting ones.
+    Returns all forms where the catalogue has none that suits.
     """
     if model_type != "Storage":
         return forms

@@ -1,4 +1,4 @@
-"""What is said of how one kind of furniture is placed."""
+"""Placement rules of furniture, one for each kind."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -18,15 +18,15 @@ class Rule:
     """
 
     spot: Spot = "wall"
-    """Where it stands on its own."""
+    """Spot for a piece that is placed on its own."""
     prefer: Literal["middle", "corner", "any"] = "any"
-    """Which part of a wall suits it best."""
+    """Preferred part of a wall."""
     front_m: float = 0.0
-    """What stays free before it: to get up, to open it, to stand at it."""
+    """Free space before it, in metres: to get up, to open it, to work at it."""
     beside_m: float = 0.0
-    """What stays free on both sides; on one side of a bed for one."""
+    """Free space on both sides, in metres; on one side of a bed for one."""
     around_m: float = 0.0
-    """What stays free on every side of a piece that stands in the open."""
+    """Free space on every side of a piece in the open, in metres."""
     relation: Relation = ""
     """How it stands to the kinds in `near`, tried before `spot`."""
     near: tuple[str, ...] = ()
@@ -48,7 +48,7 @@ class Rule:
 
 
 KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
-"""What stands in a kitchen's line."""
+"""Kinds of furniture in a kitchen's line."""
 
 SEATS = ("Sofas", "LivingRoomChairs")
-"""What one sits on in a living room."""
+"""Seats of a living room."""

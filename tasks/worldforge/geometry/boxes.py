@@ -19,7 +19,7 @@ _HALF_PI = 1.5707963267948966
 
 
 class Pose(NamedTuple):
-    """Where a piece could stand."""
+    """Possible pose of a piece: its middle, in metres, its direction and a score."""
 
     x: float
     y: float
@@ -53,12 +53,12 @@ def pose_of(item: Furniture) -> Pose:
 
 
 def box_of(item: Furniture) -> Box:
-    """What a piece that stands square to the walls covers."""
+    """Box that a piece square to the walls covers."""
     return footprint(pose_of(item), item.width_m, item.depth_m)
 
 
 def footprint(pose: Pose, width_m: float, depth_m: float) -> Box:
-    """What a piece at a pose would cover, once the pose is written down in whole millimetres."""
+    """Box that a piece at a pose would cover, with the pose rounded to whole millimetres."""
     pose = Pose(round(pose.x, 3), round(pose.y, 3), pose.quarter)
     return pose.box(-depth_m / 2, depth_m / 2, -width_m / 2, width_m / 2)
 
@@ -77,7 +77,7 @@ def hits(box: Box, others: Iterable[Box]) -> bool:
 
 
 def left_over(low: float, high: float, taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """What is left of a stretch after others are taken away."""
+    """Parts of a stretch that are left after others are taken away."""
     spans: list[tuple[float, float]] = []
     at = low
     for start, end in sorted(taken):

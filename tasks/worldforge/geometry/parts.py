@@ -44,7 +44,7 @@ class Style:
     """One look of one kind of furniture: its form and size, and three colours."""
 
     form: str
-    """What the builder makes of it, `round`, `three-seat`."""
+    """Form that the builder makes, such as `round` or `three-seat`."""
     width_m: float
     """Across the facing direction."""
     depth_m: float
@@ -67,12 +67,12 @@ class Style:
 
     @property
     def half_depth_m(self) -> float:
-        """Where the front is."""
+        """Half of the depth, in metres; the front is at `+half_depth_m`."""
         return self.depth_m / 2
 
     @property
     def half_width_m(self) -> float:
-        """Where the left side is."""
+        """Half of the width, in metres; the left side is at `+half_width_m`."""
         return self.width_m / 2
 
 

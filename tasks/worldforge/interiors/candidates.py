@@ -17,7 +17,7 @@ _LEG_GAP_M = 0.01
 """Between a chair that is pushed in and a leg of the table."""
 
 _SEAT_M = 0.5
-"""What begins above this is no leg: seats go under it."""
+"""Height above which a part does not block a chair, in metres."""
 
 FLUSH_M = 0.004
 """Between pieces that stand edge to edge."""
@@ -113,7 +113,7 @@ def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:
 
 
 def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
-    """In front of the partner, turned to it."""
+    """Poses in front of the partner, turned to it."""
     distance = partner.depth_m / 2 + gap_m + style.depth_m / 2
     return [
         pose_of(partner).moved(distance, shift, 2, 0.2 * dice.random() - abs(shift)) for shift in (0.0, 0.25, -0.25)
@@ -178,7 +178,7 @@ def at_desk(desk: Furniture, style: Style) -> list[Pose]:
 
 
 def next_to(item: Furniture, style: Style) -> list[Pose]:
-    """In line with a piece, edge to edge, backs in line."""
+    """Poses in line with a piece, edge to edge, backs in line."""
     back = -(item.depth_m - style.depth_m) / 2
     across = item.width_m / 2 + style.width_m / 2 + FLUSH_M
     return [pose_of(item).moved(back, side * across, 0, 0.5) for side in (1, -1)]
@@ -201,7 +201,7 @@ def facing(space: RoomSpace, screen: Pose, screen_depth_m: float, style: Style) 
 
 
 def facing_bonus(pose: Pose, partner: Furniture) -> float:
-    """What a pose gains by looking at the partner from not too far, without anything turned away."""
+    """Score that a pose gains by facing the partner from not too far, with neither turned away."""
     x, y = partner.x - pose.x, partner.y - pose.y
     distance = max((x * x + y * y) ** 0.5, 1e-6)
     here, there = pose.moved(1.0, 0.0), pose_of(partner).moved(1.0, 0.0)

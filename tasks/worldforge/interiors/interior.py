@@ -119,7 +119,7 @@ def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
 def _bare_preferences(
     work: RoomFurnishing, kinds: Sequence[str], arrangement: FurnitureArrangement | None
 ) -> list[Preference]:
-    """What makes a room what it is called and found no place all the same; kinds that are listed are told as such."""
+    """Missed preferences for essential furniture that found no place; kinds that are listed are reported elsewhere."""
     lacking = _lacking(work, kinds)
     if not lacking or (arrangement is not None and arrangement.SampleSet is not None):
         return []

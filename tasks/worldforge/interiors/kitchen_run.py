@@ -123,7 +123,7 @@ def _around_a_corner(
 
 
 def _meet(first: Side, second: Side) -> tuple[tuple[float, int], tuple[float, int]] | None:
-    """Where two walls meet in an inside corner: for each the coordinate of the other's face, and the way from it."""
+    """Inside corner of two walls: for each the coordinate of the other's face, and the way from it; None: no corner."""
     if (first.quarter - second.quarter) % 2 == 0:
         return None
     found: list[tuple[float, int]] = []

@@ -34,7 +34,7 @@ _ON_MORE_TOPS: dict[str, tuple[str, ...]] = {
     "Storage": ("Cup", "Plate"),
     "VanityCounters": ("Cup",),
 }
-"""Where a template asks for things to grasp."""
+"""Things to grasp, by the furniture that carries them, where a template asks for them."""
 
 _HIGHEST_TOP_M = 1.2
 _ROUNDS = 8
@@ -55,7 +55,7 @@ _ANCHORS: dict[str, tuple[str, ...]] = {
     "Ball": ("CoffeeTables",),
     "Book": ("Bookcases", "Sofas"),
 }
-"""What things on the floor lie near."""
+"""Furniture that things on the floor are near."""
 
 _BY_A_WALL = ("Carton", "Shoe")
 

@@ -44,10 +44,10 @@ class Side(NamedTuple):
     """One side of a room that has a wall, seen from inside."""
 
     low: float
-    """Where it begins, along its axis, on the corners' centre lines."""
+    """Start of the wall along its axis, on the corners' centre lines, in metres."""
     high: float
     face: float
-    """Where the wall's face is, across the axis."""
+    """Coordinate of the wall's face across the axis, in metres."""
     quarter: int
     """Direction into the room."""
 
@@ -62,7 +62,7 @@ class Side(NamedTuple):
         return Pose(along, at, self.quarter, score) if self.axis == 0 else Pose(at, along, self.quarter, score)
 
     def strip(self, near: float, far: float) -> Box:
-        """What lies between two distances from the wall's face."""
+        """Box between two distances from the wall's face."""
         sign = sum(FRONTS[self.quarter])
         one, other = sorted((self.face + sign * near, self.face + sign * far))
         return (self.low, one, self.high, other) if self.axis == 0 else (one, self.low, other, self.high)
@@ -189,7 +189,7 @@ def _edges(room: Room) -> list[tuple[Point, Point]]:
 
 
 def _clear_at(passage: Passage, room: Room) -> list[Box]:
-    """What stays free at a way in: the approach, and where a door swings."""
+    """Boxes that stay free at a way in: the approach, and the swing of its door."""
     found = [_around(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
     if passage.door is not None and passage.door.room == room.name:
         found.append(swept_box(passage.door))
@@ -205,7 +205,7 @@ def _gate(room: Room, start: Point, end: Point) -> Point:
 
 
 def _complement(room: Room) -> list[Box]:
-    """What lies inside a room's bounding box but not in the room."""
+    """Boxes inside a room's bounding box but outside the room."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
     return [
         (x0, y0, x1, y1)

@@ -38,7 +38,7 @@ _COMPANIONS = ("beside", "before", "gathered", "around", "desk")
 """Relations without which a second piece makes no sense: one chair may stand alone, not four."""
 
 _ATTENDANTS = {"Desks": ("DeskChairs", 1), "DiningTables": ("DiningChairs", 4)}
-"""What every further piece of a kind is useless without, and how many of them."""
+"""Companions without which every further piece of a kind is useless, and how many of them."""
 
 _WAITING = frozenset(kind for kind, _ in _ATTENDANTS.values())
 
@@ -248,14 +248,14 @@ class RoomFurnishing:
         return False
 
     def _takes(self, kind: str, style: Style, pose: Pose) -> list[Box]:
-        """What a piece covers, together with the chair that it is for."""
+        """Boxes that a piece and its chair cover."""
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]
         return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, -_HALF_SEAT_M, _HALF_SEAT_M)]
 
     def _zones(self, kind: str, style: Style, pose: Pose) -> Iterator[list[Box]]:
-        """What has to stay free around a piece; several when there is a choice."""
+        """Boxes that have to stay free around a piece; several lists when there is a choice."""
         rule, half_depth, half_width = RULES[kind], style.depth_m / 2, style.width_m / 2
         if rule.around_m:
             reach = rule.around_m

@@ -27,7 +27,7 @@ def arrange_seating(work: RoomFurnishing) -> None:
 
 
 GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
-"""What people who talk sit around and on."""
+"""Kinds of furniture that people who talk sit around and on."""
 
 _FLOOR_OF_GROUP_M2: dict[Density, float] = {"Sparse": inf, "Moderate": 70.0, "Dense": 45.0}
 _MOST_GROUPS = 4
@@ -99,6 +99,6 @@ def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
 
 
 def _sight(wall: Pose, screen: Style, seat: Pose, sofa: Style) -> Box:
-    """What lies between the screen and the sofa."""
+    """Line of sight between the screen and the sofa, as a box."""
     distance = abs(seat.x - wall.x) if wall.quarter % 2 == 0 else abs(seat.y - wall.y)
     return wall.box(screen.depth_m / 2, distance - sofa.depth_m / 2, -_HALF_SIGHT_M, _HALF_SIGHT_M)

@@ -26,11 +26,11 @@ class Finish:
     pattern: Pattern
     """How the colours are laid out."""
     color: Color
-    """Of most of it."""
+    """Main colour of the surface."""
     second: Color
-    """Of the other boards, stripes, stones."""
+    """Colour of the other boards, stripes, stones."""
     line: Color
-    """Of joints, grooves and specks."""
+    """Colour of joints, grooves and specks."""
 
 
 @dataclass(frozen=True, slots=True)

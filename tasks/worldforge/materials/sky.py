@@ -1,4 +1,4 @@
-"""What one sees from the windows: sky, trees far off, a lawn; one picture that MuJoCo folds into a box."""
+"""View from the windows: sky, distant trees and a lawn, in one picture that MuJoCo folds into a box."""
 
 import io
 from functools import lru_cache
@@ -56,7 +56,7 @@ def _horizon(side: int) -> Array:
 
 
 def _above(side: int) -> Array:
-    """What is overhead: it begins with what the sides end with."""
+    """Sky overhead; its edges have the colours of the sides' top edges."""
     x = (np.arange(side) + 0.5) / side * 2 - 1
     return _sky(1 / np.maximum(np.sqrt(x[:, None] ** 2 + x**2), 1e-3))
 

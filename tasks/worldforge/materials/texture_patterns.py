@@ -291,7 +291,7 @@ def _speck(grid: Grid, depth: float) -> Array:
 
 
 def _number(place: Array, size: float) -> Numbers:
-    """Which of the boards, stones, tiles of this size it is."""
+    """Number of the board, stone or tile of this size at a place."""
     return np.floor(place / size + 1e-9).astype(np.int64)
 
 
@@ -324,7 +324,7 @@ def _joints(colors: Array, finish: Finish, *where: NDArray[np.bool_]) -> Array:
 
 
 def _cuts(grid: Grid, length: float, least: float, most: float) -> Array:
-    """Where the stones of one course begin, and where the first one begins again."""
+    """Starts of the stones of one course, then the place where the first one begins again."""
     widths: list[float] = []
     while sum(widths) < length:
         widths.append(float(grid.rng.uniform(least, most)))

@@ -99,7 +99,7 @@ def texture_png(name: str) -> bytes:
 
 @lru_cache(maxsize=64)
 def mean_color(name: str) -> tuple[float, float, float]:
-    """What one sees of a surface from far away: red, green, blue, 0 to 1."""
+    """Average colour of a surface, as seen from far away: red, green, blue, 0 to 1."""
     red, green, blue = texture(name).reshape(-1, 3).mean(axis=0) / 255
     return round(float(red), 3), round(float(green), 3), round(float(blue), 3)
 

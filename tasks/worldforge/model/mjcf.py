@@ -50,7 +50,7 @@ from ..ornaments.ornaments import numbers as _numbers
 from ..ornaments.shaped import shaped
 
 TEXTURES_FOLDER = "textures"
-"""Where a textured model has its pictures, beside itself."""
+"""Folder of a textured model's pictures, beside the model."""
 
 SLAB_M = 0.1
 """Thickness of the floors, whose tops are at 0."""
@@ -95,7 +95,7 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
 
 
 def proof_mjcf(world: World) -> str:
-    """What of a world collides, as MJCF: all that its proofs need, a third of its geoms.
+    """Colliding geoms of a world, as MJCF: all that its proofs need, a third of its geoms.
 
     Args:
         world: the world.

@@ -1,4 +1,4 @@
-"""What is drawn only: ornaments, procedural shapes, furniture drawn with these, small things.
+"""Shapes that are only drawn: ornaments, procedural shapes, furniture drawn with these, small things.
 
 May import: `schemas`, `tasks.worldforge.furniture`, `tasks.worldforge.geometry`.
 """

@@ -12,7 +12,7 @@ from .things import SPINES
 _THICK_M = (0.026, 0.034, 0.042)
 _HEIGHTS = (0.8, 0.9, 1.0)
 _STEP_M = 0.02
-"""Of heights: few sizes are few meshes."""
+"""Step between heights of books, in metres: few sizes are few meshes."""
 _DEEP_M = 0.12
 
 

@@ -1,4 +1,4 @@
-"""Which parts of furniture are drawn as procedural shapes, and the meshes that a world has for them.
+"""Procedural shapes that draw parts of furniture, and the meshes that a world has for them.
 
 What collides and what is measured are the primitives that furniture is made of; these shapes are for the eye.
 """

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..geometry.parts import Color, Vector
 
 MESHES_FOLDER = "meshes"
-"""Where a decorated model has its meshes with pictures, beside itself."""
+"""Folder of a decorated model's meshes with pictures, beside the model."""
 
 VISUAL = 'contype="0" conaffinity="0" group="2" mass="0"'
 
@@ -82,7 +82,7 @@ class Mesh:
     triangles: Ints
     """Shape (m, 3)."""
     places: Floats | None = None
-    """Of the vertices on the picture, shape (n, 2): repetitions to the right and down."""
+    """Picture coordinates of the vertices, shape (n, 2): repetitions to the right and down; None: no picture."""
 
     def line(self, name: str) -> str:
         """The mesh as an asset of MJCF: in a file of its own if it has a picture, else with all its numbers.
@@ -105,7 +105,7 @@ class Mesh:
 
 
 def mesh_path(name: str) -> str:
-    """Where the file of a mesh is, from where the model is."""
+    """Path of a mesh's file, relative to the model."""
     return f"{MESHES_FOLDER}/{name}.obj"
 
 
@@ -155,7 +155,7 @@ def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
-    """What a profile of radii and heights makes when it turns about z, from the lowest point up; open at its end."""
+    """Mesh of a profile of radii and heights turned about z, from the lowest point up; open at its end."""
     angles = np.arange(sections) * (2 * np.pi / sections)
     rings = [(radius, height) for radius, height in profile if radius > 0]
     vertices = [np.array([[0.0, 0.0, profile[0][1]]])]

@@ -72,7 +72,7 @@ def stuffed(size: Vector) -> Mesh:
 
 
 def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
-    """What turns about z; the profile of radii and heights, 0 to 1, goes up outside and, if hollow, down inside."""
+    """Shape turned about z; the profile of radii and heights, 0 to 1, goes up outside and, if hollow, down inside."""
 
     def make(size: Vector) -> Mesh:
         return _filling(_turned(profile), size)

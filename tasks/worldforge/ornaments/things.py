@@ -26,7 +26,7 @@ class Piece:
     size: Vector
     colors: tuple[Color, ...]
     up: float = 0.0
-    """Of its lower end above the thing's."""
+    """Height of its lower end above the thing's, in metres."""
     turn: float = 0.0
 
 
@@ -86,7 +86,7 @@ THINGS: dict[str, tuple[Piece, ...]] = {
     "vase": (Piece("vase", (0.11, 0.11, 0.2), _GLAZE), Piece("sprigs", (0.22, 0.22, 0.18), (_LEAF,), 0.17),
              Piece("flowers", (0.2, 0.2, 0.1), (rgb("d98b8b"), rgb("e3c15a"), rgb("b59ac9"), WHITE), 0.28)),
 }  # fmt: skip
-"""What there is, each piece with the colours that it comes in."""
+"""Pieces of each small thing, with the colours that they come in."""
 
 
 def footprint_m(thing: str) -> tuple[float, float]:

@@ -63,7 +63,7 @@ stroke:#ffffff;stroke-opacity:.8;stroke-width:3px;stroke-linejoin:round}
 
 @dataclass(frozen=True)
 class _Sheet:
-    """Where the world lies on the page."""
+    """Scale and position of the world on the page."""
 
     scale: float
     origin_x: float

@@ -107,7 +107,7 @@ def _draw_building(world: World, raster: Raster, palette: Palette) -> list[Block
 
 
 def _top_m(wall: Wall, world: World) -> float:
-    """Where a wall is cut: outer ones with the outside south or west of them would hide what stands behind them."""
+    """Height at which a wall is cut, in metres: low for outer walls on the south or west side, which hide others."""
     right, left = wall_faces(wall, world)
     forward = wall.end[0] > wall.start[0] or wall.end[1] < wall.start[1]  # south or west of it lies to its right
     return _NEAR_CUT_M if wall.exterior and (right if forward else left) == _OUTSIDE else _CUT_M

@@ -66,7 +66,7 @@ class Palette:
         self._patterns[number] = self.patterned.index(pattern) + 1
 
     def patterns(self) -> NDArray[np.uint8]:
-        """By colour number: 0, or one more than the place in `patterned`."""
+        """Patterns by colour number: 0 for none, else one more than the index in `patterned`."""
         table = np.zeros(len(self._colors), np.uint8)
         table[list(self._patterns)] = list(self._patterns.values())
         return table

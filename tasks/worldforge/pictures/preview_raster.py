@@ -35,7 +35,7 @@ def _axes(azimuth_deg: float, elevation_deg: float) -> tuple[tuple[float, float]
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera stands and which pixels it fills."""
+    """Direction and scale of the camera, and the pixels that it fills."""
 
     azimuth_deg: float
     """Turn of the camera about the vertical, from looking north."""
@@ -192,7 +192,7 @@ def _twice(vector: Vector) -> Vector:
 
 
 def _crossing(edge: tuple[tuple[float, float], tuple[float, float]], top: float, bottom: float) -> list[float]:
-    """Where an edge enters and leaves a strip of rows."""
+    """Columns at which an edge enters and leaves a strip of rows; empty if it does not meet the strip."""
     (x0, y0), (x1, y1) = edge if edge[0][1] <= edge[1][1] else (edge[1], edge[0])
     if y1 < top or y0 > bottom:
         return []

@@ -35,7 +35,7 @@ _SKIN_M = 0.004
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Where a picture is taken from."""
+    """Position, direction and angle of view of a camera."""
 
     place: Vector
     """Metres."""
@@ -70,12 +70,12 @@ class Lamp:
     """Brightness of a white wall one metre away from it."""
     color: Vector = (1.0, 1.0, 1.0)
     facing: Vector | None = None
-    """Where it shines to; absent: everywhere alike."""
+    """Direction in which it shines; absent: everywhere alike."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """What rays meet."""
+    """Geoms that rays hit, with the places and normals."""
 
     geoms: Ids
     """-1: nothing."""
@@ -180,7 +180,7 @@ class RayPicture:
         return np.rint(total.reshape(height, width, 3) * (255 / len(_SUB_PIXELS))).astype(np.uint8)
 
     def _hits(self, camera: Camera, rays: Array) -> tuple[Hits, Array]:
-        """What rays meet, and how much glass they go through: 0 or 1."""
+        """Hits of rays, and how much glass the rays go through: 0 or 1."""
         if len(rays) == 0:
             return Hits(np.zeros(0, np.int32), np.zeros((0, 3)), np.zeros((0, 3))), np.zeros(0)
         geoms, distances, normals = self.trace(camera.place, rays)
@@ -284,7 +284,7 @@ def _shared(light: Array, hits: Hits, shape: tuple[int, ...]) -> Array:
 
 
 def _on_plane(camera: Camera, rays: Array, hits: Hits) -> Array:
-    """Where other rays meet the planes that were met."""
+    """Points at which other rays meet the planes that were hit."""
     reach = np.sum((hits.places - np.array(camera.place)) * hits.normals, axis=1)
     slope = np.sum(rays * hits.normals, axis=1)
     return np.array(camera.place) + rays * (reach / np.where(np.abs(slope) < 1e-4, 1e-4, slope))[:, None]

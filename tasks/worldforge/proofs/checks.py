@@ -98,7 +98,7 @@ def prove(world: World, model_file: Path, *, pushed: bool) -> WorldChecks:
 
 
 def _reach(rooms: Sequence[Room], grid: OccupancyGrid, radius_m: float) -> dict[str, Any]:
-    """What a robot reaches, in all and room by room."""
+    """Cells and goals that a robot reaches, in all and room by room."""
     fits = fitting(grid, radius_m)
     reached = connected(fits, grid.cell(_ORIGIN))
     measures: list[RoomMeasures] = []

@@ -78,7 +78,7 @@ def rooms_apart(checks: WorldChecks) -> list[str]:
 
 
 def proof_lines(world: World) -> list[ProofLine]:
-    """What was measured in a world, line by line; a world that was never checked has only its origin to tell."""
+    """Measurements of a world, line by line; a world that was never checked has only the lines of its origin."""
     checks = world.checks
     measured = [] if checks is None else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks)]
     return [*measured, *_origin_lines(world)]

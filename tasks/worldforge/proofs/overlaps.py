@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _LEAST_M = 1e-4
-"""What overlaps by less only touches."""
+"""Depth of an overlap below which bodies only touch, in metres."""
 
 
 class Overlap(NamedTuple):

@@ -30,7 +30,7 @@ _STRIDE = 25
 
 _DOFS = 6
 _SHARES = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
-"""Of a push along each degree of freedom: upwards half as fast; turns are radians a second."""
+"""Factors of a push's speed per degree of freedom: x and y, upwards half as fast, then turns in radians a second."""
 
 
 def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:

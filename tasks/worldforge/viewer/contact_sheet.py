@@ -66,14 +66,14 @@ class Sheet:
 
     title: str
     lines: tuple[str, ...]
-    """What is said of the job as a whole."""
+    """Lines about the job as a whole."""
     worlds: tuple[SheetWorld, ...]
-    """In the order in which they are shown."""
+    """Worlds, in the order in which they are shown."""
     failures: tuple[SheetFailure, ...] = ()
 
 
 def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> SheetWorld:
-    """What the sheet says of a world that can be read."""
+    """Entry of the sheet for a world that can be read."""
     broken = tuple(violations(world.checks)) if world.checks else ()
     plan = world.floorplan
     return SheetWorld(

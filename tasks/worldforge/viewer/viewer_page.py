@@ -21,7 +21,7 @@ from .page_files import json_island, page
 
 _SCRIPTS = ("viewer_gl.js", "viewer.js")
 _BEFORE, _AFTER = "<script>", "var camera,controls,scene,renderer"
-"""What stands around three.js and its GLTFLoader in trimesh's own page."""
+"""Text before and after three.js and its GLTFLoader in trimesh's own page."""
 
 
 def viewer_page(bundle: Path, title: str) -> str:
