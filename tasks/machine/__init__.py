@@ -1,4 +1,4 @@
-"""What simulation jobs share on one machine: its slots, memory and disk, and who begins next.
+"""Slots, memory and disk that simulation jobs share on one machine, and the order in which waiting jobs begin.
 
 May import: `schemas`.
 """

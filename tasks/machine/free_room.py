@@ -13,12 +13,12 @@ class Wait:
 
     scarce: Scarce
     text: str
-    """In words, without the name of what waits."""
+    """Reason of the wait in words, without the name of the job that waits."""
 
 
 @dataclass(frozen=True)
 class Need:
-    """What has to be free before a job begins."""
+    """Memory and disk that have to be free before a job begins, in bytes."""
 
     memory_bytes: int
     disk_bytes: int
@@ -26,7 +26,7 @@ class Need:
 
 @dataclass(frozen=True)
 class Room:
-    """What a machine has left."""
+    """Free memory and disk of a machine, and the jobs that run on it."""
 
     memory_bytes: int | None
     """Available memory; None: not known, so nothing waits for it."""

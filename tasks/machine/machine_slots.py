@@ -263,7 +263,7 @@ class MachineSlots:
 def jobs_that_wait(
     settings: Settings, pid: int | None = None, clock: Callable[[], float] = time.time
 ) -> list[WaiterRecord]:
-    """What waits for room on this machine, the longest first.
+    """Jobs that wait for room on this machine, the longest wait first.
 
     Args:
         settings: where the slots are.

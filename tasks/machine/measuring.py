@@ -13,7 +13,7 @@ _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 
 def free_disk_bytes(folder: Path) -> int:
-    """What this user may still write to the disk of a folder that exists."""
+    """Bytes that this user may still write to the disk of a folder that exists."""
     return shutil.disk_usage(folder).free
 
 
@@ -36,7 +36,7 @@ def _machine(proc: Path) -> Iterator[int]:
 
 
 def _groups(proc: Path, control_groups: Path) -> Iterator[int]:
-    """What each control group that has a limit can still take, from that of this process up to the root."""
+    """Bytes that each control group with a limit can still take, from the group of this process up to the root."""
     try:
         lines = (proc / "self" / "cgroup").read_text().splitlines()
     except OSError:

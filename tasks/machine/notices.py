@@ -15,7 +15,7 @@ class Notices:
         self._began_s = 0.0
         self._told_s: dict[Scarce, float] = {}
         self.lasting: Scarce | None = None
-        """What is waited for, once that has lasted two seconds."""
+        """Scarce resource of the current wait, once the wait has lasted two seconds; None: no such wait."""
 
     def is_due(self, wait: Wait | None, now_s: float) -> bool:
         """Whether to tell of a wait now: it has lasted two seconds, and was not told in the last ten minutes.

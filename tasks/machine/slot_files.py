@@ -27,7 +27,7 @@ class Holder(Model):
 
 @dataclass(frozen=True)
 class Slots:
-    """What the slots were like at one moment."""
+    """Free and held slots at one moment."""
 
     free: tuple[int, ...]
     """Numbers of the slots that no process held."""
@@ -93,7 +93,7 @@ class SlotFiles:
 
 
 def _holder(text: bytes) -> Holder:
-    """Who holds a slot; a process of an earlier version, or one that writes just now, says nothing."""
+    """Job in a slot, from the slot's file; no facts for an earlier version, or while the file is being written."""
     with suppress(ValidationError):
         return Holder.model_validate_json(text)
     return Holder()

@@ -1,4 +1,4 @@
-"""Which waiter gets the next free slot of a machine; pure.
+"""Order in which waiters get the free slots of a machine; pure.
 
 Higher priority comes first; among equals the batch of which fewer jobs run on the machine; then who has waited longest.
 """

@@ -1,4 +1,4 @@
-"""Who waits for slots of a machine, as files that each waiter writes anew every second.
+"""Waiters for slots of a machine, as files that each waiter rewrites every second.
 
 A file that is older than that is of a process that has died, is stopped or sleeps; it holds no other waiter back.
 """
@@ -22,11 +22,11 @@ class WaiterRecord(Model):
     """One waiter's file."""
 
     pid: int = Field(description="The process that waits.")
-    name: str = Field(description="What waits, in words.")
+    name: str = Field(description="Name of the job or request that waits, for people.")
     batch: str | None = Field(default=None, description="ARN of its batch; None: it is in none.")
     priority: int = Field(default=0, description="The higher, the earlier.")
     since_s: float = Field(description="Since when it has waited, in seconds since 1970.")
-    why: str | None = Field(default=None, description="What it waits for, in words; None: jobs of its own batch.")
+    why: str | None = Field(default=None, description="Reason of the wait; None: jobs of its own batch.")
 
     def waiter(self, ticket: str) -> Waiter:
         """The record as its place among the others is decided by."""
