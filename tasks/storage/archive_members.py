@@ -32,7 +32,7 @@ BROKEN_ARCHIVE = (
     OverflowError,
     ValueError,
 )
-"""What the standard library raises for damaged archives."""
+"""Exceptions that the standard library raises for damaged archives."""
 
 _LARGEST_HEADER_BYTES = 1 << 20
 _LONGEST_PADDING_BYTES = 1 << 20
@@ -51,9 +51,9 @@ class Member:
     open: Callable[[], AbstractContextManager[IO[bytes]]]
     """Opens the content; to be read before the next member is asked for."""
     symbolic_link: str | None = None
-    """Of a symbolic link: where it leads."""
+    """Target of a symbolic link; None: it is not one."""
     hard_link: str | None = None
-    """Of a hard link: the name of another member, whose content it has."""
+    """Name of the member whose content a hard link has; None: it is not one."""
 
 
 def members(archive: Path, *, links: bool = False) -> Iterator[Member]:

@@ -28,7 +28,7 @@ _MAX_COMPONENT_BYTES = 255
 
 @dataclass(frozen=True)
 class ArchiveLimits:
-    """What an archive may hold; what is really unpacked counts, not what headers claim."""
+    """Limits of an archive's content; the bytes unpacked count, not the sizes in its headers."""
 
     total_bytes: int = 20 << 30
     """All files together."""
@@ -41,7 +41,7 @@ class ArchiveLimits:
     ratio: int = 200
     """All files together, in sizes of the archive; held against what is larger than `unsuspicious_bytes`."""
     unsuspicious_bytes: int = 256 << 20
-    """What every archive may hold, however small it is."""
+    """Bytes that every archive may hold, however small it is."""
     is_system_tree: bool = False
     """A part of an operating system's files: names may differ only in case, and links are kept that stay inside."""
 
@@ -126,7 +126,7 @@ class _Extraction:
     size: int = 0
     last: str = ""
     links: dict[str, Member] = field(default_factory=dict[str, Member])
-    """By path: made last, so that nothing is written through one."""
+    """Links by path; they are made last, so that nothing is written through one."""
     taken: dict[str, tuple[str, bool]] = field(default_factory=dict[str, tuple[str, bool]])
     """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
 
@@ -186,7 +186,7 @@ class _Extraction:
         return parts
 
     def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """What is wrong with a path; empty when nothing is."""
+        """Problem of a path, in words; empty when there is none."""
         if member.name.startswith("/"):
             return "an absolute path"
         if "\\" in path or "\0" in path:

@@ -37,7 +37,7 @@ def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
 
 @dataclass(frozen=True)
 class ObjectInfo:
-    """What is known of a stored object without reading it."""
+    """Metadata of a stored object, known without reading it."""
 
     bucket: str
     key: str
@@ -153,7 +153,7 @@ class ObjectStore(Protocol):
         ...
 
     def uri(self, bucket: str, key: str) -> str:
-        """Where a person finds it: `file:///…` or `s3://bucket/key`."""
+        """Address of an object for people: `file:///…` or `s3://bucket/key`."""
         ...
 
     def local_path(self, bucket: str, key: str) -> Path | None:

@@ -26,7 +26,7 @@ class FolderFile:
     name: str
     """Path below the folder, with `/` between components."""
     path: Path
-    """Where it is."""
+    """Path of the file itself."""
 
 
 def regular_files(folder: Path) -> list[FolderFile]:
@@ -95,7 +95,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def version_of(path: Path) -> tuple[int, int, int]:
-    """What changes when a file is written to or replaced: inode, size, modification time in nanoseconds."""
+    """Version of a file: inode, size, modification time in nanoseconds; changes when it is written to or replaced."""
     with os_failures(f"read {path}"):
         now = path.lstat()
     return now.st_ino, now.st_size, now.st_mtime_ns

@@ -111,7 +111,7 @@ def _go_on(stopped: Stopped, what: str) -> None:
 
 
 def _data_from(descriptor: int, offset: int) -> int | None:
-    """Where the next data begin; `None`: there is only a hole, or nothing."""
+    """Offset of the next data; `None`: there is only a hole, or nothing."""
     try:
         return os.lseek(descriptor, offset, os.SEEK_DATA)
     except OSError as error:
@@ -119,7 +119,7 @@ def _data_from(descriptor: int, offset: int) -> int | None:
 
 
 def _hole_from(descriptor: int, offset: int) -> int:
-    """Where the next hole begins; a file ends with one."""
+    """Offset of the next hole; a file ends with one."""
     with suppress(OSError):
         return os.lseek(descriptor, offset, os.SEEK_HOLE)
     return os.fstat(descriptor).st_size

@@ -14,7 +14,7 @@ from .parallel import run_all
 from .publication import MANIFEST_NAME, read_manifest
 
 NEXT_NAME = "manifest.next.json"
-"""What will be the manifest, while files are removed."""
+"""Name of the future manifest while files are removed."""
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
@@ -88,7 +88,7 @@ def removed_before(manifest: Manifest) -> tuple[int, int]:
 
 
 def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
-    """What an interrupted call prepared."""
+    """Manifest that an interrupted call prepared; None: there is none."""
     try:
         return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
     except ObjectNotFoundError:

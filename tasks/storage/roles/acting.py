@@ -26,7 +26,7 @@ def _no_blocks(slug: str, name: str) -> None:
 
 @dataclass
 class _Opened:
-    """What was opened for roles, by ARN; shared by all threads of a process."""
+    """Stores and sessions opened for roles, by ARN; shared by all threads of a process."""
 
     lock: threading.Lock = field(default_factory=threading.Lock)
     stores: dict[str, ObjectStore] = field(default_factory=dict[str, ObjectStore])

@@ -27,7 +27,7 @@ class Step:
     """One thing that was made or, when nothing may change, that would be."""
 
     what: str
-    """In words, such as `bucket results`."""
+    """Name of the thing in words, such as `bucket results`."""
 
 
 def initialise(
@@ -147,7 +147,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
 
 
 def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
-    """What a server calls itself, also when it refuses."""
+    """Name that a server gives itself in the header `Server`, also when it refuses."""
     from botocore.exceptions import BotoCoreError, ClientError
 
     from ..s3.failures import from_client_error

@@ -16,7 +16,7 @@ from ....schemas.wire.errors import (
 from ..opening import own_session
 
 SERVER = "MinIO"
-"""What the header `Server` of its answers begins with."""
+"""Beginning of the header `Server` in MinIO's responses."""
 
 _KEY_BYTES = 30
 _Answer = TypeVar("_Answer")

@@ -1,4 +1,4 @@
-"""What a role may read and write, as a policy of S3."""
+"""S3 policy of a role: the places that it may read and write."""
 
 import json
 from typing import Any

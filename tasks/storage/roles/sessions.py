@@ -21,7 +21,7 @@ _SESSION_NAME = "robomaker"
 
 
 class _Sts(Protocol):
-    """What is asked of the client of STS, whose stubs are not installed."""
+    """Methods used of the STS client, whose stubs are not installed."""
 
     def assume_role(self, **request: Any) -> Mapping[str, Any]: ...
 
@@ -34,7 +34,7 @@ class _Clients(Protocol):
 
 @dataclass(frozen=True)
 class SessionSource:
-    """Where credentials of roles come from.
+    """Source of the credentials of roles.
 
     Args:
         endpoint_url: the S3 server, which answers for STS, too; `None`: AWS.

@@ -45,7 +45,7 @@ class _Sent(NamedTuple):
     """A part that the server has."""
 
     part: "CompletedPartTypeDef"
-    """What the server is told of it at the end."""
+    """Entry of the part in the request that completes the upload."""
     crc: int
     size: int
 

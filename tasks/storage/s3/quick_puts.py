@@ -28,15 +28,15 @@ _PIECE_BYTES = 256 << 10
 
 
 class Stored(NamedTuple):
-    """What a server says of what it has stored."""
+    """ETag and checksum that a server reports for an object it has stored."""
 
     etag: str
     crc32: str | None
-    """In base64; `None`: it does not say."""
+    """CRC-32 in base64; `None`: the server does not report it."""
 
 
 class _Answer(Protocol):
-    """What is read of an answer of botocore's HTTP session."""
+    """Members used of a response of botocore's HTTP session."""
 
     @property
     def status_code(self) -> int: ...

@@ -61,7 +61,7 @@ _BROKEN_OFF = (ReadTimeoutError, ResponseStreamingError, IncompleteReadError, S3
 
 
 class _Session(Protocol):
-    """What is asked of a session; the stubs of its `client` name services whose own stubs are not installed."""
+    """Methods used of a session; the stubs of its `client` name services whose own stubs are not installed."""
 
     def client(
         self, service_name: Literal["s3"], *, region_name: str, endpoint_url: str | None, config: Config
@@ -69,7 +69,7 @@ class _Session(Protocol):
 
 
 class _Entry(TypedDict):
-    """What is read of an entry of a list; the stubs call these optional, and every server gives them."""
+    """Members used of an entry of a list; the stubs call these optional, and every server gives them."""
 
     Key: str
     Size: int
