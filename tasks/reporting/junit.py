@@ -110,7 +110,7 @@ def _is_error(job: JobCase) -> bool:
 
 
 def _lines(job: JobCase) -> Iterator[str]:
-    """What a person wants to know of a job, one thing a line."""
+    """Summary of a job for people, one fact a line."""
     yield from (f"{name}: {value}" for name, value in _facts(job))
     for item in job.requirements:
         word = "ERROR" if item.error is not None else "PASS" if item.satisfied else "FAIL"

@@ -62,7 +62,7 @@ def _results_of(report: Report) -> ResultTable:
 
 
 def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
-    """What the jobs of a run are called in every run of the specification, each once in its step."""
+    """Names of a run's jobs, the same in every run of the specification, each once in its step."""
     by_step: dict[str | None, list[int]] = {}
     for index, job in enumerate(jobs):
         by_step.setdefault(job.step, []).append(index)

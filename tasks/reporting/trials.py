@@ -14,20 +14,20 @@ MOST_SHOWN = 20
 
 @dataclass(frozen=True)
 class TrialsView:
-    """What a job's card shows of its trials."""
+    """Summary of a job's trials on its card."""
 
     planned: int
     stopped_in: int | None
     share: Share
     combinations: list[Share]
-    """By combination of parameters, the worst first; empty where there is but one."""
+    """Shares by combination of parameters, the worst first; empty where there is but one."""
 
     failing: list[FailingTrial]
     more: int
     """How many more did not pass."""
 
     command: str
-    """What runs the first of them again."""
+    """Command that runs the first of the failing trials again."""
 
     @property
     def label(self) -> str:

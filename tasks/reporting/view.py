@@ -109,7 +109,7 @@ class Page:
 
     @property
     def anchors(self) -> dict[str, str]:
-        """Where the cards of jobs are, by their ids."""
+        """Anchors of the jobs' cards on the page, by the jobs' labels."""
         return {job.title: job.anchor for job in self.jobs}
 
     @property
@@ -140,7 +140,7 @@ class Page:
 
     @property
     def owners(self) -> str:
-        """Which programs carried out the jobs, by machine: `robomaker run on ada: 12 jobs`."""
+        """Programs that ran the jobs, by machine: `robomaker run on ada: 12 jobs`."""
         found = (job.job.carried_out_by for job in self.jobs if job.job.reused_from is None)
         counts = Counter(f"{owner.program} on {owner.machine}" for owner in found if owner is not None)
         return ", ".join(f"{name}: {count} {'job' if count == 1 else 'jobs'}" for name, count in counts.most_common())

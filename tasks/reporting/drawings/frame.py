@@ -26,7 +26,7 @@ class Frame:
     """Size in units, the strip for the scale bar included."""
 
     def at(self, point: Point) -> Point:
-        """Where a point of the ground lies in the drawing."""
+        """Coordinates of a point of the ground in the drawing."""
         return (point[0] - self.left_m) * self.scale, (self.top_m - point[1]) * self.scale
 
     @property

@@ -38,7 +38,7 @@ class CollisionSpot:
 
     @property
     def text(self) -> str:
-        """What a tooltip says: one line for each collision."""
+        """Text of the tooltip: one line for each collision."""
         return "\n".join(f"{c.other}: {c.max_force_N:.1f} N at {c.time_s:.1f} s" for c in self.collisions)
 
 

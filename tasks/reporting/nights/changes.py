@@ -1,4 +1,4 @@
-"""What changed, and since when a job fails, in words."""
+"""Texts on changes between runs, and on when a job began to fail."""
 
 import re
 from collections.abc import Sequence
@@ -126,7 +126,7 @@ def loss_in_words(loss: Loss) -> str:
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:
-    """What several jobs have in common of since when they fail, said once; empty where they differ."""
+    """Sentence on when several jobs began to fail, if it was the same for all; empty where they differ."""
     said = {since_in_words(each.since) if each.since else "" for each in changes}
     return said.pop().replace("fails since", "All fail since", 1) if len(changes) > 1 and len(said) == 1 else ""
 

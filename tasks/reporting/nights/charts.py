@@ -10,7 +10,7 @@ from ....schemas.reports.summary import Share
 from ..drawings.svg import element, number, points
 
 WIDTH, HEIGHT = 720.0, 250.0
-"""Of the chart, in units of its drawing."""
+"""Size of the chart, in units of its drawing."""
 
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58.0, 12.0, 12.0, 40.0
 _MOST_DATES = 6

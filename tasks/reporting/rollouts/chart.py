@@ -23,7 +23,7 @@ _CELLS = 200
 
 
 def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
-    """What each row has in common: pauses, times without an open window, the moment of the threshold."""
+    """Marks that all rows share: pauses, times without an open window, the moment of the threshold."""
     parts = [
         element("rect", class_=kind, x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
         for kind, pauses in (("closed", closed), ("pause", rollout.pauses))
@@ -93,7 +93,7 @@ def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, s
 
 
 def _steps(times_s: Sequence[float], scale: Scale) -> list[tuple[float, int]]:
-    """Where the number of failures changes, and to what; it begins with none."""
+    """Positions at which the number of failures changes, with the new number; it begins with none, at 0."""
     steps = {0.0: 0}
     for count, at_s in enumerate(times_s, 1):
         steps[round(scale.part(at_s) * _CELLS) / _CELLS] = count

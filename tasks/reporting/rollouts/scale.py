@@ -23,11 +23,11 @@ class Scale:
         return max(self.until_s - self.from_s, 0.1)
 
     def part(self, at_s: float) -> float:
-        """Where a moment lies, from 0 at the left to 1 at the right."""
+        """Position of a moment, from 0 at the left to 1 at the right."""
         return min(1.0, max(0.0, (at_s - self.from_s) / self.length_s))
 
     def at(self, at_s: float) -> str:
-        """Where a moment lies, as a coordinate."""
+        """Position of a moment, as a coordinate of SVG, in percent of the width."""
         return percent(self.part(at_s))
 
     def width(self, from_s: float, until_s: float) -> str:

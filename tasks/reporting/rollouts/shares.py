@@ -26,7 +26,7 @@ class Block:
 
 
 def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
-    """What the robots of a wave did, as blocks on top of one another.
+    """Phases of the robots of a wave, as blocks on top of one another.
 
     Args:
         robots: the spans of each.

@@ -1,4 +1,4 @@
-"""What a robot of a rollout did from when to when, and how that ended; pure functions of its stored state."""
+"""Phases of a robot in a rollout, with start, end and outcome; pure functions of its stored state."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -17,7 +17,7 @@ PHASES: dict[Phase, str] = {
     "installing": "runs the file before the launch",
     "launching": "launches, runs the file after it",
 }
-"""What a robot does, in order, and what that is in words."""
+"""Phases of a robot, in order, and their texts."""
 
 _PHASE_OF: dict[RobotDeploymentStep, Phase] = {
     "Validating": "downloading",
@@ -61,7 +61,7 @@ def last_moment(report: DeploymentReport, rollout: Rollout) -> float:
 
 
 def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
-    """What a robot did, in order.
+    """Phases of a robot, in order.
 
     Args:
         state: the robot; of its orders, the latest is known.

@@ -40,10 +40,10 @@ class RobotView:
 
     name: str
     wave: int | None
-    """Which wave it is in; none: it cannot get the application."""
+    """Number of its wave; None: it cannot get the application."""
     end: RobotEnd
     step: str
-    """What it does now, where it deploys."""
+    """Current step, where it deploys; else empty."""
     before: str
     after: str
     took_s: float | None
@@ -265,7 +265,7 @@ def _facts(report: DeploymentReport) -> list[Fact]:
 
 
 def _control(config: DeploymentConfig, rollout: Rollout | None) -> Iterator[Fact]:
-    """What holds a deployment back, and takes it back."""
+    """Conditions that hold a deployment back, or roll it back."""
     if config.canaryRobots or config.canaryPercentage:
         yield Fact("Canaries", ", ".join(config.canaryRobots or [f"{config.canaryPercentage} %"]))
     if config.requiresApproval:
