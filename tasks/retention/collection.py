@@ -42,13 +42,13 @@ from .robot_files import collect_robot_files
 
 @dataclass(frozen=True)
 class _Chosen:
-    """What was decided."""
+    """Decisions of one collection: units, and why some are kept."""
 
     units: list[Unit]
     reasons: Mapping[str, str]
     """Why those that are kept are kept."""
     holders: Mapping[str, str]
-    """By ARN, what names it that is kept."""
+    """Holder of a resource, by the resource's ARN: the kept job, run or deployment that names it."""
     worlds: list[Resource]
     """Worlds that go."""
     notes: list[str]
@@ -146,7 +146,7 @@ def _judged(unit: Unit, policy: RetentionPolicy, service: Service) -> Unit:
 def _item(
     unit: Unit, policy: RetentionPolicy, chosen: _Chosen, service: Service, counted: set[str], *, act: bool
 ) -> GcItem:
-    """What happens to a unit; a job that several of them name counts for the first, by `counted`."""
+    """Removes, thins or keeps a unit, and reports it; a job of several units counts for the first, by `counted`."""
     candidate = unit.candidate
     about = GcItem(
         kind="run" if unit.folder is not None else "jobs",

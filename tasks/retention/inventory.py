@@ -1,4 +1,4 @@
-"""What there is that may be removed: runs of specifications, jobs that SDKs ordered, worlds; and what each names."""
+"""Inventory of what may be removed: runs of specifications, jobs that SDKs ordered, worlds; and what each names."""
 
 import re
 from collections.abc import Iterator, Mapping, Set
@@ -206,7 +206,7 @@ def _with_children(orders: tuple[str, ...] | list[str], service: Service) -> dic
 
 
 def _content(job: Resource) -> dict[str, Any]:
-    """What is kept of a job, as JSON."""
+    """Document of a job, as JSON."""
     return DOCUMENTS[job.kind].of(job).to_json()
 
 

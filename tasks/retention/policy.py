@@ -1,4 +1,4 @@
-"""Which runs are kept: a pure function of what is known of them, the rules and the time."""
+"""Retention of runs: a pure function of the facts about them, the rules and the time."""
 
 from collections.abc import Iterable, Mapping, Set
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from ...schemas.reports.retention import RetentionPolicy
 
 @dataclass(frozen=True)
 class Candidate:
-    """What is known of something that may be removed."""
+    """Facts about something that may be removed."""
 
     id: str
     ended_at: datetime
     group: str | None = None
-    """What it is a run of; None: of nothing, so that it goes by its age only."""
+    """Name of the specification that it is a run of; None: of none, so that only its age counts."""
     failed: bool = False
     """Whether it did not succeed."""
     busy: str = ""

@@ -33,7 +33,7 @@ from ..worlds.bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
 
 KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))
-"""What reports, `verify` and `repro` need of a run."""
+"""Files of a run that reports, `verify` and `repro` need."""
 
 _LEASE_S = 120.0
 
@@ -189,7 +189,7 @@ def _held(job: Resource, service: Service) -> Iterator[None]:
 
 
 def job_places(job: Resource, service: Service) -> list[StoredPlace]:
-    """Where the runs of a job have stored something: only folders that are named after the job and the run."""
+    """Places in which the runs of a job have stored something: only folders named after the job and the run."""
     if job.kind != JOB:
         return []
     document = SimulationJobDocument.of(job)

@@ -73,7 +73,7 @@ def _collect_repository(needed: _Needed, service: Service, *, act: bool) -> tupl
 
 
 def _needed(keep: int, service: Service) -> _Needed:
-    """What is needed: by the newest deployments, by those that are open, and by the last one of each robot."""
+    """Artifacts needed by the newest deployments, by those that are open, and by the last one of each robot."""
     jobs = set(service.catalog.open_rollouts())
     jobs |= {job for robot in _all(_ROBOT, service) if (job := RobotDocument.of(robot).last_deployment_job)}
     counts: dict[str, int] = {}
