@@ -49,7 +49,7 @@ Stored = dict[str, Any]
 """A document as it is stored."""
 
 Change = Changes | Mapping[str, Any]
-"""What a document is changed to: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
+"""Change of a document: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
 
 
 class Catalog(CatalogLeases, CatalogRollouts):

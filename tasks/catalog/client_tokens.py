@@ -65,11 +65,11 @@ class ClientToken:
     """Equal for equal requests."""
 
     owner: str = ""
-    """Whose it is: an access key or a job; empty: a caller without either."""
+    """Owner of the token: an access key or a job; empty: a caller without either."""
 
     @property
     def stored(self) -> str:
-        """What stands for the token in the catalog: tokens of different owners have nothing to do with each other."""
+        """Key of the token in the catalog: tokens of different owners have nothing to do with each other."""
         return hashlib.sha256(f"{self.owner}\0{self.token}".encode()).hexdigest() if self.owner else self.token
 
     @classmethod

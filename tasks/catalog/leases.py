@@ -160,7 +160,7 @@ class CatalogLeases(CatalogReader):
         return row[0], bool(row[1])
 
     def ownerships(self, arns: Iterable[str]) -> dict[str, Ownership]:
-        """Who carries out some jobs, by ARN; those that do not exist are left out."""
+        """Owners of some jobs, by ARN; jobs that do not exist are left out."""
         wanted = sorted(set(arns))
         found: dict[str, Ownership] = {}
         with self._transaction(self._engine) as connection:

@@ -39,7 +39,7 @@ COLUMNS = (
     resources.c.labels,
     resources.c.document,
 )
-"""What a `Resource` is made of."""
+"""Columns that a `Resource` is made of."""
 
 # Made once: making it takes as long as executing it, and it is the query of most calls.
 _ONE_ROW = select(*COLUMNS, resources.c.lease_owner, resources.c.cancel_requested).where(

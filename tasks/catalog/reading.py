@@ -49,7 +49,7 @@ _REVISIONS = (
 
 
 class CatalogReader:
-    """What reads and changes nothing; `Catalog` adds the rest."""
+    """Read-only access to the catalog; `Catalog` adds the changes."""
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
         self._engine = open_engine(url)
@@ -224,7 +224,7 @@ class CatalogReader:
 
     @property
     def address(self) -> str:
-        """Where it is, without a password."""
+        """Address of the catalog, without a password."""
         return self._engine.url.render_as_string(hide_password=True)
 
     def children_standing(self, parent: str, kind: str) -> dict[str, str]:

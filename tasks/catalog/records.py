@@ -14,14 +14,14 @@ class NewResource:
 
     arn: str
     kind: str
-    """What it is: the part of the ARN before the id, such as `simulation-job`."""
+    """Kind of the resource: the part of the ARN before the id, such as `simulation-job`."""
 
     id: str
     name: str = ""
     """Its name; empty if it has none."""
 
     status: str = ""
-    """Where it is in its life; for kinds without a lifecycle whatever the caller likes."""
+    """State in its lifecycle; for kinds without a lifecycle whatever the caller likes."""
 
     parent: str | None = None
     """ARN of the generation job or batch it came from."""
@@ -89,7 +89,7 @@ class FirstLease:
 
 @dataclass(frozen=True)
 class Ownership:
-    """Who carries out a job."""
+    """Owner of a job, and the state of its lease."""
 
     owner: str | None
     """Name of who holds its lease, or held it last; `None`: no process has held it."""
@@ -118,4 +118,4 @@ class Page:
     """Newest first."""
 
     next_token: str | None
-    """What to ask the next page with; `None` on the last."""
+    """Token that asks for the next page; `None` on the last."""

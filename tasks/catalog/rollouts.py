@@ -164,7 +164,7 @@ class CatalogRollouts(CatalogReader):
             return sorted(connection.scalars(query))
 
     def events(self, job: str) -> tuple[StoredEvent, ...]:
-        """What is not part of a job's rollout yet, in the order in which it was stored; the first thousand."""
+        """Events that are not part of a job's rollout yet, in the order of storing; the first thousand."""
         columns = (rollout_events.c.sequence, rollout_events.c.at_s, rollout_events.c.event)
         query = select(*columns).where(rollout_events.c.job == job).order_by(rollout_events.c.sequence)
         with self._transaction(self._engine) as connection:
