@@ -56,7 +56,7 @@ class ActionArray(Model):
     path: list[str | int] = Field(description="Keys that lead to it; empty when it is all there is.")
     dtype: str = Field(description="Type of its items, `float64`; little-endian.")
     shape: list[int] = Field(description="Length of each dimension.")
-    offset: int = Field(ge=0, description="Where it begins, in bytes from the action's first.")
+    offset: int = Field(ge=0, description="Position of its first byte, in bytes from the action's first.")
     minimum: _Bound | list[_Bound] = Field(default=None, description="Lower bound of all items, or of each.")
     maximum: _Bound | list[_Bound] = Field(default=None, description="Upper bound of all items, or of each.")
     description: str | None = Field(default=None, description="The name that the environment gives it.")
@@ -68,11 +68,11 @@ class ActionArray(Model):
 
 
 class ActionLogHeader(Model):
-    """What the actions of a log are."""
+    """Layout of a log's actions: mode, size in bytes, arrays."""
 
     mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each of them.")
     size: int = Field(ge=0, le=_MOST_ACTION_BYTES, description="Bytes of one action.")
-    arrays: list[ActionArray] = Field(description="What it holds.")
+    arrays: list[ActionArray] = Field(description="The arrays of one action.")
 
     def __str__(self) -> str:
         """The form of an action in words: `grip: bool[], wheels: float32[4]`."""

@@ -37,7 +37,7 @@ class ActionLogWriter:
         self._first = 0
         """Number of the first of them."""
         self._settled = hashlib.sha256()
-        """Of what is in the file for good."""
+        """Digest of the part of the file that does not change any more."""
         self._header = header
         path.unlink(missing_ok=True)  # it may be a link that an application has left
         self._file: BinaryIO = path.open("xb", buffering=0)
@@ -114,7 +114,7 @@ class ActionRecorder:
         self.error: str | None = None
         """Why there is no log; None: there is one."""
         self.summary: ActionsSummary | None = None
-        """What is in the log; absent until it is complete."""
+        """Summary of the log; absent until it is complete."""
         try:
             self._writer = ActionLogWriter(path, header)
         except OSError as error:

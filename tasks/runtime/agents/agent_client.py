@@ -57,7 +57,7 @@ ITEM_FORMATS = {
     "bool": "?", "int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I",
     "int64": "q", "uint64": "Q", "float16": "e", "float32": "f", "float64": "d",
 }  # fmt: skip
-"""What arrays may hold, always little-endian, with the letters of `struct`."""
+"""Types of array items, always little-endian, with their letters in `struct`."""
 
 _MAX_MESSAGE_BYTES = 2**31
 _RETRY_S = 0.05
@@ -86,7 +86,7 @@ class FrameBuffer:
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Where to put bytes that arrive; invalidates what `next` returned."""
+        """Free space for bytes that arrive; invalidates what `next` returned."""
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -145,13 +145,13 @@ class ArraySpec:
         self.path: tuple[str | int, ...] = tuple(description["path"])
         """Keys that lead to it in nested observations; empty when the observation is this array."""
         self.name: str = description.get("description", "")
-        """What the environment says about it."""
+        """The environment's description of it; empty where there is none."""
         self.dtype: str = description["dtype"]
         """`float64`, `bool`, …: a key of `ITEM_FORMATS`."""
         self.shape: tuple[int, ...] = tuple(description["shape"])
         """Length of each dimension; empty for a number."""
         self.offset: int = description["offset"]
-        """Where it begins in a message's content, in bytes."""
+        """Position of its first byte in a message's content, in bytes."""
         self.minimum: Any = description.get("minimum")
         """Smallest value: a number for all, or a list in C order; None where there is none."""
         self.maximum: Any = description.get("maximum")
@@ -249,7 +249,7 @@ def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
 
 
 class TimeStep(NamedTuple):
-    """What the robot knows at a moment; the first four are those of a `dm_env.TimeStep`."""
+    """One observation and its step; the first four members are those of a `dm_env.TimeStep`."""
 
     step_type: int  # 0 for the first, 1 for others
     reward: float | None
@@ -287,7 +287,7 @@ class Simulation:
         self._frames = FrameBuffer({HELLO: limit, OBSERVATION: limit, END: limit, ERROR: limit})
         self.mode: str = options["mode"]
         self.ended_by: str | None = None
-        """What ended the run, once it is over: `environment`, `canceled`, `duration limit`, …"""
+        """Why the run ended, once it is over: `environment`, `canceled`, `duration limit`, …"""
         kind, payload = self._receive()
         hello = json.loads(bytes(payload))
         if kind != HELLO or hello.get("protocol") != PROTOCOL:
@@ -303,11 +303,11 @@ class Simulation:
         self._send(words(HELLO, {"version": VERSION, **options}))
 
     def action_spec(self) -> Any:
-        """What `act` takes: an `ArraySpec`, or several by name."""
+        """Layout of the actions that `act` takes: an `ArraySpec`, or several by name."""
         return self._action.specs()
 
     def observation_spec(self) -> Any:
-        """What observations hold: an `ArraySpec`, or several by name."""
+        """Layout of observations: an `ArraySpec`, or several by name."""
         return self._observation.specs()
 
     def receive(self) -> TimeStep | None:

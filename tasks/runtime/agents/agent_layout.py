@@ -30,7 +30,7 @@ class ArrayField:
     """Little-endian."""
 
     offset: int
-    """Where it begins, in bytes."""
+    """Position of its first byte in a message's content, in bytes."""
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -47,7 +47,7 @@ class ArrayField:
         return np.ndarray(self.shape, self.dtype, content, self.offset)
 
     def describe(self) -> dict[str, Any]:
-        """What the robot is told; members come in this order."""
+        """Returns the array's description for the greeting of the robot; its members have a fixed order."""
         description = {
             "path": list(self.path),
             "dtype": self.dtype.name,
@@ -98,7 +98,7 @@ class Layout:
         """The environment's own."""
 
     def describe(self) -> dict[str, Any]:
-        """What the robot is told."""
+        """Returns the layout's description for the greeting of the robot."""
         return {"size": self.size, "arrays": [field.describe() for field in self.fields], "left_out": self.left_out}
 
     def summary(self) -> str:

@@ -41,7 +41,7 @@ class RobotHello(Model):
         default=30.0, gt=0, le=86400, description="Time to answer an observation; in free mode the first one."
     )
     real_time_factor: float = Field(
-        default=1.0, gt=0, le=1000, description="In free mode: simulated seconds per second."
+        default=1.0, gt=0, le=1000, description="Speed of free mode, in simulated seconds per second."
     )
 
 

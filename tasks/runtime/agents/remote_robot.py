@@ -102,7 +102,7 @@ class RemoteRobot:
         return self._agent
 
     def actions(self) -> ActionsSummary | None:
-        """What the log of actions has; None until the end, and when there is none."""
+        """Summary of the log of actions; None until the end, and when there is no log."""
         return self._keeper.summary if self._keeper is not None else None
 
     def watch(self, environment: Any, time_s: float) -> None:

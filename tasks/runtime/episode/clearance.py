@@ -91,7 +91,7 @@ class ClearanceMeter:
 
 
 def _collides(model: mujoco.MjModel, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which geoms can touch one of some; geoms that are only to be seen do not count."""
+    """Returns a mask of the geoms that can touch one of some; geoms that are only to be seen do not count."""
     kinds = int(np.bitwise_or.reduce(model.geom_contype[some], initial=0))
     partners = int(np.bitwise_or.reduce(model.geom_conaffinity[some], initial=0))
     return (model.geom_contype & partners != 0) | (model.geom_conaffinity & kinds != 0)

@@ -89,7 +89,7 @@ def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData)
 
 
 def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """Which geoms are floor: fixed ones that rise no higher than 12 mm, height fields, planes that look upwards.
+    """Returns a mask of the floor: fixed geoms up to 12 mm high, height fields, planes that look upwards.
 
     Args:
         model: The world.
@@ -123,7 +123,7 @@ def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
 
 
 def geom_names(model: mujoco.MjModel, furniture_ids: Sequence[str] = ()) -> list[str]:
-    """What each geom is called in a person's words: a furniture id, `wall`, else its body or itself.
+    """Returns the name of each geom for messages: a furniture id, `wall`, else its body or itself.
 
     Args:
         model: The compiled world.

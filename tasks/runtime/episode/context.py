@@ -26,7 +26,7 @@ class ObservationError(ValueError):
 
 @dataclass(frozen=True)
 class SimulationContext:
-    """What a factory gets to know of the run: its run environment."""
+    """Context that a factory gets: the run as requested, and its run environment."""
 
     plan: RunPlan
     """The run as requested: ids, seed, folders, limits."""
@@ -50,4 +50,4 @@ class SimulationContext:
     """The environment variables of the launch configurations."""
 
     recorder: Recorder
-    """Where ROS 2 messages go."""
+    """Recorder of ROS 2 messages."""

@@ -7,7 +7,7 @@ added; a run that goes on from a checkpoint adds earlier moments again.
 import math
 
 PATH_FILE = "driven-path.csv"
-"""In the work folder of the run."""
+"""Name of the file, in the work folder of the run."""
 
 PathPoint = tuple[float, float, float]
 

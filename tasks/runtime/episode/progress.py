@@ -20,7 +20,7 @@ STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
 
 
 class Phase(IntEnum):
-    """What a run's process is doing; decides whose failure a crash is."""
+    """Phase of a run's process; it decides which application is at fault for a crash."""
 
     STARTING = 0
     MAKE_ENVIRONMENT = 1
@@ -95,7 +95,7 @@ class Progress:
 
     @property
     def phase(self) -> Phase:
-        """What was begun last."""
+        """The phase that began last."""
         return Phase(self._page[_PHASE])
 
     def count_step(self, steps: int, time_s: float) -> None:

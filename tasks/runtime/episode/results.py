@@ -18,7 +18,7 @@ from .verdicts import Parts, decide_verdict
 
 RESULT_FILE = "result.json"
 MAX_RESULT_BYTES = 16 * 1024 * 1024
-"""What is longer is no result."""
+"""Size limit of `result.json`, in bytes; a longer file is no result."""
 MAX_COLLISIONS = 200
 MAX_PATH_POINTS = 600
 _FEW_STEPS = 10
@@ -31,11 +31,11 @@ _ENDERS = {
 
 
 class EnvironmentReport(Model):
-    """What an environment knows about its run; times, seed and versions are added by the runtime."""
+    """Report of an environment about its run; times, seed and versions are added by the runtime."""
 
     verdict: Verdict = Field(default="NONE", description="PASS, FAIL, or NONE when nothing is judged.")
     summary: str = Field(default="", description="One sentence for a person.")
-    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements that the verdict depends on.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
     collisions: list[Collision] = Field(default=[], description="At most 200, in order.")
@@ -56,7 +56,7 @@ class ReportingEnvironment(Protocol):
 
 @dataclass(frozen=True)
 class Findings:
-    """What an observer of the run adds to its result."""
+    """Results that an observer of the run adds to `result.json`."""
 
     extra: dict[str, Any] = field(default_factory=dict)
     """Remarks by name, as plain JSON values."""
@@ -85,7 +85,7 @@ class Episode:
     """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
 
     report: EnvironmentReport
-    """What the environment said; empty when it says nothing."""
+    """The environment's report; empty when it reports nothing."""
 
     steps: int
     """Calls of `environment.step`."""
@@ -202,7 +202,7 @@ def _ended_at_its_goals(episode: Episode, added: Sequence[Requirement]) -> bool:
 
 
 def _without(report: EnvironmentReport, replaced: Set[str]) -> tuple[Verdict, list[Requirement]]:
-    """What the environment judged, without requirements of these names: of two of one name the job's counts."""
+    """Returns the environment's verdict and requirements, without those that the job's replace by name."""
     kept = [item for item in report.requirements if item.name not in replaced]
     missed = [item for item in report.requirements if not item.satisfied]
     if report.verdict == "FAIL" and missed and all(item.name in replaced for item in missed):

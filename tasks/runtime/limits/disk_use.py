@@ -18,22 +18,22 @@ from .disk_walk import HeldFile, deleted_files, files_below
 PAUSE_S = 1.0
 """From the end of one walk to the beginning of the next."""
 SLICE_S = 0.0003
-"""What a look may take, ten times a second: 0.3 % of a processor."""
+"""Time limit for one look at the disk, in seconds; ten looks a second take 0.3 % of a processor."""
 URGENT_SLICE_S = 0.01
 """The same while the disk loses space so quickly that the limit may soon be reached."""
 LAST_LOOK_S = 2.0
-"""What the last look, at the end of a run, may take."""
+"""Time limit for the last look, at the end of a run, in seconds."""
 NOTHING_FOUND = FoundFiles(size_bytes=0, at_s=0.0)
 _LOOK_S = 0.09
 _URGENT_SHARE = 0.25
-"""Of what the run may still write: what the disk may lose from one walk to the next before it becomes urgent."""
+"""Share of the bytes that the run may still write: if the disk loses more than that during a walk, it is urgent."""
 _NAMED = 3
 _WORTH_NAMING = 0.01
 """Share of the limit; smaller files are not named as the cause."""
 
 
 def free_bytes(folder: Path) -> int:
-    """What is free for this user on a folder's disk; 0 if the folder is not there."""
+    """Returns the free bytes for this user on a folder's disk; 0 if the folder does not exist."""
     try:
         return shutil.disk_usage(folder).free
     except OSError:  # the application may have removed it
@@ -75,10 +75,10 @@ class DiskMeter:
         self._free_bytes = 0
         """Free space of the disk when the last walk began."""
         self._headroom_bytes = limit_bytes or 0
-        """What might still be written, as of the last walk that came to its end."""
+        """Bytes that the run may still write, as of the last complete walk."""
         self._used_bytes = -found.size_bytes
         self._deleted_bytes = 0
-        """What files take that have no name any more, in this walk."""
+        """Bytes of deleted files that are still open, in this walk."""
         self._most = (0, 0)
         """The most that was found in any walk, and what of it was in deleted files."""
         self._biggest: list[tuple[int, str]] = []

@@ -13,10 +13,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 LEAST_BYTES = 4096
-"""What a file counts at least: an empty one has its place on the disk too."""
+"""Least size of a file, in bytes: an empty one needs space on the disk too."""
 _BLOCK_BYTES = 512
 _PIECE_CHARACTERS = 1000
-"""Of a path that is longer than the kernel takes at once: 4096 bytes, and a character has four at most."""
+"""Length of the pieces of a path longer than the kernel's 4096 bytes; a character has four bytes at most."""
 _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
@@ -24,7 +24,7 @@ class HeldFile(NamedTuple):
     """A file that takes room on the disk."""
 
     size_bytes: int
-    """What it takes: holes are free."""
+    """Space on the disk, in bytes; holes take none."""
 
     path: str
     changed_s: float

@@ -138,9 +138,9 @@ class _Scales:
         self._thread: threading.Thread | None = None
         self._began_s = 0.0
         self._states: list[ProcessState] = []
-        """What is weighed, the largest first."""
+        """Processes whose memory is measured, the largest first."""
         self._exact: list[int] = []
-        """What the first of them weigh."""
+        """Exact memory of the first of them, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
         """Returns what processes weigh, perhaps of a moment ago; None while that is not known."""
@@ -167,7 +167,7 @@ class _Scales:
 
 
 def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
-    """What processes weigh of which only the first are weighed.
+    """Estimates the memory of processes, in bytes, of which only the first are measured.
 
     The one that is being weighed may never be, and counts as what it weighs at most. The others are taken to share as
     much as those before them: of hundreds of forks of one process each has its resident memory, and all have it once.

@@ -16,7 +16,7 @@ _TAIL_BYTES = 8192
 _MAX_STEM_CHARACTERS = 240
 """File names have 255 bytes; tools may have longer names than that leaves."""
 _SAYS_NOTHING = frozenset({"The traceback for the exception was written to the log file"})
-"""What `roslaunch` prints after the line that says what is wrong, about a file that users do not read."""
+"""Lines that say nothing: `roslaunch` prints this one after the error, about a file that users do not read."""
 
 
 def redirect_output(output_dir: Path) -> None:

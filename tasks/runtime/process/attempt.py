@@ -131,7 +131,10 @@ def watched_environment(environment: Any, progress: Progress) -> Any:
 def contexts_of(
     plan: RunPlan, rng: np.random.Generator, world: World | None, recorder: McapRecorder | NullRecorder
 ) -> tuple[SimulationContext, SimulationContext]:
-    """What the factories of environment and agent get; the variables of each go over those of the other."""
+    """Returns the contexts for the factories of environment and agent.
+
+    In each, the application's own variables replace those of the other.
+    """
     simulation, robot = applications_of(plan)
     context = SimulationContext(
         plan=plan,

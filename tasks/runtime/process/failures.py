@@ -42,7 +42,7 @@ def log_failure(error: BaseException) -> None:
 
 
 def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
-    """What the supervisor is told of an error."""
+    """Returns the report of an error for the supervisor."""
     faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
     phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
     what = _describe(error, _without_runtime(error.__traceback__))

@@ -136,7 +136,7 @@ class _Loop:
         self._clock = _SimulatedClock(None, ())
         self._wall_time_s = 0.0
         self._earlier_s = 0.0
-        """Of the wall-clock time, what earlier attempts took."""
+        """Wall-clock time of earlier attempts, in seconds."""
 
     def run(self, parts: RunParts, checkpoints: Checkpointer | None = None) -> None:
         mark, stop, environment, agent = self._mark, self._stop, parts.environment, parts.agent

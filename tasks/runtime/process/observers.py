@@ -72,7 +72,7 @@ class EndAt:
 
 @dataclass(frozen=True)
 class _Watched:
-    """What observers are made from; see `make_observers`."""
+    """Parts of the run that observers are made from; see `make_observers`."""
 
     plan: RunPlan
     video_backend: str | None

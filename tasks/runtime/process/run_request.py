@@ -14,11 +14,11 @@ class RunRequest(Model):
     environment: dict[str, str] = Field(description="The environment of the run's process.")
     import_path: list[str] = Field(description="`sys.path` of the process that asked.")
     video_backend: str | None = Field(default=None, description="How to render; None: no video.")
-    box: BoxPlan = Field(default=BoxPlan(), description="What its processes are confined to.")
+    box: BoxPlan = Field(default=BoxPlan(), description="Confinement of its processes.")
     cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
 
     def for_run_process(self) -> "RunRequest":
-        """What the run's own process is given: it writes its plan down, so variables of programs are left out.
+        """Returns the request for the run's own process, which stores its plan: variables of programs are left out.
 
         Those of a container's program are what its engine is called with, credentials of registries among them.
         """

@@ -1,4 +1,4 @@
-"""What the processes of a run see of this machine's files."""
+"""Files of this machine that the processes of a run see."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -37,7 +37,7 @@ def sights_of_run(request: RunRequest) -> list[Sight]:
 
 
 def _kept(plan: RunPlan) -> Path | None:
-    """Where checkpoints or the journal of trials are written, if they are."""
+    """Returns the folder of checkpoints and of the journal of trials; None if neither is written."""
     return plan.checkpoint_dir if plan.checkpoint_every_s is not None or plan.trials is not None else None
 
 

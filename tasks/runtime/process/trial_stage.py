@@ -83,9 +83,9 @@ class TrialStage:
         self._parameters: Mapping[str, str] = {}
         """Those that the environment was made with."""
         self.unanswered = ""
-        """Who did not answer when a trial was stopped from outside; empty: no answer was awaited."""
+        """Message about code that did not answer when a trial was stopped; empty: no answer was awaited."""
         self._between_substeps: Any = None
-        """What its physics called between substeps when it was made."""
+        """Function that its physics called between substeps when it was made."""
 
     def play(self, trial: Trial) -> TrialRow | None:
         """Plays one trial to its end.

@@ -17,7 +17,7 @@ from .display_messages import CameraInfo
 
 CAMERA_FRAME, OPTICAL_FRAME = "camera_link", "camera_optical_frame"
 WORLD = "world"
-"""What MuJoCo calls the body that everything fixed belongs to, its body 0."""
+"""Name of MuJoCo's body 0, which everything fixed belongs to."""
 
 TO_OPTICAL = ros.Transform(rotation=ros.Quaternion(-0.5, 0.5, -0.5, 0.5))
 """From a camera's frame to its optical one."""

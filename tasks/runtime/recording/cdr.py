@@ -18,7 +18,7 @@ from . import display_messages as display
 from . import messages as ros
 
 Message = ros.Message | display.DisplayMessage
-"""What can be recorded."""
+"""Messages that can be recorded."""
 
 _STORE = get_typestore(Stores.ROS2_HUMBLE)
 """Later distributions have the same types, with the same hashes."""

@@ -36,10 +36,10 @@ class Columns(NamedTuple):
     """Such a message, encoded."""
 
     stamps: tuple[int, ...]
-    """Where in it the stamp is; transforms have one each."""
+    """Positions of the stamps in the message, in bytes; transforms have one each."""
 
     numbers: Mapping[str, tuple[int, int, str]]
-    """By name, where in it a row of numbers begins, how many there are, and their type."""
+    """Rows of numbers by name: position in the message in bytes, count, and type."""
 
 
 def clock() -> Columns:
@@ -115,7 +115,7 @@ class Series(Protocol):
 
     @property
     def topics(self) -> Sequence[tuple[str, Columns]]:
-        """What a row of messages has, and on which topics."""
+        """Topics of the series, with the columns of their messages."""
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:

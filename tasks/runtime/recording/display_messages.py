@@ -58,7 +58,7 @@ class CameraInfo(NamedTuple):
 
     fy: float
     cx: float
-    """Where in the picture straight ahead is, pixels."""
+    """Column of the principal point (straight ahead) in the picture, in pixels."""
 
     cy: float
 
@@ -93,7 +93,7 @@ class ColorRGBA(NamedTuple):
 
 
 class MarkerType(IntEnum):
-    """What a marker looks like (those that are used here)."""
+    """Shapes of markers (those that are used here)."""
 
     ARROW = 0
     CUBE = 1

@@ -5,7 +5,7 @@ from typing import Any
 
 LAYOUT_FILE = "foxglove-layout.json"
 WORLD_TOPIC = "/world"
-"""Where markers of floors, walls and furniture are."""
+"""Topic of the markers of floors, walls and furniture."""
 
 _COLOURS = ("#4e98e2", "#f5774d", "#f7df71", "#5cd6a9")
 _POSES, _SCANS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan"

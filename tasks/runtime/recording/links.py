@@ -32,7 +32,7 @@ class Link:
     """The body's name in the model, or `link_` and its number."""
 
     start: _Pose
-    """Where it is in the parent's frame while its joints are as in the model."""
+    """Its pose in the parent's frame while its joints are as in the model."""
 
     joints: tuple[int, ...]
 
@@ -109,7 +109,7 @@ class Links:
 
 
 def _chain(model: mujoco.MjModel, body: int, ancestor: int) -> _Pose:
-    """Where a body is, seen from one that it hangs on, while all joints in between are as in the model."""
+    """Returns a body's pose in an ancestor's frame, with all joints in between as in the model."""
     pose = np.zeros((1, 3)), np.array([[1.0, 0, 0, 0]])
     while body != ancestor:
         pose = _joined((model.body_pos[body][None], model.body_quat[body][None]), pose)

@@ -39,7 +39,7 @@ _COMPRESSION_LEVEL = -2
 
 
 class Stream(Protocol):
-    """Where the bytes go."""
+    """Stream that the file's bytes are written to."""
 
     def write(self, data: bytes, /) -> object:
         """Takes all of the bytes."""

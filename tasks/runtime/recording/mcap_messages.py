@@ -14,9 +14,9 @@ _MESSAGE = struct.Struct("<BQHIQQ")
 _MESSAGE_OPCODE = int(Opcode.MESSAGE)
 _MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
 TIMES_OFFSET = struct.calcsize("<BQHI")
-"""Where in a message's record its log time and publish time are, unsigned integers of 8 bytes."""
+"""Position of log time and publish time in a message's record, in bytes; both are unsigned integers of 8 bytes."""
 RECORD_HEAD_BYTES = _MESSAGE.size
-"""What a message's record has before the message itself."""
+"""Size of a record's part before the message itself, in bytes."""
 
 
 class Rows(NamedTuple):
@@ -29,7 +29,7 @@ class Rows(NamedTuple):
     """The rows one after the other, each the records of its messages (see `message_record`)."""
 
     starts: Mapping[int, int]
-    """Where in a row the record of each channel begins."""
+    """Position of each channel's record in a row, in bytes, by channel."""
 
 
 def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:

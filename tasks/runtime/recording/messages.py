@@ -161,4 +161,4 @@ class Imu(NamedTuple):
 
 
 Message = Clock | TFMessage | Odometry | LaserScan | JointState | Imu
-"""What can be recorded, besides what `display_messages` has."""
+"""Messages that can be recorded, besides those of `display_messages`."""

@@ -85,7 +85,7 @@ class McapRecorder:
         self._channels: dict[str, tuple[int, type]] = {}
         self._series: list[tuple[Series, RowEncoder]] = []
         self._static: dict[str, TransformStamped] = {}
-        """By child frame."""
+        """Static transforms, by child frame."""
         self._path = path
         with self._explained():
             self._stream = Nowhere() if resume else Unbuffered(path)

@@ -8,7 +8,7 @@ from .columns import AnyNumbers, Columns, Numbers, laser_scan
 from .recorder import Recorder
 
 _MAX_BYTES = 256 * 1024
-"""What waits for a chunk at most, as messages."""
+"""Limit of the messages that wait for a chunk, in bytes."""
 
 
 class ScanSeries:

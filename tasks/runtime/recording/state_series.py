@@ -21,9 +21,9 @@ ODOMETRY_FRAME = "odom"
 
 _MAX_SAMPLES = 1024
 _MAX_BYTES = 768 * 1024
-"""What waits for a chunk at most, as messages."""
+"""Limit of the messages that wait for a chunk, in bytes."""
 _XYZW = (4, 5, 6, 3)
-"""Where among a free joint's positions the parts of its quaternion are, in the order of ROS."""
+"""Indices of a quaternion's parts in the positions of a free joint, in the order of ROS: x, y, z, w."""
 
 
 class StateSeries:
@@ -90,7 +90,7 @@ class StateSeries:
 
     @property
     def data(self) -> mujoco.MjData:
-        """Whose state is sampled."""
+        """The simulation data whose state is sampled."""
         return self._data
 
     def sample(self, recorder: Recorder) -> None:
@@ -143,7 +143,7 @@ def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
 
 
 def _addresses(model: mujoco.MjModel, base: Sequence[int]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Where in the state the base's positions and velocities are."""
+    """Returns the indices of the base's positions and of its velocities in the state."""
     free = len(base) == 1
     positions = [int(model.jnt_qposadr[joint]) + part for joint in base for part in range(7 if free else 1)]
     velocities = [int(model.jnt_dofadr[joint]) + part for joint in base for part in range(6 if free else 1)]

@@ -28,7 +28,7 @@ _SHINES = 0.2
 """Specular reflection from which a light is seen as a spot."""
 _NO_MATERIAL_SPECULAR = 0.5
 _THROUGH_ROOFS = 0.35
-"""What is left under roofs of light that casts shadows elsewhere: here none are drawn."""
+"""Share of the light under roofs that remains for lights with shadows: this renderer draws no shadows."""
 
 
 class Camera(Protocol):

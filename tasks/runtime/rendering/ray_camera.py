@@ -126,7 +126,7 @@ class RayCamera:
 
 
 class _Buffers:
-    """What is seen in the pixels of one size of picture."""
+    """Buffers for pictures of one size: geom and surface normal of each pixel."""
 
     def __init__(self, shape: tuple[int, int]) -> None:
         count = shape[0] * shape[1]

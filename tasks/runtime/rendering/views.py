@@ -25,7 +25,7 @@ _STEEPER_DEG, _STEEPEST_DEG = 15.0, -75.0
 _UPRIGHT = 0.5
 """Cosine of the tilt beyond which a body lies rather than stands, so that its front says nothing of a direction."""
 _SIDE_DEG = 55.0
-"""What stands still is seen from the side rather than from behind."""
+"""Angle at which robots that cannot move are seen, in degrees: from the side rather than from behind."""
 _DISTANCE_RADII = 3.6
 _SMOOTHING_S = 0.4
 _MARGIN_M = 0.3
@@ -148,7 +148,7 @@ class FollowView:
         return view
 
     def _turned_to(self, data: mujoco.MjData) -> float:
-        """Where the robot heads; once it lies, where it headed before."""
+        """Returns the robot's heading in degrees; after it has fallen, its heading before."""
         frame = data.xmat[self._body].reshape(3, 3)
         if self._time_s is None or frame[2, 2] > _UPRIGHT:
             self._heading_deg = math.degrees(math.atan2(frame[1, 0], frame[0, 0]))

@@ -16,7 +16,7 @@ from .replay import RunOutputs
 
 @dataclass(frozen=True)
 class JointNames:
-    """Which joint each number of a state belongs to."""
+    """Names of the joints that the numbers of a state belong to."""
 
     joints: Sequence[JointPlace]
     positions: int

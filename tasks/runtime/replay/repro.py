@@ -135,7 +135,7 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
 
 
 def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """What is expected of an identical rerun's outcome.
+    """Returns the expected outcome of an identical rerun.
 
     A run that was cancelled has no verdict; its rerun ends by itself at that time, and has one.
     """

@@ -268,7 +268,7 @@ def cannot(requirement: JobRequirement, why: str) -> RequirementError:
 
 
 def _below(model: mujoco.MjModel, body: int) -> Any:
-    """Which geoms belong to a body or to what hangs on it."""
+    """Returns a mask of the geoms of a body and of its descendants."""
     below = np.zeros(model.nbody, dtype=np.bool_)
     below[body] = True
     for each in range(body + 1, model.nbody):  # parents come before their children

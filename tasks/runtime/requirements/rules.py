@@ -30,7 +30,7 @@ _MAX_TEXT = 300
 
 @dataclass(frozen=True)
 class Numbers:
-    """What was found and what was asked for."""
+    """Measured value of a requirement and its limit."""
 
     value: float | None = None
     limit: float | None = None

@@ -73,7 +73,7 @@ class DifferentialDrive:
     """Distance between the points where the wheels touch the floor."""
 
     directions: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    """What a wheel's speed in rad/s, forward positive, is multiplied with to command its actuator; absent: 1."""
+    """Factors from a wheel's speed (rad/s, forward positive) to the command of each actuator; absent: 1."""
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
         """See `Drive`."""

@@ -37,7 +37,7 @@ _MAX_NAME = 60
 
 
 class _Package(NamedTuple):
-    """Where an application's files are."""
+    """Folders of an application's files."""
 
     folders: list[Path]
     """Its packages' folders, the innermost first."""

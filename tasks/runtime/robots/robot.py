@@ -28,7 +28,7 @@ class Limits:
     """Size and limits of a robot, for planners."""
 
     radius_m: float
-    """Of the disc that holds all of it, seen from above."""
+    """Radius of the disc that holds all of the robot, seen from above, in metres."""
 
     linear_mps: float
     angular_radps: float
@@ -107,7 +107,7 @@ class Drive(Protocol):
     """Turns actions into what actuators do."""
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """What actions are, with limits and units."""
+        """Returns the spec of actions, with limits and units."""
         ...
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
@@ -149,7 +149,7 @@ class Robot:
     """Two slides along the world's axes and a hinge that do so instead."""
 
     spawn_height_m: float = 0.0
-    """Of the base's origin over the floor, at the start."""
+    """Height of the base's origin over the floor at the start, in metres."""
 
     home: Mapping[str, float] = field(default_factory=dict)
     """Positions of joints at the start, radians or metres."""

@@ -16,14 +16,14 @@ from .drives import DifferentialDrive
 from .robot import Lidar, Limits, Robot
 
 RADIUS_M = 0.17
-"""Of the body, seen from above; nothing sticks out of it."""
+"""Radius of the body seen from above, in metres; nothing sticks out of it."""
 
 WHEEL_RADIUS_M = 0.04
 TRACK_WIDTH_M = 0.22
 """Distance between the points where the wheels touch the floor."""
 
 LIDAR_HEIGHT_M = 0.13
-"""Of the lidar's plane over the floor; low enough to see most of what can lie around in a home."""
+"""Height of the lidar's plane over the floor, in metres; low enough to see most things on the floor of a home."""
 
 LIDAR = Lidar(LIDAR_HEIGHT_M)
 """Every fifth of a second 360 rays, 0.06 to 3.5 m, as of the LDS-01 of a TurtleBot3."""

@@ -31,7 +31,7 @@ SUBSTEP_S = 0.01
 
 _FOOT_RADIUS_M = 0.014
 BODY_HEIGHT_M = LEGS.stance_height_m + _FOOT_RADIUS_M
-"""Of the body's middle over the floor when it stands."""
+"""Height of the body's middle over the floor while the robot is standing, in metres."""
 
 LEG_NAMES = ("front_left", "front_right", "rear_left", "rear_right")
 _PARTS = ("abduction", "hip", "knee")

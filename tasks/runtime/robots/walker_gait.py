@@ -13,7 +13,7 @@ from ..episode.resumable import KeepsAttributes
 
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
-"""Of abduction, hip and knee, radians."""
+"""Angles of abduction, hip and knee, in radians."""
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class LegGeometry:
 
     @property
     def hips(self) -> tuple[tuple[float, float], ...]:
-        """Where the legs begin: front left, front right, rear left, rear right."""
+        """Positions of the abduction joints (x, y), in metres: front left, front right, rear left, rear right."""
         x, y = self.hip_x_m, self.hip_y_m
         return (x, y), (x, -y), (-x, y), (-x, -y)
 
@@ -49,7 +49,7 @@ class GaitSettings:
     """From one step of a foot to its next."""
 
     stance_share: float = 0.56
-    """Of the period that a foot stands; above a half, so that there are moments with all four."""
+    """Share of the period that a foot is on the floor; above a half, so that at times all four are."""
 
     lift_m: float = 0.035
     """How high feet are lifted."""
@@ -61,11 +61,11 @@ class GaitSettings:
     """How far ahead a foot lands per m/s that the body is too fast."""
 
     speed_gain: float = 0.6
-    """By how much more is asked for than commanded, per m/s or rad/s that is missing."""
+    """Gain of the speed correction: by how much a command is raised, per m/s or rad/s that is missing."""
 
 
 class Motion(NamedTuple):
-    """What the body does, in its own frame."""
+    """Motion of the body, in its own frame."""
 
     forward_mps: float
     left_mps: float

@@ -1,4 +1,4 @@
-"""Which job a connection of this machine comes from, found by the process that has it open.
+"""Finding the job that opened a connection on this machine, by the process that has it open.
 
 The kernel says of a connection who made its socket, and which one it is; the process that has it open descends from the
 supervisor of a run, or it does not. What cannot be told counts as unknown: a process that has closed its end already,
@@ -28,7 +28,7 @@ _ANSWER_BYTES = 8192
 _HEADER = struct.Struct("=IHHII")
 _NO_COOKIE = b"\xff" * 8
 _OWNER_AT = _HEADER.size + 4 + 48 + 12
-"""Where the answer has user and inode: behind its header, four bytes of state, the socket's id, and three numbers."""
+"""Position of user and inode in the answer: after header, four bytes of state, the socket's id and three numbers."""
 _ERROR = 2  # NLMSG_ERROR
 _MOST_KNOWN = 10_000
 _KNOWN_S = 60.0
@@ -44,7 +44,7 @@ class ConnectionEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class Caller:
-    """Who is at the other end of a connection."""
+    """The process at the other end of a connection."""
 
     job: str | None = None
     """ARN of the job whose process it is; `None`: no job's."""
@@ -68,7 +68,7 @@ class Callers:
         self._can_tell = os.path.exists("/proc/self/ns/pid")  # else there are no boxes either
 
     def who(self, peer: Address, server: Address) -> Caller:
-        """Who has the other end of a connection.
+        """Finds the process that has the other end of a connection.
 
         Args:
             peer: its address there.

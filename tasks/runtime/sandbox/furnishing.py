@@ -48,7 +48,7 @@ class Furnishing:
         self._show(Sight("/sys", "read"))
         imported = [Sight(str(path), "read") for path in (*python_paths(sys.path), *paths_in(os.environ))]
         self._shown = {*system_sights(), *imported}
-        """What need not be mounted when a job waits for it."""
+        """Sights that are mounted already, before the job of the box is known."""
         for sight in ordered(imported):
             self._show(sight)
 

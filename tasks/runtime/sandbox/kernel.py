@@ -14,7 +14,7 @@ NEW_USER, NEW_MOUNTS, NEW_IPC, NEW_NAMES, NEW_PIDS, NEW_NETWORK = (
     0x10000000, 0x00020000, 0x08000000, 0x04000000, 0x20000000, 0x40000000,
 )  # fmt: skip
 READ_ONLY, NO_SET_USER_ID, NO_DEVICES, NO_PROGRAMS = 1, 2, 4, 8
-"""Of mounts (`MOUNT_ATTR_…`, which for these are also `MS_…`)."""
+"""Flags of mounts (`MOUNT_ATTR_…`, which for these are also `MS_…`)."""
 
 _MS_BIND, _MS_REC, _MS_SLAVE = 0x1000, 0x4000, 0x80000
 _MNT_DETACH = 2

@@ -25,14 +25,14 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 @dataclass(frozen=True)
 class Rules:
-    """What may be done with a file, or with all in a folder."""
+    """Access to a file, or to all files in a folder."""
 
     path: str
     writable: bool
 
 
 def landlock_version() -> int:
-    """Which interface the kernel has; 0: none."""
+    """Version of the kernel's Landlock interface; 0: it has none."""
     return max(0, _LIBC.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION_FLAG))
 
 

@@ -1,4 +1,4 @@
-"""Which level of confinement this machine and this user have, found out by trying."""
+"""Level of confinement that this machine allows this user, found by trying."""
 
 import os
 from collections.abc import Callable
@@ -18,7 +18,7 @@ class Confinement(NamedTuple):
 
     level: BoxLevel
     why_not_more: str = ""
-    """What refused the stronger ones, in words."""
+    """Why the stronger levels were refused, in words."""
 
 
 def strongest_level() -> Confinement:

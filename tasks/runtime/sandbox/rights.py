@@ -1,4 +1,4 @@
-"""What a process gives up when it begins to run code of a job."""
+"""Rights that a process gives up before it runs code of a job."""
 
 from collections.abc import Sequence
 

@@ -21,7 +21,7 @@ _MOST_ANCESTORS = 1000
 
 
 class _Mark(Model):
-    """What a supervisor writes down of itself."""
+    """Mark of a supervisor: its process and its job."""
 
     pid: int = Field(description="Its process.")
     started: int = Field(description="When that started, in ticks since the machine did: ids of processes come again.")
@@ -29,11 +29,11 @@ class _Mark(Model):
 
 
 class Process(NamedTuple):
-    """What is asked of a process."""
+    """Parent and start time of a process."""
 
     parent: int
     started: int
-    """In ticks since the machine started."""
+    """Start time, in ticks since the machine started."""
 
 
 def mark_run(folder: Path, job: str) -> None:

@@ -1,4 +1,4 @@
-"""What a run sees of the machine's files: the system, Python and what it imports, and the run's own folders."""
+"""Files of the machine that a run sees: the system, Python and what it imports, and the run's own folders."""
 
 import os
 import sys
@@ -22,8 +22,11 @@ _PATH_VARIABLES = (
 )
 
 _OF_TOOLS = ("bin", "lib", "lib64", "libexec", "shims", "versions", "version", "installs", "plugins", "toolchains")
-"""What stands beside a folder of programs that are installed in a home, as by pyenv, asdf, conda, rustup or pip, and is
-needed to run them. `share` and files of settings are not: job workers keep data in the one, tools keys in the other."""
+"""Entries beside a folder of programs that are needed to run them.
+
+Such programs are installed in a home, as by pyenv, asdf, conda, rustup or pip. `share` and files of settings are not
+needed: job workers keep data in the one, tools keys in the other.
+"""
 
 View = Literal["read", "write", "hide"]
 
@@ -38,7 +41,7 @@ class Sight:
 
 @cache
 def system_sights() -> tuple[Sight, ...]:
-    """What every run sees: programs and libraries of the system, without files that only root may read."""
+    """Returns the sights of every run: programs and libraries of the system, without files that only root may read."""
     shown = [Sight(path, "read") for path in _SYSTEM if os.path.lexists(path)]
     if os.path.islink("/etc/resolv.conf"):  # often into /run, which runs do not see
         shown.append(Sight(os.path.realpath("/etc/resolv.conf"), "read"))
@@ -46,7 +49,7 @@ def system_sights() -> tuple[Sight, ...]:
 
 
 def python_paths(import_path: Iterable[str]) -> list[Path]:
-    """Where Python, and what is imported by it, are; a folder that is much more than that is left out.
+    """Returns the folders of Python and of what it imports; a folder that holds much more than that is left out.
 
     Args:
         import_path: `sys.path` of the process that asked for the run.
@@ -61,7 +64,7 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
 
 
 def paths_in(variables: Mapping[str, str]) -> list[Path]:
-    """Where programs, libraries and settings are that variables of the job worker name."""
+    """Returns the folders of programs, libraries and settings that variables of the job worker name."""
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
     return _worth_showing(each for path in named if os.path.isabs(path) for each in (path, *_beside(path)))
 
@@ -89,7 +92,7 @@ def ordered(sights: Iterable[Sight]) -> list[Sight]:
 
 
 def _secrets_below(folder: str) -> list[str]:
-    """What not everybody may read, which only root could read in the box."""
+    """Returns paths below a folder that not all users may read: in the box, a job worker of root could read them."""
     if os.geteuid() != 0:
         return []
     found = []
@@ -103,7 +106,7 @@ def _secrets_below(folder: str) -> list[str]:
 
 
 def readable_rules(sights: Iterable[Sight]) -> list[Rules]:
-    """What a run sees, as rules for Landlock, which can only allow: folders with something hidden are taken apart."""
+    """Returns a run's sights as rules for Landlock, which can only allow: folders with hidden parts are split up."""
     every = [*system_sights(), *sights]
     hidden = {os.path.realpath(sight.path) for sight in every if sight.view == "hide"}
     rules = [Rules(path, writable=True) for path in (f"/dev/{name}" for name in _DEVICES)]

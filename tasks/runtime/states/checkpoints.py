@@ -58,7 +58,7 @@ class Resumable(Protocol):
 
 @runtime_checkable
 class ResumableObserver(Protocol):
-    """What watchers of the run have to offer."""
+    """Interface of observers that can resume a run from a checkpoint."""
 
     next_time_s: float
 
@@ -86,7 +86,7 @@ class ResumableRecorder(Protocol):
 
 @dataclass(frozen=True)
 class RunParts:
-    """What a run consists of."""
+    """Parts of a run: environment, agent, watchers, recorder."""
 
     environment: Any
     agent: Any
@@ -96,7 +96,7 @@ class RunParts:
 
 @dataclass(frozen=True)
 class LoopState:
-    """Where the loop of a run stands, between two steps."""
+    """State of a run's loop between two steps."""
 
     timestep: Any
     steps: int

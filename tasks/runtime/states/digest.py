@@ -66,9 +66,9 @@ class StateDigest:
         self._looks = 0
         self._last_s = 0.0
         self.model_sha256: str | None = None
-        """Of the first model."""
+        """Digest of the first model."""
         self.joints: list[JointPlace] = []
-        """Of the first model."""
+        """Joints of the first model."""
         self.positions = 0
         """How many the first model has."""
 
@@ -110,7 +110,7 @@ class StateDigest:
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
 
     def state(self) -> dict[str, Any]:
-        """What `restore` needs to go on from here; everything so far is in the file."""
+        """Returns the state that `restore` continues from; everything so far is in the file."""
         self._write_block()
         return {
             "chain": bytes(self._bytes[:_CHAIN_BYTES]),

@@ -166,7 +166,7 @@ def _joints(model: mujoco.MjModel, data: mujoco.MjData, warned: Iterable[int]) -
 
 
 def _places(model: mujoco.MjModel, joint: int) -> tuple[slice, slice]:
-    """Where a joint's numbers are in positions and in velocities."""
+    """Returns the slices of a joint's numbers in positions and in velocities."""
     ends = (*model.jnt_qposadr[joint + 1 : joint + 2].tolist(), model.nq)[0]
     last = (*model.jnt_dofadr[joint + 1 : joint + 2].tolist(), model.nv)[0]
     return slice(int(model.jnt_qposadr[joint]), ends), slice(int(model.jnt_dofadr[joint]), last)

@@ -33,7 +33,7 @@ _DISTRIBUTIONS = {
     "prefect_robomaker": "prefect-robomaker",
 }
 _CPU_FEATURES = frozenset({"sse4_2", "avx", "avx2", "fma", "avx512f", "avx512vl", "avx512dq", "asimd", "sve"})
-"""By these MuJoCo, numpy and the C library choose between code that rounds differently."""
+"""CPU features by which MuJoCo, numpy and the C library choose between code that rounds differently."""
 _OF_PACKAGE = "__init__.py"
 
 Actions = Callable[[], ActionsSummary | None]
@@ -162,7 +162,7 @@ def note_run_of_trials(
 
 @lru_cache(maxsize=1)
 def machine_facts() -> MachineFacts:
-    """What of this machine, and of what is installed on it, can change a run's numbers."""
+    """Returns the facts about this machine and its installed software that can change a run's numbers."""
     cpu_model, features = _cpu()
     return MachineFacts(
         python=platform.python_version(),
@@ -183,7 +183,10 @@ def _write_provenance(provenance: Provenance) -> None:
 
 
 def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:
-    """Of all that have files here; of an image the plan says which it is, and recorded actions need no program."""
+    """Returns the digests of all applications with files on this machine.
+
+    An image needs none, since the plan says which it is; recorded actions need no program.
+    """
     found = [(each, _content_of(each)) for each in applications]
     return [
         ApplicationDigest(role=each.role, name=each.name, attribute=each.attribute, content=what[0], sha256=what[1])
@@ -197,7 +200,7 @@ def _imported_by(applications: Sequence[ApplicationPlan]) -> dict[str, str]:
 
 
 def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module"], str] | None:
-    """What an application is, and the digest of that."""
+    """Returns the kind of an application's content, and its digest."""
     if application.path is not None:
         return "bundle", digest_of_folder(application.path)
     if application.attribute is not None:
@@ -208,7 +211,7 @@ def _content_of(application: ApplicationPlan) -> tuple[Literal["bundle", "module
 
 
 def _digest_of_module(attribute: str) -> str:
-    """Of the Python files of the package that holds an imported module; of the file when there is no package."""
+    """Digest of the Python files of the package that holds an imported module; of the file when there is no package."""
     name = attribute
     while name not in sys.modules:
         name, _, last = name.rpartition(".")
@@ -219,7 +222,7 @@ def _digest_of_module(attribute: str) -> str:
 
 
 def _digest_of_package(name: str) -> str:
-    """Of the Python files of an installed package that need not be imported here."""
+    """Digest of the Python files of an installed package that need not be imported here."""
     spec = find_spec(name.partition(".")[0])
     origin = spec.origin if spec else None
     return _digest_of_python(origin, is_package=Path(origin or "").name == _OF_PACKAGE)

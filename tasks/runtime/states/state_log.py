@@ -84,7 +84,7 @@ class StateLog:
     """The environment's `video_camera`."""
 
     segments: list[Segment]
-    """In order; more than one where an environment changed its model. Empty when nothing was noted."""
+    """Segments in order; more than one where an environment changed its model. Empty when nothing was noted."""
 
     @property
     def frames(self) -> int:

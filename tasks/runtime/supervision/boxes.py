@@ -80,7 +80,7 @@ def _local_port(url: str) -> int | None:
 
 
 def _hidden(settings: Settings, user_home: Path) -> list[Path]:
-    """What of the service and of the user is hidden also where it lies in a folder that is shown."""
+    """Returns paths of the service and of the user that are hidden, even inside folders that are shown."""
     hidden = [settings.home, *(user_home / name for name in _OF_USERS)]
     hidden += [file for file in (settings.access_keys_file, settings.roles_file) if file is not None]
     if settings.object_store.startswith("/"):

@@ -176,7 +176,7 @@ def _never_judged(requirement: JobRequirement, why: str) -> Requirement:
 
 
 def _broken(outcome: Outcome) -> dict[str, Any]:
-    """What the result of a run that failed says: something broke, and what."""
+    """Returns the result of a run that failed: the verdict ERROR, and what broke."""
     return {"verdict": "ERROR", "summary": (outcome.failure_reason or "").partition("\n")[0]}
 
 

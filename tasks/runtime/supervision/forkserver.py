@@ -37,7 +37,7 @@ READY = b"ready "
 """Followed by how runs are confined here, as JSON of a `Confinement`."""
 SANDBOX_VARIABLE = "ROBOMAKER_SANDBOX"
 FORK_AHEAD_AFTER_S = 0.1
-"""By then the run that was begun last has made its world."""
+"""Quiet time before a process is forked ahead, in seconds; by then the run begun last has made its world."""
 _MODULES = (
     "PIL.PpmImagePlugin",  # maps
     "asyncio",
@@ -106,7 +106,7 @@ class _Supervisors:
         self._rehearse = rehearse
         self._fork_ahead_after_s = fork_ahead_after_s
         self._alive: dict[int, tuple[int, int]] = {}
-        """By pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
+        """Living processes by pidfd: pid, and a copy of its end of the connection to the launcher, which stays open for
         the launcher until the run's last process is gone."""
         self._standing_by: _StandBy | None = None
 

@@ -20,7 +20,7 @@ _MAX_TAIL_LINES = 12
 OFTEN = 3
 """A failure's reason names a tool that ended so often."""
 ENDS_BY_THEMSELVES = ("environment", "agent", "requirements", "application")
-"""What ends a run that was not stopped from outside, in the words of `RunResult.ended_by`."""
+"""Reasons for which a run ends without being stopped from outside, in the words of `RunResult.ended_by`."""
 _CRASH_CODES: dict[ApplicationRole | None, str] = {
     "robot": "RobotApplicationCrash",
     "simulation": "SimulationApplicationCrash",
@@ -36,7 +36,7 @@ class Crash:
     """The application that it is or belongs to."""
 
     what: str
-    """What happened, in words: `exited with code 3`."""
+    """How the process ended, in words: `exited with code 3`."""
 
     program: str | None = None
     """Name of the program; None: the run's process."""
@@ -77,7 +77,7 @@ class Exit:
 
     @property
     def ended_by(self) -> str | None:
-        """What ended the loop of a run that finished its outputs; None for others."""
+        """Why the loop ended, of a run that finished its outputs; None for others."""
         return self.report.get("ended_by") if self.exit_code == 0 else None
 
     def to_message(self) -> dict[str, Any]:

@@ -47,7 +47,7 @@ class StopMonitor:
         self._deadline = clock() + max_duration_s
         self._stopped_for: RunStop | None = None
         self._due: list[tuple[float, dict[str, Any]]] = []
-        """What is still to be sent, with the time from which on."""
+        """Messages still to be sent, each with the earliest time to send it."""
 
     def until_end(self) -> tuple[Exit | None, RunStop | None]:
         """Returns how the run ended (None: unknown) and why it was stopped (None: it was not)."""

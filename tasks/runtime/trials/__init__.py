@@ -1,4 +1,4 @@
-"""What is kept of a job's trials: the journal, the tally, the table.
+"""Stored results of a job's trials: the journal, the tally, the table.
 
 May import: `schemas`, `tasks.results`, `tasks.runtime.episode`, `tasks.runtime.limits`.
 """

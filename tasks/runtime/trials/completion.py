@@ -10,7 +10,7 @@ from .table import write_table
 from .tally import Tally
 
 ALL_RAN = "environment"
-"""What ended a job all of whose trials ran, in the words of `RunResult.ended_by`."""
+"""Why a job ended when all of its trials ran, in the words of `RunResult.ended_by`."""
 
 
 def complete_trials(plan: RunPlan, ended_by: str, tally: Tally | None = None) -> RunResult:

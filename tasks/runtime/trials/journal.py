@@ -21,7 +21,7 @@ TakeRow = Callable[[TrialRow], None]
 
 
 def journal_path(plan: RunPlan) -> Path:
-    """Where the journal of a run is: with its checkpoints, if it has any."""
+    """Returns the path of a run's journal: with its checkpoints, if it has any."""
     return (plan.checkpoint_dir or plan.work_dir) / JOURNAL_FILE
 
 

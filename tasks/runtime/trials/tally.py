@@ -52,7 +52,7 @@ class Tally:
         self.rows = 0
         """How many trials were counted."""
         self.unanswered = ""
-        """Who did not answer in the trial in which the job was stopped; empty: no answer was awaited."""
+        """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
 
     def take(self, row: TrialRow) -> None:
         """Counts a row."""
@@ -99,7 +99,7 @@ class Tally:
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
-        """What is told of the trials.
+        """Returns the summary of the trials.
 
         Args:
             recorded: Numbers of trials that have a folder of outputs.
@@ -212,7 +212,7 @@ class _RequirementCount:
     met: int = 0
     kind: str | None = None
     worst: Requirement | None = field(default=None)
-    """Of the smallest margin."""
+    """The requirement with the smallest margin."""
 
     def take(self, requirement: Requirement) -> None:
         self.trials += 1
@@ -224,7 +224,7 @@ class _RequirementCount:
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
-        """What the job's result says of it; the job is judged by its trials, not by this again."""
+        """Returns the requirement for the job's result; the job is judged by its trials, not by this again."""
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(

@@ -17,7 +17,7 @@ _INVALID = "InvalidInput"
 
 @dataclass(frozen=True)
 class CameraRecording:
-    """Which camera is recorded, and how often."""
+    """Settings of the recorded camera: which one, and its frame rate."""
 
     rate_hz: float
     """Pictures per simulated second."""
@@ -29,7 +29,7 @@ class CameraRecording:
     """How a world is lit; see `VideoSettings`."""
 
     seed: int = 0
-    """What `random` draws from."""
+    """Seed of the appearance that `random` chooses."""
 
 
 def camera_recording(plan: RunPlan) -> CameraRecording | None:

@@ -10,7 +10,7 @@ VIDEO_FILE = "video.mp4"
 POSTER_FILE = "poster.png"
 CLIP_FILE = "last-10s.mp4"
 STATE_LOG_FOLDER = "state-log"
-"""In the work folder of a run; see `state_log`."""
+"""Name of the state log's folder in the work folder of a run; see `state_log`."""
 NO_PHYSICS = "the environment has no `physics` to record"
 
 
@@ -18,7 +18,7 @@ class VideoRequest(Model):
     """The videos to make of a log of states."""
 
     log_dir: Path = Field(description="The log.")
-    output_dir: Path = Field(description="Where the videos are written.")
+    output_dir: Path = Field(description="Folder that the videos are written to.")
     backend: str = Field(description="`egl`, `osmesa` or `rays`.")
     camera: str | None = Field(description="See `VideoSettings`.")
     size: tuple[int, int] | None = Field(description="See `VideoSettings`.")

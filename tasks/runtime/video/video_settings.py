@@ -10,7 +10,7 @@ from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.appearance import appearance_named
 
 LIVE_VIEW_FILE = "live-view.json"
-"""In the work folder: `{"url": …}`, while the live view is there. It appears whole, for those who wait for it."""
+"""File in the work folder: `{"url": …}`, while the live view runs. It appears whole, for those who wait for it."""
 
 CAMERA_VARIABLE = "ROBOMAKER_VIDEO_CAMERA"
 SIZE_VARIABLE = "ROBOMAKER_VIDEO_SIZE"
@@ -40,7 +40,7 @@ class VideoSettings:
     """How a world is lit for cameras, `random` included; None: as its model says."""
 
     seed: int = 0
-    """What `random` draws from."""
+    """Seed of the appearance that `random` chooses."""
 
 
 DEFAULTS = VideoSettings()

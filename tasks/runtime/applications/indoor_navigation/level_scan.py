@@ -19,7 +19,7 @@ _SWAY_M = 0.005
 """How far a level lidar may rise or sink."""
 
 _MARGIN_M = 0.002
-"""By which spheres around things that MuJoCo is asked about are larger than needed."""
+"""Margin added to the radii of the spheres around things that MuJoCo is asked about, in metres."""
 
 _NOTHING = 1e-9
 """Inverse length of a ray that meets nothing, 1/m."""
@@ -194,7 +194,7 @@ def _alpha(model: mujoco.MjModel) -> NDArray[np.float32]:
 
 
 def _are_upright(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """Which geoms are boxes with an upright edge, or cylinders with an upright axis."""
+    """Returns a mask of the geoms that are boxes with an upright edge, or cylinders with an upright axis."""
     vertical = np.abs(data.geom_xmat[:, 6:9])
     box = (model.geom_type == _BOX) & (vertical.max(axis=1) > _EXACT)
     return box | ((model.geom_type == _CYLINDER) & (vertical[:, 2] > _EXACT))

@@ -124,7 +124,7 @@ class NavigationTask(Task):
         return float(self._newly_visited)
 
     def get_observation(self, physics: ScenePhysics) -> dict[str, NDArray[Any]]:
-        """What the robot knows; see `observation_spec`."""
+        """Returns the robot's observation; see `observation_spec`."""
         del physics
         state = self._state
         observation = {
@@ -188,7 +188,7 @@ class NavigationTask(Task):
         self._rng = rng
 
     def state(self) -> dict[str, Any]:
-        """What it remembers besides the physics; see `checkpoints.Resumable`."""
+        """Returns the task's state besides the physics; see `checkpoints.Resumable`."""
         return {
             "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
             "mission": self.mission.state(),
@@ -245,7 +245,7 @@ class NavigationTask(Task):
             )
 
     def _between_substeps(self) -> Callable[[], None]:
-        """What is done every 10 ms: contacts are looked at, states are recorded, and legs move."""
+        """Returns a function to call every 10 ms: it looks at contacts, records states, and moves legs."""
         sample, move, record = self._monitor.sample, self._controller.substep, self._telemetry.sample
 
         def sample_and_record() -> None:
@@ -307,7 +307,7 @@ def _picked(values: NDArray[np.float64], places: list[int]) -> Callable[[], tupl
 
 
 def _range_specs(model: Lidar) -> dict[str, specs.Array]:
-    """What range sensors measure."""
+    """Returns the specs of the range sensors' measurements: proximity and lidar scan."""
     near = specs.BoundedArray(
         lidar.PROXIMITY_ANGLES_RAD.shape, np.float32, 0.0, np.inf, name="proximity: m, in the bumper, right to left"
     )

@@ -16,7 +16,7 @@ _WHITE = 255.0
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """Which cells are free; rows count northwards and columns eastwards from the origin."""
+    """Free cells of a world's map; rows count northwards and columns eastwards from the origin."""
 
     free: NDArray[np.bool_]
     """Shape (rows, columns); unknown counts as not free."""
@@ -28,7 +28,7 @@ class OccupancyMap:
     """South-west corner of cell `[0, 0]`, metres."""
 
     occupied: NDArray[np.bool_] | None = None
-    """Which cells are occupied; None: not read."""
+    """Mask of the occupied cells, shape (rows, columns); None: not read."""
 
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""

@@ -23,11 +23,11 @@ _SHAPES = {
     int(_GEOM.mjGEOM_CYLINDER): MarkerType.CYLINDER,
     int(_GEOM.mjGEOM_CAPSULE): MarkerType.CYLINDER,
 }
-"""Of other geoms, such as meshes, the box around them is drawn."""
+"""Marker types of geoms; other geoms, such as meshes, are drawn as the box around them."""
 
 _WALLS, _WALL_OPACITY = ("wall", "window"), 0.3
 _FLOOR_M = 0.005
-"""What ends this close to the height 0 is floor."""
+"""Distance from the height 0 within which a shape's top counts as floor, in metres."""
 
 Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Position, and a quaternion with w first."""
@@ -128,7 +128,7 @@ def _unobtrusive(shape: Marker) -> Marker:
 
 
 def _poses(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.intp], frame: Pose) -> Iterator[ros.Pose]:
-    """Where the middles of geoms' boxes are, and how they are turned, seen from a frame."""
+    """Yields the poses of the middles of geoms' boxes, seen from a frame."""
     own = np.zeros(9)
     mujoco.mju_quat2Mat(own, frame[1])
     axes = data.geom_xmat[geoms].reshape(-1, 3, 3)

@@ -29,7 +29,7 @@ _ROUNDING_S = 1e-6
 
 
 class RobotState(NamedTuple):
-    """Where the robot is and how it moves; metres, radians and seconds."""
+    """Pose, velocity and joints of the robot; metres, radians and seconds."""
 
     time_s: float
     x: float
@@ -38,7 +38,7 @@ class RobotState(NamedTuple):
     linear: float
     angular: float
     joint_positions: tuple[float, ...]
-    """In the order of the robot's joints; likewise the velocities."""
+    """Joint positions, in the order of the robot's joints; likewise the velocities."""
 
     joint_velocities: tuple[float, ...]
 

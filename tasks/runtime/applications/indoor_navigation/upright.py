@@ -142,7 +142,7 @@ class Frame:
         self._mirror = -(x_axis + 1j * y_axis) / doubled
 
     def enter(self, away: AnyPlace) -> AnyPlace:
-        """Where in the frame's own plane something upright is.
+        """Returns the place of something upright in the frame's own plane.
 
         Args:
             away: where it stands, seen from the origin in the world's directions.
@@ -214,7 +214,7 @@ class Columns:
 
 
 def covered_sides(boxes: Places, others: Places) -> NDArray[np.bool_]:
-    """Which sides of boxes have one of other boxes right before them over their whole length.
+    """Returns a mask of the sides of boxes that one of other boxes covers over their whole length.
 
     Args:
         boxes: their corners from above, shape (n, 4), clockwise.

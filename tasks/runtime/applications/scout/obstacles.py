@@ -72,7 +72,7 @@ def ray_directions(scan_angles_rad: NDArray[np.float64]) -> NDArray[np.complex12
 def near_hits(
     rays: NDArray[np.complex128], scan: NDArray[np.float32], proximity: NDArray[np.float32]
 ) -> NDArray[np.complex128]:
-    """Where rays of the lidar and the bumper's sensors ended within 1.6 m.
+    """Returns the points within 1.6 m where rays of the lidar and the bumper's sensors ended.
 
     Args:
         rays: their directions, from `ray_directions`.

@@ -15,7 +15,7 @@ COMFORT_M = 0.38
 """Clearance from which more clearance is worth no detour."""
 
 _LEAST_COMFORT_M = 0.1
-"""By how much that is more than the robot's radius, however large it is."""
+"""Least comfortable clearance beyond what the way needs, in metres, however large the robot is."""
 
 _NARROWNESS_COST = 5.0
 """How many times more a way costs that just fits, added to one that is comfortable."""

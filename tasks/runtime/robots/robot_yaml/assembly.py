@@ -28,7 +28,7 @@ from .reach import solid_reach_m
 _logger = logging.getLogger(__name__)
 
 _OVERHANG_M = 0.01
-"""By which parts may stick out of the footprint before a warning."""
+"""Length by which parts may stick out of the footprint before a warning, in metres."""
 
 _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 """Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""

@@ -24,7 +24,7 @@ _SLIDING_FRICTION = (0.01, 0.005, 0.0001)
 _FREE = mujoco.mjtJoint.mjJNT_FREE
 _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 _SCOUT_RADIUS_M = 0.17
-"""Of the robot whose follow camera others' is scaled from."""
+"""Radius of Scout, in metres; follow cameras of other robots are scaled from Scout's."""
 
 _MAX_FOLLOW_SCALE = 1.6
 """Cameras farther back than a metre or so are behind the walls of rooms more often than not."""
@@ -32,7 +32,7 @@ _MAX_FOLLOW_SCALE = 1.6
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Where a robot comes from."""
+    """Files of a robot: its mapping and its model."""
 
     mapping: Path
     """The mapping file, or what else to name in messages."""
@@ -54,7 +54,7 @@ class ModelBuilder:
         """Body that moves over the floor; not the base when the base's own joints are inside."""
 
         self.footprint_z_m = -mapping.spawn.height_m
-        """Where the floor is in the carrier's frame at the start."""
+        """Height of the floor in the carrier's frame at the start, in metres."""
 
         self.keeps_joints = mapping.drive.kind == "velocity" and mapping.drive.frame == "world"
         """Whether the robot's own joints move it; otherwise it gets a free joint."""

@@ -17,7 +17,7 @@ def invalid(where: object, message: str) -> LaunchError:
 
 
 def alternatives(name: str, names: Iterable[str], what: str) -> str:
-    """What to write instead of a name that there is not: the nearest one, or all."""
+    """Suggests what to write instead of an unknown name: the nearest name, or all."""
     there: Collection[str] = [each for each in names if each]
     if near := get_close_matches(name, there, n=1):
         return f"did you mean {near[0]!r}?"

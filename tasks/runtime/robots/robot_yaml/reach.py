@@ -47,7 +47,7 @@ def geom_reach_m(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float
 
 
 def _points(model: mujoco.MjModel, geom: int) -> _Points:
-    """What a geom's shape is spanned by, in its own frame: a mesh's vertices, else the corners of its bounding box."""
+    """Returns the outer points of a geom in its own frame: a mesh's vertices, else the corners of its bounding box."""
     mesh = int(model.geom_dataid[geom])
     if int(model.geom_type[geom]) == _GEOM.mjGEOM_MESH.value and mesh >= 0:
         first = int(model.mesh_vertadr[mesh])

@@ -57,7 +57,7 @@ def rewrite_urdf(robot: ET.Element, path: Path, root: Path) -> str:
 
 
 def _find(name: str, path: Path, root: Path) -> Path:
-    """Where a mesh is: `package://<package>/…` is in the folder of that name, or in the folder of `robot.yaml`."""
+    """Finds a mesh file: `package://<package>/…` is in the folder of that name, or in the folder of `robot.yaml`."""
     if name.startswith(_PACKAGE):
         package, _, rest = name.removeprefix(_PACKAGE).partition("/")
         places = [root / package / rest, *(folder / rest for folder in _folders_between(path.parent, root))]
