@@ -1,4 +1,4 @@
-"""What runs of simulation jobs are made of: planning, inputs, containers, ROS, outputs; storing a job.
+"""Runs of simulation jobs: planning, inputs, containers, ROS, outputs; storing a job.
 
 May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.storage`, `.inputs`, `.outputs`, `.planning`.
 """

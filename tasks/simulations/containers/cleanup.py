@@ -37,7 +37,7 @@ class ContainerNote:
     name: str
     image: str
     role: ApplicationRole
-    """Of its application."""
+    """Role of its application."""
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:

@@ -1,4 +1,4 @@
-"""What container engines are called with, docker and podman alike where they are alike."""
+"""Command lines of container engines, the same for docker and podman where the two are alike."""
 
 import csv
 import io
@@ -69,12 +69,12 @@ _GIVEN_BACK = "/robomaker"
 _LONGEST_IN_FILE = 10_000
 
 NO_PROGRAM = "/robomaker-no-such-program"
-"""What no image has."""
+"""Path of a program that no image has."""
 
 
 _SHARES = 1024
 _SHARE_BY_NICE = 1.25
-"""By so much the kernel lowers the weight of a process with each step of niceness."""
+"""Factor by which the kernel lowers the weight of a process with each step of niceness."""
 _LEAST_SHARES = 2
 
 
@@ -109,11 +109,11 @@ class Container:
     mounts: Sequence[Mount] = ()
     limits: ComputeLimits = field(default_factory=ComputeLimits)
     gpu: str = "0"
-    """Which GPU it gets, where its limits say that it gets one: number or UUID."""
+    """GPU of the container, if its limits give it one: number or UUID."""
 
 
 def env_file(variables: Mapping[str, str]) -> str:
-    """What a file for the engine's option `--env-file` says: a variable in each line, its value as it is."""
+    """Returns the content of a file for the engine's option `--env-file`: one variable a line, its value unchanged."""
     return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
 
 
@@ -122,7 +122,7 @@ def _fits_line(value: str) -> bool:
 
 
 def cpu_shares(nice: int) -> int:
-    """What a container gets of busy processors, of the 1024 that others get, as a process of that niceness would."""
+    """Returns a container's CPU shares, of the 1024 that others get, with the weight of a process of that niceness."""
     return max(_LEAST_SHARES, round(_SHARES / _SHARE_BY_NICE**nice))
 
 
@@ -184,7 +184,10 @@ def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
 
 
 def _gpu_option(container: Container) -> dict[str, str]:
-    """What gives it a GPU: docker has NVIDIA's hook called, podman reads what `nvidia-ctk cdi generate` wrote."""
+    """Returns the option that gives a container its GPU.
+
+    Docker calls NVIDIA's hook; podman reads the file that `nvidia-ctk cdi generate` wrote.
+    """
     if container.engine.is_podman:
         return {"--device": f"nvidia.com/gpu={container.gpu}"}
     return {"--gpus": f"device={container.gpu}"}

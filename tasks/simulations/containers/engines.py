@@ -104,10 +104,10 @@ class Engine:
 
 @dataclass(frozen=True)
 class Image:
-    """What an engine knows of an image that is on this machine."""
+    """An image on this machine, as its engine describes it."""
 
     id: str | None
-    """By which the engine knows it, whatever its names: a SHA-256, in hexadecimal."""
+    """Id of the image in the engine, whatever its names: a SHA-256, in hexadecimal."""
 
     digests: tuple[str, ...]
     """`sha256:…` of its manifest, one for each registry it came from."""
@@ -255,7 +255,7 @@ def copy_out(
 
 
 def _inspect(engine: Engine, uri: str) -> Image | None:
-    """What is known of an image; `None` if it is not on this machine."""
+    """Reads an image's description from the engine; `None` if it is not on this machine."""
     try:
         found: dict[str, Any] = json.loads(engine.call("image", "inspect", uri))[0]
     except (EngineError, ValueError, LookupError):

@@ -14,7 +14,7 @@ from ..outputs.upload_files import link_or_copy, visit_matches
 from .cleanup import remove_containers
 
 NOTES = "logs/outputs.log"
-"""Which files could not be kept, and why."""
+"""Log of the files that could not be kept, and why."""
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _KEPT = f"{OUTPUT}.kept"

@@ -207,7 +207,7 @@ def _agent_folder(run_environment: RunEnvironment) -> Path:
 
 
 def _container_variables(run_environment: RunEnvironment, drives: bool) -> dict[str, str]:
-    """What a container has in its environment: nothing that is about folders of this machine."""
+    """Returns the environment variables of a container: none is about folders of this machine."""
     variables = {
         "AWS_ROBOMAKER_SIMULATION_JOB_ID": run_environment.plan.job_id,
         "AWS_ROBOMAKER_SIMULATION_JOB_ARN": run_environment.plan.job_arn,

@@ -1,4 +1,4 @@
-"""What the programs of a run find: folders, variables, overlays of bundles, processors, memory, shared memory.
+"""Environment of a run's programs: folders, variables, overlays of bundles, processors, memory, shared memory.
 
 May import: `schemas`, `tasks.service`, `tasks.storage.roles`.
 """

@@ -1,4 +1,4 @@
-"""What a job may use of this machine: simulation units as processors and memory, and the GPU."""
+"""Compute of a job on this machine: simulation units as processors and memory, and the GPU."""
 
 import os
 import shutil
@@ -10,11 +10,11 @@ from ....schemas.runs.programs import ComputeLimits
 from ....schemas.wire.errors import LaunchError
 
 DEFAULT_COMPUTE: Mapping[str, Any] = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
-"""What a job has that says nothing."""
+"""Compute of a job whose request has none."""
 
 _BYTES_PER_UNIT = 2 << 30
 _SHARE_OF_DISK = 0.4
-"""What a run writes is written again when it is stored, often to the same disk."""
+"""Share of the free disk that a run may fill: its outputs are written again to be stored, often to the same disk."""
 _LEAST_DISK_BYTES = 64 * 10**6
 """A disk that has less left is full soon anyway, and says so itself."""
 _GPU = Path("/dev/nvidia0")
@@ -58,7 +58,7 @@ def compute_limits(
 
 
 def disk_limit(folder: Path, most_bytes: int) -> int:
-    """What a job may write below a folder: no job alone can fill the disk, also not with copies of its files.
+    """Limit of a job's files below a folder, in bytes: no job alone can fill the disk, even with copies of files.
 
     What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 

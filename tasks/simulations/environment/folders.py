@@ -19,9 +19,9 @@ LOGS = "/var/log"
 TEMPORARY = "/tmp"  # noqa: S108 - the job's own
 DATA_SOURCES = "/opt/robomaker/datasources"
 AWS = "/opt/robomaker/aws"
-"""What SDKs read of the object store; see `role_access`."""
+"""Folder of the files from which SDKs know the object store; see `role_access`."""
 OUTPUT, WORLD, AGENT = "/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent"
-"""What containers have besides."""
+"""Folders that only containers have."""
 
 _FOLDERS = (HOME, LOGS, TEMPORARY, DATA_SOURCES)
 _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
@@ -32,7 +32,7 @@ class Sandbox:
     """The folders of one run of a job."""
 
     root: Path
-    """What `/` of the job is here."""
+    """Folder of this machine that is `/` for the job."""
 
     def create(self) -> "Sandbox":
         """Makes the folders that every job has."""
@@ -41,7 +41,7 @@ class Sandbox:
         return self
 
     def place(self, path: str) -> Path:
-        """Where an absolute path of the job is on this machine.
+        """Returns the path on this machine of an absolute path of the job.
 
         Raises:
             ValueError: the path is not absolute, or leads upwards.

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 OVERLAYS_FILE = ".colcon-overlays"
-"""In the folder of a bundle: names of its overlays, a line each, in the order of sourcing."""
+"""File in the folder of a bundle: names of its overlays, a line each, in the order of sourcing."""
 
 _NAME = re.compile(r"^[A-Za-z0-9_-]+$")
 _MOST_BYTES = 4096
@@ -29,7 +29,7 @@ def setups_of(bundle: Path | None) -> list[Path]:
 
 
 def package_folders(bundle: Path) -> list[Path]:
-    """Where packages of a bundle are: of a colcon bundle the workspace first, not the rest of its system."""
+    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system."""
     found = [path for overlay in reversed(overlays(bundle)) for each in _PACKAGES for path in overlay.glob(each)]
     return found or [bundle]
 

@@ -30,7 +30,9 @@ def process_variables(
 
 
 def service_variables(settings: Settings, environ: Mapping[str, str], caller: str = "") -> dict[str, str]:
-    """What a job needs to call the service, about itself for example: no secret but its own is among it.
+    """Returns the variables with which a job calls the service, about itself for example.
+
+    The only secret among them is the job's own.
 
     SDKs get the endpoint where this process knows one, and placeholder keys where signatures are not checked. The
     command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
@@ -63,5 +65,5 @@ def _keeps_catalog_at_home(settings: Settings) -> bool:
 
 
 def search_path(environ: Mapping[str, str]) -> str:
-    """Where programs of jobs are looked for: beside this Python first, then on the path of `environ`."""
+    """Returns the path on which programs of jobs are found: beside this Python first, then the path of `environ`."""
     return os.pathsep.join([str(Path(sys.executable).parent), environ.get("PATH") or os.defpath])

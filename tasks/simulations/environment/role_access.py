@@ -1,4 +1,4 @@
-"""What a job's code needs to use the object store as the job's role: variables, and files that SDKs read.
+"""Access to the object store as the job's role, for a job's code: variables, and files that SDKs read.
 
 | file in `/opt/robomaker/aws` | who reads it |
 | --- | --- |
@@ -146,7 +146,7 @@ def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_sty
 
 
 def _process_answer(keys: Keys) -> dict[str, Any]:
-    """What a `credential_process` answers."""
+    """Returns the answer of a `credential_process`."""
     answer: dict[str, Any] = {
         "Version": 1,
         "AccessKeyId": keys.access_key_id,

@@ -1,4 +1,4 @@
-"""What the applications of a run find on this machine."""
+"""Environment of a run's applications on this machine."""
 
 import os
 import shutil
@@ -16,7 +16,7 @@ from .process_variables import search_path
 
 @dataclass(frozen=True)
 class RunEnvironment:
-    """What the applications of a run find on this machine."""
+    """Environment of a run's applications on this machine."""
 
     plan: RunPlan
     """The run, without its applications."""

@@ -62,7 +62,7 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]
 
 
 def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path, Path]:
-    """Where a run's shared memory is: in memory if that can be, or else on the disk.
+    """Returns the folders for a run's shared memory: in memory if that can be, or else on the disk.
 
     Args:
         folder: the run's own folder.

@@ -1,4 +1,4 @@
-"""What a job reads: application bundles, data sources, the rooms of its world.
+"""Inputs of a job: application bundles, data sources, the rooms of its world.
 
 May import: `schemas`, `tasks.catalog`, `tasks.service`, `tasks.simulations.environment`, `tasks.storage`.
 """

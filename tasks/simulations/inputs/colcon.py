@@ -24,13 +24,13 @@ _ADVICE = "bundle the workspace again with colcon bundle, or put it into a conta
 
 class _Overlay(Model, extra="ignore"):
     name: str = Field(pattern=_OVERLAY.pattern, description="Its archive in the bundle.")
-    sha256: str = Field(pattern=r"^[0-9a-fA-F]{64}$", description="Of that archive.")
+    sha256: str = Field(pattern=r"^[0-9a-fA-F]{64}$", description="SHA-256 of that archive, in hexadecimal.")
 
 
 class _Overlays(Model, extra="ignore"):
     """`overlays.json`, as far as it is read: offsets and sizes are for readers that fetch parts of a bundle."""
 
-    overlays: list[_Overlay] = Field(min_length=1, max_length=16, description="In the order of sourcing.")
+    overlays: list[_Overlay] = Field(min_length=1, max_length=16, description="Overlays in the order of sourcing.")
 
 
 def unpack_colcon_bundle(folder: Path) -> None:

@@ -1,4 +1,4 @@
-"""What a run stores: output locations, upload configurations, names, rolling uploads, publication.
+"""Storing a run's outputs: output locations, upload configurations, names, rolling uploads, publication.
 
 May import: `schemas`, `tasks.catalog`, `tasks.runtime.supervision`, `tasks.service`, `tasks.simulations.environment`,
 `tasks.storage`.

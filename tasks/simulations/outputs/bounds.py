@@ -22,7 +22,7 @@ _MOST_NAMED = 1000
 """Files that a manifest names as left out: who left a million out needs no million names, and readers fetch them."""
 
 _FIRST = (RESULT_FILE, TRIALS_FILE, PROVENANCE_FILE, "logs/stdout.log", "logs/stderr.log")
-"""What says how the run went is stored before all else."""
+"""Files that are stored first, because they say how the run went."""
 
 _LONGEST_NAME = 300
 
@@ -40,7 +40,7 @@ def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:
 
 
 class LeftOut:
-    """Which files of a run are not stored, and why."""
+    """Files of a run that are not stored, and why."""
 
     def __init__(self) -> None:
         self.files = 0
@@ -73,7 +73,7 @@ class LeftOut:
         self.size_bytes += size_bytes
 
     def about(self) -> dict[str, Any]:
-        """What a manifest says of it; nothing where there is nothing."""
+        """Summary for the manifest; empty if no file was left out."""
         if not self.files:
             return {}
         counts = {"files": self.files, "sizeBytes": self.size_bytes, "beyondLimits": self.beyond_limits}
@@ -82,7 +82,7 @@ class LeftOut:
 
 @dataclass
 class Room:
-    """What may still be stored of a run's outputs."""
+    """Space for a run's outputs in the store: bytes and files that it may still have."""
 
     most_bytes: int
     most_files: int

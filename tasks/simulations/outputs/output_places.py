@@ -1,4 +1,4 @@
-"""Where the outputs of a job go: bucket, prefix of its run, and whether that bucket can be used."""
+"""Places of a job's outputs: bucket, prefix of its run, and whether that bucket can be used."""
 
 import logging
 from collections.abc import Mapping

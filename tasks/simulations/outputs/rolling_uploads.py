@@ -164,7 +164,7 @@ def taken_files(folder: Path) -> list[tuple[str, Path]]:
 
 
 def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
-    """What was stored while the run went on, as it is stored now.
+    """Returns the files that were stored during the run, as they are stored now.
 
     Args:
         folder: the run's own folder.

@@ -1,4 +1,4 @@
-"""What a run leaves: its outputs and the files that upload configurations mean, stored in one place."""
+"""Storing a run: its outputs and the files that its upload configurations select, in one place."""
 
 import os
 import time
@@ -35,7 +35,7 @@ from .upload_configurations import Upload, uploads_of
 from .upload_files import link_or_copy, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
-"""What of a run's folder stays when it could not be stored."""
+"""Entries of a run's folder that are kept when they could not be stored."""
 
 Visit = Callable[[int, str, str], None]
 """Takes a file that matches: its folder's descriptor, its name, and its path below the fixed part of the pattern."""
@@ -43,7 +43,7 @@ Visit = Callable[[int, str, str], None]
 _MOST_CHANGES = 3
 _NOTES = "logs/uploads.log"
 _PARTIAL_NOTE = "logs/partial.log"
-"""What is stored of a run that was not whole, when that was cancelled: such a run has no manifest that could say it."""
+"""Note stored of an incomplete run whose storing was cancelled: it has no manifest that could say so."""
 _MOST_NOTES = 200
 
 
@@ -78,12 +78,12 @@ class RunOutputs:
 
     @property
     def output_dir(self) -> Path:
-        """Where the run writes."""
+        """Folder that the run writes its outputs to."""
         return self._folder / "output"
 
     @property
     def place(self) -> StoredPlace:
-        """Where they are stored."""
+        """Place in the object store of these outputs."""
         return StoredPlace(bucket=self.bucket, prefix=self.prefix)
 
     @property
@@ -259,12 +259,12 @@ class RunOutputs:
         )
 
     def _about(self, about: Mapping[str, Any]) -> dict[str, Any]:
-        """What the manifest says of the run, and of what is left out."""
+        """Returns the manifest's description of the run, and of the files left out."""
         job = {"job": self._job.arn, "run": self._run_id, "seed": SimulationJobDocument.of(self._job).seed}
         return {**job, **about, **self._left_out.about()}
 
     def _room(self) -> Room:
-        """What may be stored beside what was stored while the run went on, and beside what was taken for that."""
+        """Returns the space left beside the files that rolling uploads have stored, or have taken to store."""
         room = Room.of(self._service.settings)
         room.use(rolled_files(self._folder, later=[]))
         taken = taken_files(self._folder)

@@ -1,4 +1,4 @@
-"""Which of a run's own outputs can be stored; the rest is left out by name, and takes nothing with it."""
+"""A run's own outputs that can be stored; any other is left out by name and does not fail the rest."""
 
 import heapq
 import os
@@ -20,7 +20,7 @@ _MOST_FILES = 1_000_000
 
 @dataclass(frozen=True)
 class StorableFiles:
-    """What of a folder can be stored."""
+    """Files of a folder that can be stored, and those that are left out."""
 
     files: list[FolderFile]
     left_out: LeftOut

@@ -18,7 +18,7 @@ _DEFAULTS: Mapping[str, str] = {
     "ros-bags": f"{HOME}/.ros/bag/**",
     "ros-logs": f"{HOME}/.ros/log/**",
 }
-"""What `useDefaultUploadConfigurations` means: names and globs."""
+"""Names and globs of `useDefaultUploadConfigurations`."""
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 

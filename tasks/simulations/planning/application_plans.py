@@ -25,7 +25,7 @@ from .ros_companions import RosLaunch, with_ros_companions
 
 _ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
-"""What the names of variables begin with that set how a run goes."""
+"""Prefixes of the variables that configure a run."""
 
 
 @dataclass

@@ -1,4 +1,4 @@
-"""What the names in a job's request stand for: the content of its world and of its applications, and versions.
+"""Contents that the names in a job's request refer to: of its world and of its applications, and versions.
 
 Of a run that is planned it is what the run has; of a request it is what a run would have now.
 """
@@ -69,7 +69,7 @@ class CurrentApplications:
         return self._found[key]
 
     def content(self, application: Resource) -> str:
-        """What an application is; empty: not known.
+        """Returns an application's content in words; empty: not known.
 
         Raises:
             StorageError: its archive cannot be read.
@@ -82,7 +82,7 @@ class CurrentApplications:
 
 
 def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping[str, str] | None = None) -> MadeOf:
-    """What a planned run is made of.
+    """Returns the contents of a planned run.
 
     Args:
         plan: the run, with everything it needs on this machine.
@@ -103,7 +103,7 @@ def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping
 def contents_of_request(
     request: Mapping[str, Any], service: Service, applications: CurrentApplications | None = None
 ) -> MadeOf:
-    """What a run of a request would be made of now.
+    """Returns the contents that a run of a request would have now.
 
     Args:
         request: the request of a job.
@@ -171,7 +171,7 @@ def changed_import(provenance: Provenance) -> str | None:
 
 
 def _content_of_application(application: Resource, service: Service) -> str:
-    """What an application is now."""
+    """Returns an application's content as it is now."""
     document = ApplicationDocument.of(application)
     if document.sources:
         source = source_for_this_machine(document.sources)
@@ -229,7 +229,7 @@ def _archive(etag: str) -> str:
 
 
 def package_content(name: str) -> str:
-    """What an installed package is: built in, or the digest of all files of the outermost package; else empty."""
+    """Content of an installed package: built in, or a digest of all files of the outermost package; else empty."""
     if f"{name}.".startswith(f"{PACKAGE}."):
         return _BUILT_IN  # its code is in the version of this package
     try:

@@ -1,4 +1,4 @@
-"""What a launch configuration starts: a factory in the simulation's process, or a program of its own.
+"""Launch configurations: they start a factory in the simulation's process, or a program of its own.
 
 The order is that of `docs/simulation-jobs.md`: `command`; then `packageName` with `launchFile`, which is a launch
 file of ROS, a Python script, another file that can be executed, or the dotted path of a factory; then the factory
@@ -65,7 +65,7 @@ class Program:
     launcher: Path | None = None
     """`roslaunch` or `ros2`, where it is that."""
     ros: Ros | None = None
-    """Which ROS launches it, if any."""
+    """Version of the ROS that launches it; None: no ROS does."""
 
 
 def resolve_launch(

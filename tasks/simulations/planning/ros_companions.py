@@ -74,7 +74,7 @@ def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment:
 
 
 def _recorder(ros: RosLaunch | None, run_environment: RunEnvironment) -> ProgramPlan | str:
-    """What records all topics of a run; or why there is nothing."""
+    """Returns the program that records all topics of a run, or why there is none."""
     if ros is None or ros.launch.launcher is None:
         return "no application is started by a launch file of ROS; record in the application, or in a tool of it"
     bag = run_environment.plan.output_dir / TOPICS

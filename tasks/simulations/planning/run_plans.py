@@ -145,7 +145,7 @@ def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
 
 
 def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> list[JobRequirement]:
-    """What the job orders, all of which can be judged in this world."""
+    """Returns the requirements of the job, all of which can be judged in this world."""
     requirements = parse_requirements(document.requirements, "requirements")
     if world_dir is not None and rooms_of(requirements):
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())

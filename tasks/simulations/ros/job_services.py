@@ -1,4 +1,4 @@
-"""What a job's own programs may ask its job worker for, over a socket in the job's folders: cancel, and its tags.
+"""Requests that a job's own programs make to its job worker, over a socket in the job's folders: cancel, and its tags.
 
 One line of JSON comes, and one goes back. Only this user's processes are answered, one at a time.
 """

@@ -20,7 +20,7 @@ _ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")
 
 
 class _Marks(NamedTuple):
-    """What only launch files of one ROS have."""
+    """Marks by which launch files of one ROS are recognised."""
 
     tags: frozenset[str]
     program: str
@@ -139,7 +139,7 @@ def _is_marked(tag: str, attributes: Mapping[str, str], marks: _Marks) -> bool:
 def node_variables(
     packages: Sequence[Path], launcher: Path, python: str, variables: Mapping[str, str], environ: Mapping[str, str]
 ) -> dict[str, str]:
-    """What nodes find besides what every program of the job does.
+    """Returns the variables of nodes, besides those of all programs of the job.
 
     Args:
         packages: folders of the application's bundle, whose packages are found by name.
@@ -160,7 +160,7 @@ def node_variables(
 
 
 def own_master() -> dict[str, str]:
-    """What lets the programs of one job, and of no other, find each other: a ROS master at a port of its own.
+    """Returns variables with which programs of one job, and of no other, find each other: a ROS master at its own port.
 
     It listens on this machine only, like nodes in Python; those in C++ take their data from anywhere.
     """
