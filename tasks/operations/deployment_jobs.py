@@ -148,7 +148,7 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
 
 
 def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[str, Any]:
-    """What a deployment waits for, and how its robots go back; only what there is."""
+    """Returns a deployment's waits and rollback for its description; absent where it has none."""
     if rollout is None:
         is_paused = not is_terminal(DEPLOYMENT, job.status) and pause_that_waits(job.arn, service)
         return {"waitsFor": [is_paused.to_wire()]} if is_paused else {}

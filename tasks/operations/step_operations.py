@@ -1,4 +1,4 @@
-"""What steps of specifications call: the service's operations, and those that only steps have."""
+"""Operations that steps of specifications call: the service's own, and those that only steps have."""
 
 import hashlib
 import json

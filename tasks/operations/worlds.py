@@ -52,7 +52,7 @@ def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> 
 
 
 def _description(world: Resource, service: Service) -> str | None:
-    """What the world's bundle says of it, and the bundle's hash; worlds of earlier releases may have no description."""
+    """Returns the world's description with the hash of its bundle; worlds of earlier releases may have none."""
     document = WorldDocument.of(world)
     if document.bundle is None or document.description_key is None:
         return None

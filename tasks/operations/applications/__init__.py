@@ -1,4 +1,4 @@
-"""What robot applications and simulation applications share: their handlers, their records, their versions.
+"""Shared parts of robot applications and simulation applications: their handlers, their records, their versions.
 
 May import: `schemas`, `tasks.catalog`, `tasks.operations`, `tasks.service`, `tasks.simulations.planning`.
 """

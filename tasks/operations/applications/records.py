@@ -1,4 +1,4 @@
-"""What robot applications and simulation applications have in common; their versions are in `versions`."""
+"""Operations and records that robot applications and simulation applications share; versions are in `versions`."""
 
 import uuid
 from collections.abc import Mapping
@@ -205,7 +205,7 @@ def existing_application(step: CheckedStep, request: Mapping[str, Any], service:
 
 
 def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """What an application is, as a revision of its own; archives with the ETags they have now."""
+    """Returns an application's definition as a new revision; archives with the ETags they have now."""
     definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
     if sources := definition.pop("sources", None):
         definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]

@@ -70,7 +70,7 @@ def _version(application: Resource, number: int, content: ApplicationDocument) -
 
 
 def _content(application: Resource, request: Mapping[str, Any], service: Service) -> ApplicationDocument:
-    """What the version holds: the application, with its archives as they are at this moment."""
+    """Returns the content of a version: the application, with its archives as they are at this moment."""
     content = ApplicationDocument.of(application).without("last_number", VERSION_KEY)
     if content.sources:
         sources = [with_etag(source.to_json(), index, service) for index, source in enumerate(content.sources)]
