@@ -87,7 +87,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Swept:
-    """What a sweep has closed."""
+    """Numbers of the flow runs and task runs that a sweep has closed."""
 
     flow_runs: int
     task_runs: int
@@ -246,7 +246,7 @@ def close_unheard(
 
 
 def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UUID]:
-    """Which of some flow runs were closed since they gave no sign of life.
+    """Finds the flow runs that were closed because they gave no sign of life.
 
     Args:
         client: the server's client.
@@ -291,7 +291,7 @@ def _automation() -> AutomationCore:
 
 
 def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: datetime, until: datetime) -> set[UUID]:
-    """Which of some flow runs have had an event between two times; at most a page of them."""
+    """Finds the flow runs that had an event between two times; at most a page of them."""
     resource_of = {f"prefect.flow-run.{run}": run for run in runs}
     asked = EventFilter(
         occurred=EventOccurredFilter.model_validate({"since": since, "until": until}),

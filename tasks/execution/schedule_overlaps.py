@@ -1,4 +1,4 @@
-"""What scheduled runs do when nights overlap, or were missed: one policy for every schedule.
+"""Scheduled runs whose nights overlap, or were missed: one policy for every schedule.
 
 One run of a deployment at a time: a night that is due while the last one runs waits for it. A night that begins too
 late, since it waited so long or the machine slept, is skipped, so that several missed nights are made up for by one.

@@ -1,4 +1,4 @@
-"""What Prefect shows of a job under way: its steps as task runs, and that it waits for a person.
+"""A running job in Prefect's UI: its steps as task runs, and a state of its own while it waits for a person.
 
 A run that waits has a state with a name of its own, whose type stays `RUNNING`: the run asks again and again, so that a
 decision made anywhere reaches it, and one whose process dies is closed, and the job carried on, as usual.

@@ -79,7 +79,7 @@ class Item:
             return call_with_parameters(self.task.fn, parameters)
 
     def _may_retry(self, state: State[Any]) -> bool:
-        """What the task's `retry_condition_fn` says; a condition that raises says no, as with Prefect."""
+        """Asks the task's `retry_condition_fn`; a condition that raises counts as no, as with Prefect."""
         context = TaskRunContext.get()
         if (condition := self.task.retry_condition_fn) is None or context is None:
             return True
