@@ -1,4 +1,4 @@
-"""What a backend does for a batch: it has job workers on machines as long as the batch runs."""
+"""Interface of backends: job workers on machines for as long as a batch runs."""
 
 from contextlib import AbstractContextManager
 from typing import Protocol

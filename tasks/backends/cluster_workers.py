@@ -32,7 +32,7 @@ class Cluster(Protocol):
 
     @property
     def place(self) -> str:
-        """What it is, in words: `the Dask cluster tcp://10.0.0.7:8786`."""
+        """The cluster, in words: `the Dask cluster tcp://10.0.0.7:8786`."""
         ...
 
     def machines(self) -> Collection[str]:
@@ -78,7 +78,7 @@ class ClusterWorkers:
         self._thread = threading.Thread(target=self._follow, name="job workers", daemon=True)
 
     def look(self) -> str:
-        """What there is, in words.
+        """Returns the state of the job workers, in words.
 
         Raises:
             BackendError: no machine can run jobs.

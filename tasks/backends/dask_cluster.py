@@ -137,7 +137,10 @@ class _Task:
 
 
 def _task() -> Callable[[str], tuple[str, int, str]]:
-    """What Dask runs. A function inside a function is sent as a whole: the scheduler needs no package of ours."""
+    """Makes the function that Dask runs.
+
+    A function inside a function is sent as a whole: the scheduler needs no package of ours.
+    """
 
     def work(batch: str) -> tuple[str, int, str]:
         from distributed import get_worker
@@ -158,7 +161,7 @@ def _task() -> Callable[[str], tuple[str, int, str]]:
 
 
 def _has(keys: Collection[Any]) -> Callable[[Any], bool]:
-    """What each Dask worker is asked: whether it has one of these tasks."""
+    """Makes the function that is sent to each Dask worker: it tells whether that has one of these tasks."""
     wanted = set(keys)
 
     def has(dask_worker: Any) -> bool:

@@ -29,7 +29,7 @@ _STUCK_S = 600.0
 """How long a run may be Pending: the longest pull of an image. The worker that began it has died then."""
 
 _AWAY = (httpx.HTTPError, PrefectException, RuntimeError)
-"""What Prefect's client raises when the server does not answer; `RuntimeError` when it cannot be reached."""
+"""Errors of Prefect's client when the server does not answer; `RuntimeError` when it cannot be reached."""
 
 _logger = logging.getLogger(__name__)
 

@@ -76,7 +76,7 @@ class RayDriver:
         self._start()
 
     def look(self) -> str:
-        """What there is, in words.
+        """Returns the state of the job workers, in words.
 
         Raises:
             BackendError: no machine can run jobs.

@@ -93,7 +93,10 @@ class _Started:
 
 
 def _task() -> Task:
-    """What Ray runs. A function inside a function is sent as a whole, so that a missing package is our error."""
+    """Makes the function that Ray runs.
+
+    A function inside a function is sent as a whole, so that a missing package is our error.
+    """
 
     def work(batch: str) -> tuple[str, int, str]:
         from .node import run_job_worker

@@ -39,7 +39,7 @@ class _Machine:
 
 
 class Staffing:
-    """Which machines have job workers of a batch, and which are to get one.
+    """Machines that have job workers of a batch, and machines that are to get one.
 
     Args:
         place: where the machines are, in words: `the Dask cluster tcp://10.0.0.7:8786`.
@@ -98,7 +98,7 @@ class Staffing:
 
     @property
     def words(self) -> str:
-        """What there is: `2 job workers on the Dask cluster tcp://10.0.0.7:8786`."""
+        """Job workers of the batch, in words: `2 job workers on the Dask cluster tcp://10.0.0.7:8786`."""
         count = sum(machine.runs for machine in self._machines.values())
         if count:
             text = f"{count} job worker{'' if count == 1 else 's'} on {self._place}"

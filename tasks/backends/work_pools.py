@@ -100,7 +100,7 @@ class PoolWorkers:
         self._keeper = threading.Thread(target=self._keep, name=f"work pool {runs.pool}", daemon=True)
 
     def look(self) -> str:
-        """What there is, as it was seen last.
+        """Returns the last known state of the job workers, in words.
 
         Raises:
             BackendError: none can be started.
