@@ -1,4 +1,4 @@
-"""What a run will take, computed from what a probe took; pure.
+"""Forecast of a run's times, computed from a probe's; pure.
 
 The jobs of a batch take their places in order, each as soon as one is free. Every job costs what those of its kind did
 in the probe on average, or all if none of its kind ran; one with trials in proportion to their number, up to its
@@ -24,7 +24,7 @@ class WholeStep:
     jobs: Sequence[JobAmount] = field(default_factory=tuple)
     worlds: int = 0
     max_concurrency: int = 1
-    """Of a batch: how many jobs it allows at once."""
+    """Number of jobs that a batch runs at once at most."""
     timeout_s: float | None = None
     """The time after which a batch is ended."""
 
@@ -161,7 +161,7 @@ def makespan_s(durations_s: Sequence[float], places: int) -> float:
 
 
 class _Costs:
-    """What jobs cost: those of a kind that was probed as these did, others as all did.
+    """Costs of jobs: the mean of the probed jobs of their kind, else of all probed jobs.
 
     Args:
         jobs: those of the probe.
@@ -178,7 +178,7 @@ class _Costs:
 
 @dataclass(frozen=True)
 class _MeanCost:
-    """What a job costs on average."""
+    """Mean cost of a job."""
 
     around_s: float
     """Time in its place before and after its run."""

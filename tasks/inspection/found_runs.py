@@ -47,13 +47,13 @@ class FoundRun:
 
     outputs: RunOutputs
     folder: Path
-    """What it wrote down; only that, not all of its outputs."""
+    """Folder of the files about the run; it does not hold all of its outputs."""
     job: Resource | None
     """Its job, while the catalog has it."""
     sha256_of: Sha256Of
     """Hashes one of its outputs, whether it is in `folder` or not."""
     failure_code: str | None = None
-    """What it failed with; None: it did not."""
+    """Failure code of the run; None: it did not fail."""
 
     def alterations(self, trial: int | None = None) -> list[str]:
         """Returns in words which outputs are not what the run's manifest says; none where there is no manifest.

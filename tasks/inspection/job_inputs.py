@@ -77,7 +77,7 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
 
 
 def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs:
-    """What a request by itself says of the inputs of its job.
+    """Returns the inputs of a job as far as its request alone tells them.
 
     Args:
         request: the request on the wire.
@@ -121,14 +121,14 @@ def _without_arns(config: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _world_contents(arns: set[str], service: Service) -> dict[str, str]:
-    """What names the content of worlds, by ARN; nothing of worlds that are deleted."""
+    """Returns the names of the worlds' contents, by ARN; none for worlds that are deleted."""
     worlds = service.catalog.get_many(arns)
     bundles = {arn: WorldDocument.of(world).bundle for arn, world in worlds.items()}
     return {arn: bundle.last_part for arn, bundle in bundles.items() if bundle}
 
 
 def _used_applications(place: StoredPlace | None, service: Service) -> list[UsedApplication]:
-    """What a run wrote down of its applications; nothing where it could not."""
+    """Reads a run's applications from its provenance; none if that cannot be read."""
     if place is None:
         return []
     try:

@@ -80,7 +80,7 @@ def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
 
 
 def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
-    """Where the outputs of jobs are, by their ARNs."""
+    """Returns the places of the jobs' outputs, by ARN."""
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
     return {arn: place for arn, place in found.items() if place is not None}

@@ -55,7 +55,7 @@ def read_spec_file(path: Path) -> str:
 
 
 def error_in_words(error: Exception) -> str:
-    """What a step failed of; a defect is also logged."""
+    """Returns the reason for which a step failed; a defect is also logged."""
     if isinstance(error, ServiceError):
         return f"{error.code}: {error}"
     if isinstance(error, RobomakerError):

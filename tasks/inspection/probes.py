@@ -1,4 +1,4 @@
-"""What a probe took: of each step its wall-clock time, its jobs and worlds, and how many the whole run will have."""
+"""Measurements of a probe: each step's wall-clock time, jobs and worlds, and how many the whole run will have."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -24,7 +24,7 @@ from .forecasting import WholeStep
 def measured(
     first: RunRecord, last: RunRecord, cpu_times_s: Mapping[str, float], cpus: int, service: Service
 ) -> dict[str, StepProbe]:
-    """What each step of a probe took.
+    """Returns the measurements of each step of a probe.
 
     Args:
         first: the first pass: it starts all that a run starts.
@@ -85,7 +85,7 @@ def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
 
 
 def _job_costs(step: StepRecord, service: Service) -> list[JobCost]:
-    """What the jobs of a step took, in request order."""
+    """Returns the costs of a step's jobs, in request order."""
     if not step.arn:
         return []
     if step.operation == JOB:
@@ -187,7 +187,7 @@ def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
 
 
 def _with_all_worlds(output: dict[str, Any], worlds: int) -> dict[str, Any]:
-    """What a generation job gives, with its worlds again and again until there are so many."""
+    """Returns a generation job's output with its worlds repeated until there are `worlds` of them."""
     summary = output.get("finishedWorldsSummary") or {}
     made = islice(cycle(summary.get("succeededWorlds") or []), worlds)
     return {**output, "finishedWorldsSummary": {**summary, "finishedCount": worlds, "succeededWorlds": list(made)}}

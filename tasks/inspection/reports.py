@@ -343,7 +343,7 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
 
 
 def _origin(reused_from: ReusedFrom | None) -> str | None:
-    """Where results come from that a job has taken over: the run, and the job where no run ordered it."""
+    """Returns the origin of results that a job has taken over: the run, or the job where no run ordered it."""
     return reused_from and (reused_from.spec_run or short_name(reused_from.job))
 
 

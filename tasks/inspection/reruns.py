@@ -25,7 +25,7 @@ _BATCH = "StartSimulationJobBatch"
 
 @dataclass(frozen=True)
 class Selection:
-    """Which jobs of a run are run again: those that everything given here holds for; nothing given: all."""
+    """Selection of the jobs of a run that are run again: those that match everything given; nothing given: all."""
 
     failed: bool = False
     """Those that have no good result: failed, broken, cancelled, or never begun."""
@@ -38,7 +38,7 @@ class Selection:
 
     @property
     def words(self) -> str:
-        """What is selected, in words."""
+        """The selection, in words."""
         parts = ["failed"] if self.failed else []
         parts += [" or ".join(self.jobs)] if self.jobs else []
         parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []

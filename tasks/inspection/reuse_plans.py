@@ -1,4 +1,4 @@
-"""What a run of a specification would take over from earlier runs, and what it would run, and why; runs nothing.
+"""Plan of a run's reuse: what it would take over from earlier runs, and what it would run, and why; runs nothing.
 
 The steps are followed as a run would take them, with what is there already in the place of what they would make.
 """
@@ -51,12 +51,12 @@ class PlannedPart:
 
     reuse: bool
     why: str
-    """Where it is taken over from, or why it is run."""
+    """The earlier run or job that it is taken over from, or the reason why it is run."""
 
 
 @dataclass
 class _Plan:
-    """What is known of the run so far."""
+    """State of the plan: outputs of the steps planned so far, and what they would make."""
 
     service: Service
     outputs: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -122,7 +122,7 @@ def _plan_step(step: CheckedStep, plan: _Plan) -> list[PlannedPart]:
 
 
 def _plan_application(step: CheckedStep, request: Mapping[str, Any], plan: _Plan) -> dict[str, Any]:
-    """What a step that makes an application answers, as far as jobs need it."""
+    """Returns the answer of a step that makes an application, as far as jobs need it."""
     role = _ROLES[step.operation]
     existing = plan.service.catalog.find(f"{role}-application", request["name"])
     if existing is not None and step.if_exists == "reuse":
@@ -197,7 +197,7 @@ def _plan_job(step: str, index: int, part: str, request: SimulationJobRequestMem
 
 
 def _what_changed(step: str, index: int, inputs: ReuseInputs, plan: _Plan) -> str:
-    """What is other than in the last run of the specification that had this job."""
+    """Describes what has changed since the last run of the specification that had this job."""
     for steps in plan.last_steps:
         document = _jobs_of(steps[step], plan).get(index) if step in steps else None
         if document is not None and document.made_of is not None:

@@ -28,7 +28,7 @@ class FoundRecords:
     left_out: int
     """How many older folders of runs were not read."""
     unreadable: list[str]
-    """What is wrong with records that cannot be read."""
+    """Errors of records that cannot be read."""
 
 
 def read_record(path: Path) -> RunRecord:
@@ -102,7 +102,7 @@ def names_of_specifications(runs: Path) -> list[str]:
 
 
 def since_last(run: NightRun, runs: Path) -> SinceLastRun:
-    """What changed in a run since the last one of its specification, by the records of those that began before it."""
+    """Compares a run with the earlier runs of its specification, by the records of those that began before it."""
     earlier = find_records(runs, run.name, before=run.started_at).records
     return since_last_run([*map(NightRun.of, earlier), run])
 
