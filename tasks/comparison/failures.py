@@ -66,7 +66,7 @@ def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
 
 
 def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
-    """What of a job's inputs differs between two runs of it, as far as both are known."""
+    """Returns the inputs of a job that differ between two runs of it, as far as both are known."""
     changed = changed_runs(before.run, after.run)
     old, new = before.job.inputs, after.job.inputs
     if old is None or new is None:
@@ -85,7 +85,7 @@ def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
 
 
 def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """What differs between two runs as a whole: commit of the specification, versions of packages."""
+    """Returns the differences between two runs as a whole: commit of the specification, versions of packages."""
     changed = []
     if before.source and after.source and before.source.commit != after.source.commit:
         changed.append(ChangedInput(what="commit", before=before.source.commit, after=after.source.commit))
@@ -102,7 +102,7 @@ def applications_of(run: NightRun) -> dict[str, str]:
 
 
 def changed_nights(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """What differs between two runs, applications and requests of the jobs that both have included."""
+    """Returns the differences between two runs, with applications and requests of the jobs that both have."""
     ours, theirs = applications_of(before), applications_of(after)
     both = ours.keys() & theirs.keys()
     applications = _differences(

@@ -50,7 +50,7 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
 
 
 def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
-    """What changed in the last of some runs of a specification.
+    """Returns the changes in the last of some runs of a specification.
 
     Each of its jobs is compared with the last earlier run that has a result of it.
 

@@ -182,7 +182,7 @@ def reason_of(job: JobRecord) -> str:
 
 
 def name_of(job: JobRecord) -> CellName:
-    """What a job's cell is called."""
+    """Returns the name of a job's cell."""
     seed = job.inputs.seed if job.inputs and job.inputs.seed_given else None
     return CellName(
         step=job.step or "", test=job.test or job.world or job.label, world=job.world, seed=seed, variant=job.variant
