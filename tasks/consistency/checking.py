@@ -28,7 +28,7 @@ UNFINISHED_AFTER = timedelta(days=1)
 
 _PAGE = 200
 _JOBS = "simulation-jobs/"
-"""What keys of outputs begin with in the service's own bucket."""
+"""Prefix of the keys of outputs in the service's own bucket."""
 
 _AGAIN = {
     "simulation-job": "restore the bucket from a backup, or run the job again",

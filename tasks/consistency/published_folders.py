@@ -16,7 +16,7 @@ from ..storage.naming import join_key
 
 @dataclass(frozen=True)
 class Flaw:
-    """What is wrong with one object or the folder."""
+    """Flaw of one object or of the folder."""
 
     problem: Problem
     key: str
@@ -25,7 +25,7 @@ class Flaw:
 
 @dataclass(frozen=True)
 class Compared:
-    """What came of a comparison."""
+    """Result of a comparison."""
 
     objects: int
     size_bytes: int

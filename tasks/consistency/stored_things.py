@@ -1,4 +1,4 @@
-"""What has to be stored of each resource, by what the catalog says of it."""
+"""Objects that each resource must have in the store, according to the catalog."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Single:
 
 
 def stored_of(resource: Resource) -> Iterator[Folder | Single]:
-    """What has to be there of a resource; of a run that did not come to its end nothing counts."""
+    """Yields the objects that a resource must have; for a run that did not finish, none."""
     if resource.kind == JOB:
         document = SimulationJobDocument.of(resource)
         if document.outputs is not None and document.finished:
