@@ -20,10 +20,10 @@ CANCELED = 4
 TIMED_OUT = 5
 
 NO_DIFFERENCE = 6
-"""Of `compare`: no difference is shown."""
+"""Result of `compare`: no difference is shown."""
 
 NOT_COMPARABLE = 7
-"""Of `compare`: the runs cannot be compared."""
+"""Result of `compare`: the runs cannot be compared."""
 
 INTERRUPTED = 130
 """Ctrl-C; of SIGTERM and SIGHUP it is 128 and the signal's number, as the process ends by the signal itself."""

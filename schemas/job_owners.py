@@ -22,7 +22,9 @@ job has ended."""
 class JobOwner(Model):
     """A process that carries out a job, or did."""
 
-    program: str = Field(description="What it is: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`.")
+    program: str = Field(
+        description="Program that it runs: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`."
+    )
     machine: str = Field(description="Name of its machine.")
     process_id: int | None = Field(description="Its process id there; absent: it did not say.")
 
@@ -103,12 +105,12 @@ class JobStanding(Model):
     state: OwnerState = Field(description="Whether the owner works, has died, has left it, or the job has ended.")
     lost: JobOwner | None = Field(default=None, description="The owner before it, which died; absent: there was none.")
     differences: tuple[str, ...] = Field(
-        default=(), description="What this process has otherwise than the job needs; empty: nothing."
+        default=(), description="Differences of this process from what the job needs, in words; empty: none."
     )
     command: str | None = Field(
-        default=None, description="What carries it out as it was ordered; absent: any job worker does."
+        default=None, description="Command that carries it out as it was ordered; absent: any job worker does."
     )
-    machine: str | None = Field(default=None, description="Where to type that.")
+    machine: str | None = Field(default=None, description="Machine on which to type that.")
 
     @property
     def waits_for_command(self) -> bool:

@@ -23,10 +23,10 @@ class Lifecycle(Generic[State]):
     """A state machine."""
 
     name: str
-    """What lives it, for messages."""
+    """Resource that has these states, for messages: `the simulation job`."""
 
     initial: State
-    """Where it begins."""
+    """First state of a new resource."""
 
     states: tuple[State, ...]
     """All states the interface knows."""

@@ -18,7 +18,7 @@ from pydantic import AfterValidator, Field, model_validator
 from .wire.base import Model
 
 ITSELF = "itself"
-"""What `assume_role` says when the role that is assumed has the ARN of the request."""
+"""Value of `assume_role` when the role that is assumed has the ARN of the request."""
 
 BLOCK_TYPES = ("aws-credentials", "minio-credentials", "robomaker-credentials")
 """The types of Prefect's blocks that credentials are taken from; the first two are prefect-aws's."""
@@ -42,8 +42,10 @@ class Role(Model):
         pattern=r"^arn:aws:iam::\w+:role/[^*]*\*?$",
         description="ARN of the role; one that ends with * stands for all that begin so.",
     )
-    read: tuple[Place, ...] = Field(default=(), description="What it may read: bucket/*, bucket/folder/*, bucket/key.")
-    write: tuple[Place, ...] = Field(default=(), description="What it may read and write.")
+    read: tuple[Place, ...] = Field(
+        default=(), description="Objects that it may read: bucket/*, bucket/folder/*, bucket/key."
+    )
+    write: tuple[Place, ...] = Field(default=(), description="Objects that it may read and write.")
     access_key_id: str | None = Field(default=None, min_length=1, description="Id of its access key.")
     secret_access_key: str | None = Field(default=None, min_length=1, repr=False, description="The access key itself.")
     session_token: str | None = Field(default=None, repr=False, description="Token of a temporary access key.")

@@ -1,4 +1,4 @@
-"""Where things are kept and who one is, read from environment variables.
+"""Settings of this program, read from environment variables: storage, identity and limits.
 
 | variable | meaning | default |
 | --- | --- | --- |
@@ -60,8 +60,8 @@ _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 _MOST_MB = 9_999_999
 
 NotifyWhen = Literal["failure", "recovery", "change", "always"]
-"""Of which runs somebody is told: that did not succeed; the first good one after bad ones; that ended otherwise than
-the one before; all."""
+"""Runs that notifications are sent for: those that did not succeed; the first good one after bad ones; those that ended
+otherwise than the one before; all."""
 
 DEFAULT_JOB_MEMORY_MB = 300
 """A job with the built-in applications takes 60 to 190 MB."""
@@ -75,15 +75,15 @@ DEFAULT_MAX_OUTPUT_FILES = 100_000
 minutes."""
 _MOST_OUTPUT_FILES = 1_000_000
 DEFAULT_MAX_WORLDS_PER_JOB = 50
-"""What the service allowed."""
+"""Limit of the original service, in worlds per generation job."""
 DEFAULT_MAX_LATE_HOURS = 6
 """A night begins before people come to work, or not at all."""
 DEFAULT_STORE_PATIENCE_MIN = 30
 """A server that is updated is back by then, and so is one whose disk a person cleans up."""
 DEFAULT_ROBOT_POLL_S = 30
-"""What hawkBit asks for at least."""
+"""Shortest time between two polls that hawkBit asks for, in seconds."""
 MAX_ROBOT_POLL_S = 24 * 3600 - 1
-"""What clients of hawkBit can be told."""
+"""Longest time between two polls that clients of hawkBit can be told, in seconds."""
 
 
 class Settings(Model):
@@ -102,7 +102,7 @@ class Settings(Model):
     backend: str = Field(
         default="local",
         pattern=r"^(local|by-hand|(workers|dask|ray):.+)$",
-        description="Where the jobs of batches run: local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
+        description="Backend that runs the jobs of batches: local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
     job_memory_mb: int = Field(
@@ -113,7 +113,7 @@ class Settings(Model):
     min_free_disk_mb: int = Field(
         default=DEFAULT_MIN_FREE_DISK_MB,
         ge=0,
-        description="What has to be free on the disk of the home for a simulation job to begin, in MB; 0: any.",
+        description="Free space on the disk of the home that a simulation job needs to begin, in MB; 0: any.",
     )
     nice: int = Field(
         default=0,
@@ -127,12 +127,14 @@ class Settings(Model):
         description="How long the videos of a failed run may take, in seconds; that of its last 10 s comes first.",
     )
     max_job_disk_gb: int = Field(
-        default=DEFAULT_MAX_JOB_DISK_GB, ge=1, description="What the folders of a simulation job's run may hold, in GB."
+        default=DEFAULT_MAX_JOB_DISK_GB,
+        ge=1,
+        description="Limit on the size of the folders of a simulation job's run, in GB.",
     )
     max_output_gb: int = Field(
         default=DEFAULT_MAX_JOB_DISK_GB,
         ge=1,
-        description="What is stored of the outputs of a simulation job's run, in GB; holes in files count.",
+        description="Limit on the stored outputs of a simulation job's run, in GB; holes in files count.",
     )
     max_output_files: int = Field(
         default=DEFAULT_MAX_OUTPUT_FILES,
@@ -141,11 +143,11 @@ class Settings(Model):
     )
     sandbox: SandboxMode = Field(
         default="auto",
-        description="What simulation jobs are confined to: what this machine can, at least something, or nothing.",
+        description="Confinement of simulation jobs: what this machine can, at least something, or nothing.",
     )
     sandbox_network: BoxNetwork = Field(
         default="full",
-        description="What confined jobs reach: the network, the service on this machine, or only their own processes.",
+        description="Network of confined jobs: all of it, the service on this machine, or only their own processes.",
     )
     sandbox_show: tuple[Path, ...] = Field(
         default=(), description="Folders that confined jobs may read besides their own, absolute paths."
@@ -183,7 +185,7 @@ class Settings(Model):
     robots_url: str | None = Field(
         default=None,
         pattern=r"^https?://[^/\s]+/?$",
-        description="Where robots reach the endpoint, without a path; None: as each of their requests says.",
+        description="Address at which robots reach the endpoint, without a path; None: as each of their requests says.",
     )
     robot_poll_s: int = Field(
         default=DEFAULT_ROBOT_POLL_S,
@@ -203,7 +205,7 @@ class Settings(Model):
         default=(), repr=False, description="Addresses of apprise that are told how runs ended; they may hold secrets."
     )
     notify_when: frozenset[NotifyWhen] = Field(
-        default=frozenset({"failure", "recovery"}), description="Of which runs they are told."
+        default=frozenset({"failure", "recovery"}), description="Runs that these addresses are told of."
     )
 
     @classmethod

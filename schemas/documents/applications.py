@@ -12,7 +12,7 @@ class StoredSource(Part):
 
     s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
     s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Key.")
-    architecture: str | None = Field(default=None, description="What it runs on; absent: anything.")
+    architecture: str | None = Field(default=None, description="Processor architecture that it runs on; absent: any.")
     etag: str = Field(description="ETag it had when the application or its version was made.")
 
 
@@ -26,7 +26,9 @@ class ApplicationDocument(Document):
     """An application as it is now, or a version of it."""
 
     sources: list[StoredSource] | None = Field(default=None, description="Its archives; absent: it has none.")
-    environment: StoredEnvironment | None = Field(default=None, description="What it is instead; absent: archives.")
+    environment: StoredEnvironment | None = Field(
+        default=None, description="Package or image instead of archives; absent: it has archives."
+    )
     robot_software_suite: Json | None = Field(default=None, description="The suite that its robot side uses.")
     simulation_software_suite: Json | None = Field(default=None, description="The suite that it simulates with.")
     rendering_engine: Json | None = Field(default=None, description="The engine that it renders with.")

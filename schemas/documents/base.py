@@ -1,4 +1,4 @@
-"""What all documents share: how they are read from the catalog's JSON, how they are written, and their versions."""
+"""Base of all documents: how they are read from the catalog's JSON, how they are written, and their versions."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -103,7 +103,7 @@ class FailureChanges(Changes):
 
 
 class Document(Changes):
-    """What the catalog keeps of one resource besides its name, status and tags."""
+    """Document of a resource in the catalog: all that is kept besides its name, status and tags."""
 
     # Members of newer releases that share this version are left alone.
     model_config = ConfigDict(extra="ignore")

@@ -8,7 +8,7 @@ from .base import Changes, Document, FailureChanges, Json, Part
 
 
 class RobotMembership(Changes):
-    """What changes of a robot: where it belongs, and what was last meant for it."""
+    """Members of a robot's document that change: its fleet, and the last deployment meant for it."""
 
     fleet: str | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
     last_deployment_job: str | None = Field(default=None, description="ARN of the last deployment meant for it.")
@@ -22,7 +22,7 @@ class RobotEnrolment(Changes):
     )
 
     kind: Literal["agent"] | None = Field(
-        default=None, description="What runs on it: our own agent; absent: an updater of others."
+        default=None, description="Kind of updater: our own agent; absent: an updater of others."
     )
     enrolment_sha256: str | None = Field(
         default=None, description="SHA-256 of the one-time token of an agent, in hexadecimal digits; absent: none."
@@ -52,13 +52,13 @@ class RobotSighting(Changes):
 
 
 class RobotAttributes(Changes):
-    """What a robot says about itself."""
+    """Attributes that a robot reports about itself."""
 
     attributes: dict[str, str] | None = Field(default=None, description="Texts by name; absent: it said nothing.")
 
 
 class RobotInstallation(Changes):
-    """What a robot installed last."""
+    """Application and version that a robot installed last."""
 
     installed_name: str | None = Field(default=None, description="Name of the application; absent: none yet.")
     installed_version: str | None = Field(default=None, description="Its version; absent: none yet.")
@@ -75,12 +75,12 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
 
     @property
     def installed(self) -> str | None:
-        """What it installed last, such as `courier 1`; nothing: it has installed nothing."""
+        """Application and version that it installed last, such as `courier 1`; `None`: it has installed nothing."""
         return " ".join(filter(None, (self.installed_name, self.installed_version))) or None
 
 
 class FleetChanges(Changes):
-    """What changes of a fleet."""
+    """Members of a fleet's document that change."""
 
     last_deployment_job: str | None = Field(default=None, description="ARN of its last deployment job.")
 
@@ -103,14 +103,14 @@ class DeploymentJobDocument(FailureChanges, Document):
     """A deployment job."""
 
     deployment_application_configs: list[dict[str, Any]] = Field(
-        description="What is deployed: one `DeploymentApplicationConfig` on the wire."
+        description="Application to deploy: one `DeploymentApplicationConfig` on the wire."
     )
     deployment_config: Json = Field(description="How, with the defaults that hold and the ETag of the condition file.")
     repeats: bool = Field(
         default=False, description="Whether it repeats an earlier one, so that robots that are in sync are left alone."
     )
     rolls_back: RobotsRolledBack | None = Field(
-        default=None, description="Which robots alone it is meant for, and why; absent: it is made by a call."
+        default=None, description="The only robots that it is meant for, and why; absent: it is made by a call."
     )
 
     @property

@@ -1,4 +1,4 @@
-"""Which document each kind of resource has."""
+"""Document class of each kind of resource."""
 
 from collections.abc import Mapping
 from typing import Any

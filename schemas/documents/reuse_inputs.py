@@ -1,4 +1,4 @@
-"""What the result of a simulation job depends on: jobs with the same inputs have the same result."""
+"""Inputs that decide the result of a simulation job: jobs with the same inputs have the same result."""
 
 import hashlib
 import json
@@ -37,11 +37,11 @@ class ReuseInputs(Model):
     request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
     seed: int = Field(description="Seed of the run's random generators.")
     video: str = Field(description="When a video is written.")
-    requirements: list[dict[str, Any]] = Field(description="What the run is judged by.")
+    requirements: list[dict[str, Any]] = Field(description="Requirements that the run is judged by.")
     data: list[dict[str, Any]] = Field(description="Data sources, with the ETags of their objects.")
     world: str | None = Field(description="Hash of the world's content; none: it has no world.")
-    robot: str | None = Field(description="What the robot application is; none: the job names none.")
-    simulation: str | None = Field(description="What the simulation application is; none: the job names none.")
+    robot: str | None = Field(description="Content of the robot application; none: the job names none.")
+    simulation: str | None = Field(description="Content of the simulation application; none: the job names none.")
     versions: dict[str, str] = Field(description="Versions of what runs it.")
 
     @classmethod
@@ -71,7 +71,7 @@ class ReuseInputs(Model):
         return hashlib.sha256(canonical.encode()).hexdigest()
 
     def changes_since(self, earlier: "ReuseInputs") -> list[str]:
-        """What differs from an earlier job's inputs, in words without secrets; empty for the same key."""
+        """Differences from an earlier job's inputs, in words without secrets; empty for the same key."""
         dumped = [inputs.model_dump(mode="json") for inputs in (earlier, self)]
         before, now = (dict(_leaves(inputs, ())) for inputs in dumped)
         paths = [path for path in dict.fromkeys([*before, *now]) if _text(before, path) != _text(now, path)]

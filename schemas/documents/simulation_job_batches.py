@@ -31,14 +31,14 @@ class FailedRequest(Part):
 
 
 class BatchCounts(Changes):
-    """What lists read instead of the whole batch; batches from before these were counted have neither."""
+    """Counts that lists read instead of the whole batch; batches from before these were counted have neither."""
 
     request_count: int | None = Field(default=None, description="How many requests it has.")
     failed_count: int | None = Field(default=None, description="How many of them never become jobs.")
 
 
 class BatchProgress(FailureChanges):
-    """What is recorded while a batch runs, and when it ends."""
+    """Members that are recorded while a batch runs, and when it ends."""
 
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
     failed_count: int | None = Field(default=None, description="How many those are.")
@@ -54,7 +54,7 @@ class BatchProgress(FailureChanges):
 
 
 class BatchInBrief(FailureChanges, Brief):
-    """What the console reads of batches."""
+    """Members of a batch that the console reads."""
 
     request_count: int | None = Field(default=None, description="How many requests it has; absent: not counted.")
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")

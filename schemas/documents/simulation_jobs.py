@@ -26,16 +26,18 @@ class Outcome(Part):
     upload_s: float | None = Field(default=None, description="How long its outputs were stored; absent: not known.")
     verdict: Verdict | None = Field(default=None, description="Verdict of its result; absent: none was written.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
-    outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
+    outputs: StoredPlace | None = Field(
+        default=None, description="Place of its stored outputs; absent: they are not stored."
+    )
 
     def changes(self) -> "SimulationJobProgress":
-        """What of it are members of the job's document; its status is the job's own."""
+        """Members that it sets in the job's document; its status is the job's own."""
         # One that lost its outputs after its run was judged has lost the verdict with them; a cancelled one has none.
         lost = {} if self.status == "Completed" else {"verdict": None, "verdict_reason": None}
         return SimulationJobProgress(**lost, **self._members())
 
     def about_run(self) -> dict[str, Any]:
-        """What the manifest of its outputs says of it; `result.json` beside it has the verdict."""
+        """Members for the manifest of its outputs; `result.json` beside it has the verdict."""
         left_out: dict[str, None] = dict.fromkeys(("verdict", "verdict_reason", "video_s", "upload_s"))
         return self.model_copy(update=left_out).to_json()
 
@@ -68,7 +70,9 @@ class EarlierRun(Part):
     failure_reason: str | None = Field(default=None, description="The same in words.")
     simulation_time_millis: int | None = Field(default=None, description="How long it took; absent: not known.")
     restarted: bool = Field(default=False, description="Whether it ended for a restart of the job.")
-    outputs: StoredPlace | None = Field(default=None, description="Where its outputs are stored; absent: nowhere.")
+    outputs: StoredPlace | None = Field(
+        default=None, description="Place of its stored outputs; absent: they are not stored."
+    )
     not_stored: str | None = Field(default=None, description="Why its outputs are not stored; absent if they are.")
 
 
@@ -100,19 +104,23 @@ class ResolvedDataSource(Part):
     s3_keys: list[ResolvedKey] = Field(
         validation_alias="s3Keys", serialization_alias="s3Keys", description="Its objects."
     )
-    destination: str | None = Field(default=None, description="Where applications find it; absent: by its name.")
+    destination: str | None = Field(
+        default=None, description="Path at which applications find it; absent: by its name."
+    )
 
 
 ARCHIVE = "archive "
-"""What `MadeOf` says of an application that was an archive begins with this; the archive's ETag follows."""
+"""Prefix in `MadeOf` of an application that was an archive; the archive's ETag follows."""
 
 
 class MadeOf(Part):
-    """What the names in a job's request stood for when its run was prepared: with these it can be compared."""
+    """Contents behind the names in a job's request when its run was prepared: by these it can be compared."""
 
     world: str | None = Field(default=None, description="Hash of the content of its world's bundle; absent: no world.")
-    robot: str | None = Field(default=None, description="What its robot application was; absent: it names none.")
-    simulation: str | None = Field(default=None, description="What its simulation application was; likewise.")
+    robot: str | None = Field(
+        default=None, description="Content of its robot application: archive, image or package; absent: it names none."
+    )
+    simulation: str | None = Field(default=None, description="Content of its simulation application; likewise.")
     versions: dict[str, str] = Field(default={}, description="Versions of what ran it.")
     once_only: str | None = Field(
         default=None, description="Why the same inputs may have another result; absent: they have the same."
@@ -132,7 +140,7 @@ class ReusedFrom(Part):
 
 
 class SimulationJobProgress(FailureChanges):
-    """What is recorded while a simulation job runs, and when it ends."""
+    """Members that are recorded while a simulation job runs, and when it ends."""
 
     run_id: str | None = Field(default=None, description="Id of its last run; absent: it has not run.")
     last_started_at: str | None = Field(default=None, description="When that run began.")
@@ -161,7 +169,7 @@ class SimulationJobProgress(FailureChanges):
         default=None, description="How long its outputs were stored, by the clock; absent: not known, or not yet."
     )
     verdict: Verdict | None = Field(
-        default=None, description="What its last run was judged to be; absent: it has no result, or was canceled."
+        default=None, description="Verdict of its last run; absent: it has no result, or was canceled."
     )
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     outcome: Outcome | None = Field(
@@ -176,20 +184,22 @@ class SimulationJobProgress(FailureChanges):
     finished: bool | None = Field(
         default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
     )
-    outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    outputs: StoredPlace | None = Field(default=None, description="Place of the stored outputs of its last run.")
     call_key: str | None = Field(
-        default=None, description="What the code of its last run calls the service with, as long as that run goes on."
+        default=None, description="Key with which the code of its last run calls the service, until that run ends."
     )
     upload_canceled: bool = Field(
         default=False,
         description="Whether a job that had been cancelled was cancelled again while its outputs were stored.",
     )
     earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
-    made_of: MadeOf | None = Field(default=None, description="What its last run was made of; absent: it has not run.")
+    made_of: MadeOf | None = Field(
+        default=None, description="Contents that its last run was made of; absent: it has not run."
+    )
 
     @classmethod
     def begun(cls, run_id: str, waited_s: Mapping[Scarce, float], call_key: str) -> "SimulationJobProgress":
-        """What is recorded of a new run: what an earlier one failed of, and was judged to be, is nothing it has.
+        """The members of a new run, without the failure and the verdict of an earlier one.
 
         Args:
             run_id: its id.
@@ -220,14 +230,14 @@ class SimulationJobProgress(FailureChanges):
 
 
 class JobTrials(Changes):
-    """What the progress of a batch reads of each job instead of the whole document."""
+    """Members of a job that the progress of a batch reads instead of the whole document."""
 
     request_index: int | None = Field(default=None, description="Place of its request in its batch.")
     trials_finished: int | None = Field(default=None, description="How many trials had finished when it was asked.")
 
 
 class JobInBrief(FailureChanges, Brief):
-    """What the console's live pages read of each job instead of the whole document."""
+    """Members of a job that the console's live pages read instead of the whole document."""
 
     request_index: int | None = Field(default=None, description="Place of its request in its batch.")
     last_started_at: str | None = Field(default=None, description="When its last run began.")
@@ -236,10 +246,10 @@ class JobInBrief(FailureChanges, Brief):
     video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
     upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
     simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
-    verdict: Verdict | None = Field(default=None, description="What its last run was judged to be.")
+    verdict: Verdict | None = Field(default=None, description="Verdict of its last run.")
     verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
     video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
-    outputs: StoredPlace | None = Field(default=None, description="Where the outputs of its last run are stored.")
+    outputs: StoredPlace | None = Field(default=None, description="Place of the stored outputs of its last run.")
     run_id: str | None = Field(default=None, description="Id of its last run.")
 
 
@@ -250,10 +260,10 @@ class SimulationJobDocument(SimulationJobProgress, Document):
     request_index: int | None = Field(default=None, description="Place of its request in its batch; absent: no batch.")
     seed: int = Field(description="Seed of the run's random generators.")
     video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
-    requirements: list[dict[str, Any]] = Field(default=[], description="What the run is judged by.")
+    requirements: list[dict[str, Any]] = Field(default=[], description="Requirements that the run is judged by.")
     trials: dict[str, Any] | None = Field(default=None, description="Its trials: `Trials`; absent: one episode.")
     data_sources: list[ResolvedDataSource] | None = Field(default=None, description="Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
     spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
-    reused_from: ReusedFrom | None = Field(default=None, description="Whose results it took over; absent: it ran.")
+    reused_from: ReusedFrom | None = Field(default=None, description="Job whose results it took over; absent: it ran.")

@@ -6,14 +6,14 @@ from .base import Document, FailureChanges, Part
 
 
 class ArchiveLocation(Part):
-    """Where the archive goes, by the names of the request."""
+    """Location of the archive in the object store, by the names of the request."""
 
     s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
     s3_prefix: str | None = Field(
         default=None,
         validation_alias="s3Prefix",
         serialization_alias="s3Prefix",
-        description="What its key begins with.",
+        description="Prefix of its key.",
     )
 
 
@@ -23,13 +23,13 @@ class WorldExportRequest(Part):
     model_config = ConfigDict(extra="allow")
 
     worlds: list[str] = Field(description="ARNs of the worlds.")
-    output_location: ArchiveLocation = Field(description="Where the archive goes.")
+    output_location: ArchiveLocation = Field(description="Location of the archive.")
     iam_role: str = Field(description="ARN of the role.")
     client_request_token: str | None = Field(default=None, description="The request's token.")
 
 
 class WorldExportProgress(FailureChanges):
-    """What is recorded while a world export job runs, and when it ends."""
+    """Members that are recorded while a world export job runs, and when it ends."""
 
     started: bool = Field(default=False, description="Whether it began, so that there may be an archive.")
 

@@ -40,11 +40,11 @@ class WorldFailures(Part):
     """Worlds that failed, summed up by code."""
 
     total_failure_count: int = Field(default=0, description="How many.")
-    failures: list[WorldFailureCount] = Field(default=[], description="By code, the most frequent first.")
+    failures: list[WorldFailureCount] = Field(default=[], description="Failures by code, the most frequent first.")
 
 
 class WorldGenerationProgress(FailureChanges):
-    """What is recorded while a world generation job runs, and when it ends."""
+    """Members that are recorded while a world generation job runs, and when it ends."""
 
     failures: WorldFailures | None = Field(default=None, description="Worlds that failed so far.")
     made_when_taken: int = Field(

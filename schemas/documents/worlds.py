@@ -6,14 +6,14 @@ from .base import Document, Part
 
 
 class StoredPlace(Part):
-    """Where a folder of files is in the object store."""
+    """Place of a folder of files in the object store."""
 
     bucket: str = Field(description="Bucket.")
-    prefix: str = Field(description="What all keys of its files begin with; its last part names the content or run.")
+    prefix: str = Field(description="Prefix of all keys of its files; its last part names the content or run.")
 
     @property
     def last_part(self) -> str:
-        """What names the content or run."""
+        """Last part of the prefix, which names the content or run."""
         return self.prefix.rpartition("/")[2]
 
 
@@ -21,7 +21,7 @@ class WorldDocument(Document):
     """A world."""
 
     template: str | None = Field(default=None, description="ARN of the template it was generated from.")
-    bundle: StoredPlace | None = Field(default=None, description="Where its bundle is.")
+    bundle: StoredPlace | None = Field(default=None, description="Place of its bundle.")
     reused_from: str | None = Field(
         default=None, description="ARN of the world whose bundle it shares; absent: it was generated."
     )

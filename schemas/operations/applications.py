@@ -1,4 +1,4 @@
-"""What robot applications and simulation applications have in common: where they come from, and their versions."""
+"""Shapes that robot applications and simulation applications share: their sources, and their versions."""
 
 from typing import Annotated, Literal, Self
 
@@ -64,7 +64,7 @@ class Source(SourceConfig):
 
 
 class Environment(Shape):
-    """What an application runs in, where it is no archive."""
+    """Package or image of an application that has no archives."""
 
     uri: RepositoryUrl | None = Field(
         default=None, description="`python://package.module` for an installed package, or a container image."
@@ -87,7 +87,9 @@ class ApplicationContent(Shape):
 
     sources: SourceConfigs | None = Field(default=None, description="Archives with its files, one per architecture.")
     robotSoftwareSuite: RobotSoftwareSuite = Field(description="The robot software it is written for.")
-    environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
+    environment: Environment | None = Field(
+        default=None, description="Package or image of the application, instead of archives."
+    )
 
     @model_validator(mode="after")
     def _one_content(self) -> Self:
@@ -107,7 +109,9 @@ class ApplicationRevision(Shape):
     )
     lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
     revisionId: RevisionId | None = Field(default=None, description="Changes with every change of the application.")
-    environment: Environment | None = Field(default=None, description="Where it comes from, instead of archives.")
+    environment: Environment | None = Field(
+        default=None, description="Package or image of the application, instead of archives."
+    )
 
 
 class ApplicationUpdate(ApplicationContent):
@@ -149,11 +153,11 @@ class ApplicationListRequest(Shape):
     )
     nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(default=None, description="Which applications, by `name`; absent: all.")
+    filters: Filters | None = Field(default=None, description="Filter by `name`; absent: all applications.")
 
 
 Shapes = tuple[type[Shape], type[Shape]]
-"""What an operation takes, and what it gives."""
+"""Request and response of an operation."""
 
 
 def application_operations(

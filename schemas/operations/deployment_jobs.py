@@ -222,7 +222,7 @@ class DeploymentJob(Shape):
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
     fleet: Arn | None = Field(default=None, description="ARN of the fleet.")
-    status: DeploymentStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: DeploymentStatus | None = Field(default=None, description="Status of the job.")
     deploymentApplicationConfigs: DeploymentApplicationConfigs | None = Field(
         default=None, description="The application."
     )
@@ -245,7 +245,7 @@ class CreateDeploymentJobResponse(DeploymentJob):
 class ProgressDetail(Shape):
     """How far a deployment to one robot is."""
 
-    currentProgress: RobotDeploymentStep | None = Field(default=None, description="What is being done.")
+    currentProgress: RobotDeploymentStep | None = Field(default=None, description="Step that the deployment is at.")
     percentDone: PercentDone | None = Field(default=None, description="How much of the download is done, in percent.")
     estimatedTimeRemainingSeconds: GenericInteger | None = Field(
         default=None, description="How long the download will still take, in seconds."
@@ -277,9 +277,9 @@ class DescribeDeploymentJobRequest(Shape):
 class DeploymentWait(Shape):
     """Something that a deployment waits for; robots that have begun go on meanwhile."""
 
-    cause: DeploymentWaitCause | None = Field(default=None, description="What it is.")
+    cause: DeploymentWaitCause | None = Field(default=None, description="Cause of the wait.")
     since: Timestamp | None = Field(default=None, description="When a person paused it; absent for others.")
-    by: NonEmptyString | None = Field(default=None, description="Who paused it; absent: not said.")
+    by: NonEmptyString | None = Field(default=None, description="Person who paused it; absent: not said.")
     until: Timestamp | None = Field(default=None, description="When a maintenance window opens; absent for others.")
 
 

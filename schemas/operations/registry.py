@@ -50,7 +50,7 @@ OPERATIONS: Mapping[str, OperationShape] = {
 """Every operation by name."""
 
 STEPS: Mapping[str, OperationShape] = dict(sorted({**OPERATIONS, **STEP_OPERATIONS}.items()))
-"""What steps of specifications may have: every operation, and those that only steps have."""
+"""Operations that steps of specifications may have: every operation, and those that only steps have."""
 
 
 def operation_shape(name: str) -> OperationShape:

@@ -87,7 +87,7 @@ class StartSimulationJobBatchResponse(Shape):
     """The batch as it was accepted. The three lists are always sent, even when empty."""
 
     arn: Arn | None = Field(default=None, description="ARN of the batch.")
-    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Status of the batch.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
     batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
@@ -118,7 +118,7 @@ class ListSimulationJobBatchesRequest(Shape):
 
     nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(default=None, description="Which batches: by `status`; absent: all.")
+    filters: Filters | None = Field(default=None, description="Filter by `status`; absent: all batches.")
 
 
 Integer = Annotated[int, ShapeName("Integer")]
@@ -130,7 +130,7 @@ class SimulationJobBatchSummary(Shape):
     arn: Arn | None = Field(default=None, description="ARN of the batch.")
     lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    status: SimulationJobBatchStatus | None = Field(default=None, description="Where the batch is in its life.")
+    status: SimulationJobBatchStatus | None = Field(default=None, description="Status of the batch.")
     failedRequestCount: Integer | None = Field(default=None, description="How many requests never became jobs.")
     pendingRequestCount: Integer | None = Field(default=None, description="How many requests wait.")
     createdRequestCount: Integer | None = Field(default=None, description="How many requests became jobs.")

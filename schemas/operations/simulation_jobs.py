@@ -101,9 +101,9 @@ class SimulationJobRequestMembers(Shape):
     """Members of a request for one job, on its own or in a batch."""
 
     outputLocation: OptionalOutputLocation = Field(
-        default=None, description="Where outputs are put; absent or empty: the configured bucket."
+        default=None, description="Location of the outputs; absent or empty: the configured bucket."
     )
-    loggingConfig: LoggingConfig | None = Field(default=None, description="What is recorded.")
+    loggingConfig: LoggingConfig | None = Field(default=None, description="Settings of the recording.")
     maxJobDurationInSeconds: JobDuration = Field(
         description="Wall-clock limit in seconds, 1 to 1209600; reaching it ends the job normally."
     )
@@ -117,7 +117,7 @@ class SimulationJobRequestMembers(Shape):
     dataSources: DataSourceConfigs | None = Field(default=None, description="Objects the job reads, at most 6 sources.")
     tags: TagMap | None = Field(default=None, description="Tags for the job.")
     vpcConfig: VPCConfig | None = Field(default=None, description="Network of the job.")
-    compute: Compute | None = Field(default=None, description="What the job may use of the machine.")
+    compute: Compute | None = Field(default=None, description="Limits on the job's use of the machine.")
     seed: Seed | None = Field(default=None, description="Extension: seed of the run's random generators.")
     video: VideoPolicy | None = Field(
         default=None, description="Extension: whether a video is made: none (the default), always, or if the run fails."
@@ -164,14 +164,14 @@ class CreateSimulationJobResponse(Shape):
     """The job as it was accepted."""
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: SimulationJobStatus | None = Field(default=None, description="Status of the job.")
     lastStartedAt: LastStartedAt | None = Field(default=None, description="When it last began to run.")
     lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
-    failureBehavior: FailureBehavior | None = Field(default=None, description="What happens after a crash.")
+    failureBehavior: FailureBehavior | None = Field(default=None, description="Behavior after a crash.")
     failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    outputLocation: OptionalOutputLocation = Field(default=None, description="Where outputs are put.")
-    loggingConfig: LoggingConfig | None = Field(default=None, description="What is recorded.")
+    outputLocation: OptionalOutputLocation = Field(default=None, description="Location of the outputs.")
+    loggingConfig: LoggingConfig | None = Field(default=None, description="Settings of the recording.")
     maxJobDurationInSeconds: JobDuration | None = Field(default=None, description="Wall-clock limit in seconds.")
     simulationTimeMillis: SimulationTimeMillis | None = Field(
         default=None, description="How long the job has run, in milliseconds."
@@ -184,7 +184,7 @@ class CreateSimulationJobResponse(Shape):
     dataSources: DataSources | None = Field(default=None, description="Objects the job reads.")
     tags: TagMap | None = Field(default=None, description="The job's tags; always sent.")
     vpcConfig: VPCConfigResponse | None = Field(default=None, description="Network of the job.")
-    compute: ComputeResponse | None = Field(default=None, description="What the job may use of the machine.")
+    compute: ComputeResponse | None = Field(default=None, description="Limits on the job's use of the machine.")
 
 
 class SimulationJob(CreateSimulationJobResponse):
@@ -231,7 +231,7 @@ class SimulationJobSummary(Shape):
     arn: Arn | None = Field(default=None, description="ARN of the job.")
     lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
     name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
-    status: SimulationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: SimulationJobStatus | None = Field(default=None, description="Status of the job.")
     simulationApplicationNames: SimulationApplicationNames | None = Field(
         default=None, description="Its simulation application."
     )
@@ -257,7 +257,7 @@ class ListSimulationJobsRequest(Shape):
     )
     filters: Filters | None = Field(
         default=None,
-        description="Which jobs: by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all.",
+        description="Filter by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all jobs.",
     )
 
 

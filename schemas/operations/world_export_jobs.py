@@ -39,7 +39,7 @@ class CreateWorldExportJobRequest(Shape):
         default=None, description="Makes the call repeatable: the same token and request give the same job."
     )
     worlds: Arns = Field(description="ARNs of the worlds that go into the archive, 1 to 100.")
-    outputLocation: OutputLocation = Field(description="Where the archive is put.")
+    outputLocation: OutputLocation = Field(description="Location of the archive.")
     iamRole: IamRole = Field(description="ARN of the role whose rights the job uses to write.")
     tags: TagMap | None = Field(default=None, description="Tags for the job.")
 
@@ -48,11 +48,11 @@ class CreateWorldExportJobResponse(Shape):
     """The job as it was accepted."""
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldExportJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: WorldExportJobStatus | None = Field(default=None, description="Status of the job.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
     failureCode: WorldExportJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    outputLocation: OutputLocation | None = Field(default=None, description="Where the archive is put.")
+    outputLocation: OutputLocation | None = Field(default=None, description="Location of the archive.")
     iamRole: IamRole | None = Field(default=None, description="ARN of the role the job uses.")
     tags: TagMap | None = Field(default=None, description="The job's tags.")
 
@@ -77,8 +77,8 @@ class ListWorldExportJobsRequest(Shape):
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
     filters: Filters | None = Field(
         default=None,
-        description="Which jobs: by `status`, or by `generationJobId` or `templateId`, the id of what one of their "
-        "worlds came from; absent: all.",
+        description="Filter by `status`, or by `generationJobId` or `templateId`, the id of what one of a job's worlds "
+        "came from; absent: all jobs.",
     )
 
 
@@ -86,10 +86,10 @@ class WorldExportJobSummary(Shape):
     """One export job in a list."""
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldExportJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: WorldExportJobStatus | None = Field(default=None, description="Status of the job.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
     worlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds in the archive.")
-    outputLocation: OutputLocation | None = Field(default=None, description="Where the archive is put.")
+    outputLocation: OutputLocation | None = Field(default=None, description="Location of the archive.")
 
 
 WorldExportJobSummaries = Annotated[list[WorldExportJobSummary], ShapeName("WorldExportJobSummaries", 0, 100)]

@@ -95,7 +95,7 @@ class CreateWorldGenerationJobResponse(Shape):
     """The job as it was accepted."""
 
     arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldGenerationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: WorldGenerationJobStatus | None = Field(default=None, description="Status of the job.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
     failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
     clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
@@ -126,7 +126,7 @@ class FailureSummary(Shape):
     """Worlds that failed."""
 
     totalFailureCount: int | None = Field(default=None, description="How many worlds failed.")
-    failures: WorldFailures | None = Field(default=None, description="By reason.")
+    failures: WorldFailures | None = Field(default=None, description="Failed worlds by reason.")
 
 
 class FinishedWorldsSummary(Shape):
@@ -152,7 +152,7 @@ class ListWorldGenerationJobsRequest(Shape):
     nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
     filters: Filters | None = Field(
-        default=None, description="Which jobs, by `status` or `templateId`, the template's id; absent: all."
+        default=None, description="Filter by `status` or `templateId`, the template's id; absent: all jobs."
     )
 
 
@@ -162,7 +162,7 @@ class WorldGenerationJobSummary(Shape):
     arn: Arn | None = Field(default=None, description="ARN of the job.")
     template: Arn | None = Field(default=None, description="ARN of the template.")
     createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    status: WorldGenerationJobStatus | None = Field(default=None, description="Where the job is in its life.")
+    status: WorldGenerationJobStatus | None = Field(default=None, description="Status of the job.")
     worldCount: WorldCount | None = Field(default=None, description="How many worlds were requested.")
     succeededWorldCount: int | None = Field(default=None, description="How many worlds it has made.")
     failedWorldCount: int | None = Field(default=None, description="How many worlds failed.")

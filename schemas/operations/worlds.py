@@ -36,8 +36,8 @@ class ListWorldsRequest(Shape):
     maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
     filters: Filters | None = Field(
         default=None,
-        description="Which worlds: by `generationJobId` or `templateId`, the id of what they came from, or by "
-        "`status`, which is `Active` for every world; absent: all.",
+        description="Filter by `generationJobId` or `templateId`, the id of what the worlds came from, or by `status`, "
+        "which is `Active` for every world; absent: all worlds.",
     )
 
 
@@ -67,7 +67,7 @@ class BatchDeleteWorldsRequest(Shape):
 
 
 class BatchDeleteWorldsResponse(Shape):
-    """What was not deleted."""
+    """Worlds that were not deleted."""
 
     unprocessedWorlds: AnsweredArns | None = Field(
         default=None, description="ARNs of the worlds that do not exist or could not be deleted."

@@ -1,4 +1,4 @@
-"""What changed from one run of a specification to the next, and since when a job fails."""
+"""Changes from one run of a specification to the next, and the run since which a job fails."""
 
 from datetime import datetime
 from typing import Literal
@@ -10,13 +10,15 @@ from .states import CaseOutcome
 
 
 class CellName(Model):
-    """What a job is called in every run of its specification: a cell of the table of jobs and nights."""
+    """Name of a job in every run of its specification: a cell of the table of jobs and nights."""
 
     step: str = Field(default="", description="The step that made it.")
     test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
     world: str | None = Field(default=None, description="The world it drove in, by the name it had in its run.")
     seed: int | None = Field(default=None, description="Its seed, where the request named one.")
-    variant: str = Field(default="", description="What its request has that not all of its run have: `SPEED=2`.")
+    variant: str = Field(
+        default="", description="Settings of its request that not all jobs of its run have: `SPEED=2`."
+    )
 
     @property
     def title(self) -> str:
@@ -31,7 +33,7 @@ class ChangedInput(Model):
     """Something that differs between a night on which a job passed and the next one, on which it did not."""
 
     what: Literal["commit", "application", "version", "request", "requirements"] = Field(
-        description="What kind of thing; `request`: what is asked for beside requirements."
+        description="Kind of input; `request`: all that is asked for beside requirements."
     )
     name: str = Field(default="", description="Name of the application or package.")
     before: str | None = Field(default=None, description="Commit, digest or version before; absent: not known.")
@@ -47,7 +49,7 @@ class FailureStart(Model):
     last_passed_run_id: str | None = Field(
         default=None, description="Last run before in which it passed; absent: it never did in the runs looked at."
     )
-    changed: list[ChangedInput] = Field(default=[], description="What changed between those two runs.")
+    changed: list[ChangedInput] = Field(default=[], description="Inputs that changed between those two runs.")
 
 
 class NewlyMissed(Model):
@@ -77,7 +79,7 @@ class RequirementChange(Model):
 class CellChange(Model):
     """A job of the last run that fails, or stopped failing."""
 
-    cell: CellName = Field(description="Which it is.")
+    cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run.")
     outcome: CaseOutcome = Field(description="Its outcome in the last run.")
     reason: str = Field(default="", description="Why it does not pass.")
@@ -90,7 +92,7 @@ class CellChange(Model):
 class Loss(Model):
     """A job that a run lacks, or judges by less than an earlier run did."""
 
-    cell: CellName = Field(description="Which it is.")
+    cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run that has it.")
     before: CaseOutcome = Field(description="Its outcome when it was last judged, or last ran.")
     before_run_id: str = Field(description="The run in which it ended so.")
@@ -120,7 +122,7 @@ class Losses(Model):
 
 
 class SinceLastRun(Losses):
-    """What is other than in the run before: the beginning of a nightly's report."""
+    """Differences from the run before: the beginning of a nightly's report."""
 
     previous_run_id: str | None = Field(default=None, description="The run before; absent: this is the first.")
     previous_started_at: datetime | None = Field(default=None, description="Start of that run, UTC.")

@@ -19,7 +19,7 @@ ANSWER_EXIT_CODES: dict[Answer, int] = {
     "no difference shown": NO_DIFFERENCE,
     "not comparable": NOT_COMPARABLE,
 }
-"""What `robomaker compare` ends with, by its answer."""
+"""Exit codes of `robomaker compare`, by its answer."""
 
 
 class ComparedRun(Model):
@@ -35,7 +35,7 @@ class ComparedRun(Model):
 class PairedJob(Model):
     """A job of both runs."""
 
-    cell: CellName = Field(description="Which it is.")
+    cell: CellName = Field(description="Name of the job.")
     before: CaseOutcome = Field(description="Outcome in the first run.")
     after: CaseOutcome = Field(description="Outcome in the second run.")
     before_job: str = Field(description="Id of the job in the first run.")
@@ -51,7 +51,7 @@ class RateChange(Model):
     """Pass rates of the pairs of trials that were judged in both runs; a job without trials is one."""
 
     pairs: int = Field(description="How many pairs those are.")
-    worlds: int = Field(description="In how many worlds they are; jobs without a world count as one.")
+    worlds: int = Field(description="How many worlds they are in; jobs without a world count as one.")
     before: float = Field(description="Share of them that passed in the first run.")
     after: float = Field(description="Share of them that passed in the second run.")
     difference: float = Field(description="`after - before`.")
@@ -72,8 +72,8 @@ class NeededPairs(Model):
 
     difference: float = Field(description="Difference of the pass rates that is to be shown, positive.")
     basis: Literal["asked for", "as found", "10 points"] = Field(
-        description="Where that difference is from: an option, what the pairs showed, or what is taken where they "
-        "showed none."
+        description="Source of that difference: an option, what the pairs showed, or what is taken where they showed "
+        "none."
     )
     discordant: float = Field(description="Share of pairs that differ, as expected from those there are.")
     power: float = Field(description="Probability with which it would be shown.")
@@ -104,7 +104,7 @@ class Comparison(Losses):
     before: ComparedRun = Field(description="The first run.")
     after: ComparedRun = Field(description="The second run.")
     answer: Answer = Field(description="Whether the second run is better or worse by its verdicts.")
-    exit_code: int = Field(description="What the command line ends with, `ANSWER_EXIT_CODES[answer]`.")
+    exit_code: int = Field(description="Exit code of the command line, `ANSWER_EXIT_CODES[answer]`.")
     why: str = Field(description="The answer's reason in words.")
     alpha: float = Field(description="Error probability of the test, and of the intervals of all metrics together.")
     pairs: int = Field(description="Jobs that both runs have.")

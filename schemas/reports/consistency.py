@@ -1,4 +1,4 @@
-"""What `robomaker fsck` finds: where catalog and object store disagree."""
+"""Findings of `robomaker fsck`: disagreements between catalog and object store."""
 
 from enum import StrEnum
 from typing import Literal
@@ -9,7 +9,7 @@ from ..wire.base import Model
 
 
 class Problem(StrEnum):
-    """What can be wrong."""
+    """Kind of problem that `robomaker fsck` finds."""
 
     NOT_PUBLISHED = "not published"
     """The catalog says that something is stored whole, and no manifest is there."""
@@ -46,16 +46,16 @@ LOSSES = frozenset({Problem.NOT_PUBLISHED, Problem.MISSING, Problem.WRONG_SIZE, 
 class Finding(Model):
     """One problem."""
 
-    problem: Problem = Field(description="What is wrong.")
+    problem: Problem = Field(description="Kind of the problem.")
     resource: str | None = Field(default=None, description="ARN of the resource that it belongs to; absent: none.")
     where: str = Field(description="Address of the object, the folder of objects or the folder of this machine.")
     detail: str = Field(default="", description="The same in words.")
-    remedy: str = Field(default="", description="What mends it.")
+    remedy: str = Field(default="", description="Remedy for it, in words.")
     mended: bool = Field(default=False, description="Whether it was mended just now.")
 
 
 class ConsistencyReport(Model):
-    """What was checked, and what was found."""
+    """Scope of a check, and its findings."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     read_content: bool = Field(description="Whether every object was read and its SHA-256 compared, not its size only.")

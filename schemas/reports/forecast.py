@@ -9,18 +9,20 @@ from ..wire.base import Model
 
 
 class JobCost(Model):
-    """What one simulation job of a probe took."""
+    """Time and disk space that one simulation job of a probe took."""
 
     slot_s: float = Field(ge=0, description="Wall-clock time for which no other job could have its place.")
-    run_s: float = Field(ge=0, description="Of it the run itself: grows with the number of trials.")
+    run_s: float = Field(
+        ge=0, description="Wall-clock time of the run itself, part of `slot_s`: grows with the number of trials."
+    )
     trials: int = Field(ge=1, description="Trials that it ran; 1 without trials.")
     cpu_time_s: float | None = Field(default=None, ge=0, description="CPU time; absent: not known.")
     size_bytes: int = Field(ge=0, description="Size of its outputs.")
-    kind: str = Field(default="", description="What it shares with jobs that probably take as long.")
+    kind: str = Field(default="", description="Kind of job: jobs of one kind probably take as long.")
 
 
 class StepProbe(Model):
-    """What a probe measured of one step."""
+    """Measurements of one step by a probe."""
 
     step: str = Field(description="The step.")
     operation: str = Field(description="The operation it calls.")
@@ -34,7 +36,7 @@ class StepProbe(Model):
 
 
 class Places(Model):
-    """Where jobs and worlds run at once."""
+    """Places for jobs and worlds that run at once."""
 
     machines: int = Field(ge=1, description="Machines that run jobs of batches.")
     jobs_per_machine: int = Field(ge=1, description="Simulation jobs at once on each of them.")
@@ -42,7 +44,7 @@ class Places(Model):
 
 
 class StepForecast(Model):
-    """What one step of the whole run will take."""
+    """Forecast of one step of the whole run."""
 
     step: str = Field(description="The step.")
     operation: str = Field(description="The operation it calls.")
@@ -80,13 +82,13 @@ class ProbedJob(Model):
 
 
 class Forecast(Model):
-    """What a run of a specification will take."""
+    """Forecast of the time, disk space and cost of a run of a specification."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     name: str = Field(description="Name of the specification.")
     made_at: datetime = Field(description="When it was made, UTC.")
-    backend: str = Field(description="Where jobs of batches run.")
-    places: Places = Field(description="Where jobs and worlds run at once.")
+    backend: str = Field(description="Backend that runs the jobs of batches.")
+    places: Places = Field(description="Places for jobs and worlds that run at once.")
     steps: list[StepForecast] = Field(description="The steps, in the order they run.")
     wall_time_s: float = Field(ge=0, description="Wall-clock time of the run.")
     cpu_time_s: float | None = Field(
@@ -96,7 +98,7 @@ class Forecast(Model):
     price_per_hour: float | None = Field(default=None, ge=0, description="Price of a machine for an hour, as given.")
     cost: float | None = Field(default=None, ge=0, description="Machines x hours x price; absent: no price is given.")
     ran: list[ProbedJob] = Field(default=[], description="The jobs of the probe's last pass, with their verdicts.")
-    assumed: list[str] = Field(description="What the figures rest on, in words.")
+    assumed: list[str] = Field(description="Assumptions behind the figures, in words.")
     probes: list[str] = Field(description="Ids of the runs that were measured.")
 
     @property

@@ -23,14 +23,14 @@ class Night(Model):
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="Its trials; those that broke are not judged.")
     source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
-    changed: list[ChangedInput] = Field(default=[], description="What of the inputs differs from the run before.")
+    changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
     report_path: Path | None = Field(default=None, description="Its HTML report.")
 
 
 class CellHistory(Model):
     """One job through the nights."""
 
-    cell: CellName = Field(description="Which it is, as in the last run that has it.")
+    cell: CellName = Field(description="Name of the job, as in the last run that has it.")
     outcomes: list[CaseOutcome | None] = Field(description="Its outcome in each night; None: that run has no such job.")
     success: Share = Field(description="How many of its runs passed.")
     changes: int = Field(description="How often a result differed from the one before.")
@@ -55,7 +55,7 @@ class History(Model):
     name: str = Field(description="Name of the specification.")
     nights: list[Night] = Field(description="Its runs, the oldest first.")
     left_out: int = Field(default=0, description="Older runs that were not looked at.")
-    since_last: SinceLastRun = Field(description="What is other in the last run.")
+    since_last: SinceLastRun = Field(description="Differences of the last run from the one before.")
     cells: list[CellHistory] = Field(description="Its jobs, those that fail or are unsteady first.")
     cells_left_out: int = Field(default=0, description="Jobs that only one earlier run has, which are not listed.")
     worlds: list[SharesByNight] = Field(description="Trials by world, the worst first.")

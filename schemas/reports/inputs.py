@@ -22,7 +22,7 @@ class UsedApplication(Model):
 
 
 class JobInputs(Model):
-    """What of a job decides its result, as far as it is known: by it nights are compared.
+    """Inputs that decide the result of a job, as far as they are known: nights are compared by them.
 
     It is kept in records, and asks less than `ReuseInputs`, by which results are taken over: two jobs of one name and
     request are the same job on two nights, whatever robot, versions and places of outputs they have.

@@ -1,4 +1,4 @@
-"""What `robomaker upload --kept` found and did: outputs of runs that could not be stored when they ended."""
+"""Report of `robomaker upload --kept`: outputs of runs that could not be stored when they ended."""
 
 from typing import Literal
 
@@ -15,11 +15,13 @@ class KeptRun(Model):
     job: str = Field(description="ARN of the job.")
     job_status: str = Field(description="Status of the job.")
     run_id: str = Field(description="Id of the run.")
-    folder: str = Field(description="Where its outputs are on this machine.")
+    folder: str = Field(description="Folder of its outputs on this machine.")
     files: int = Field(description="How many files it left.")
     size_bytes: int = Field(description="Their size.")
     state: KeptState = Field(default="kept", description="`kept` on this machine, or `stored` now.")
-    place: str | None = Field(default=None, description="Where its outputs are stored now; absent: nowhere.")
+    place: str | None = Field(
+        default=None, description="Place in the object store where its outputs are now; absent: none."
+    )
     problem: str | None = Field(default=None, description="Why they could not be stored; absent: it was not tried.")
 
 
@@ -31,5 +33,5 @@ class KeptReport(Model):
 
     @property
     def problems(self) -> list[str]:
-        """What could not be stored, and why."""
+        """Jobs whose outputs could not be stored, and why, one line each."""
         return [f"{run.job}: {run.problem}" for run in self.runs if run.problem]

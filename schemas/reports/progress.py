@@ -24,7 +24,7 @@ class StepStarted:
 
 @dataclass(frozen=True)
 class StepProgress:
-    """Where the parts of a step stand: worlds of a generation job, jobs of a batch."""
+    """Progress of the parts of a step: worlds of a generation job, jobs of a batch."""
 
     step: str
     counts: Mapping[str, int]
@@ -37,7 +37,7 @@ class StepProgress:
     """The latest failure in one line; empty when nothing failed yet."""
 
     waits_for: Wait | None = None
-    """What the next part waits for: what the machine has too little of, or a job worker elsewhere; None: nothing."""
+    """Resource that the next part waits for: one that the machine lacks, or a job worker elsewhere; None: nothing."""
 
     trials: TrialCounts | None = None
     """The trials of all parts; None: there are none."""

@@ -20,7 +20,7 @@ class ReportedFile(Model):
     """A stored file a reader may want to open."""
 
     name: str = Field(description="Path below the job's output prefix.")
-    uri: str = Field(description="Where it is: `file:///…` or `s3://…`.")
+    uri: str = Field(description="Address of the file: `file:///…` or `s3://…`.")
     size_bytes: int = Field(description="Size.")
 
 
@@ -48,13 +48,15 @@ class ReportedJob(Model):
     """One simulation job, or a request of a batch that never became one."""
 
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
-    variant: str = Field(default="", description="What its request has that not all of the run have: `SPEED=2`.")
+    variant: str = Field(
+        default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
+    )
     step: str | None = Field(default=None, description="The step that made it.")
     request: dict[str, Any] = Field(default={}, description="The request that it was made from.", exclude=True)
     arn: str | None = Field(default=None, description="The job's ARN.")
     status: str = Field(description="The job's status, or `NotCreated`.")
     failure_code: str | None = Field(default=None, description="The service's failure code.")
-    failure_reason: str | None = Field(default=None, description="In words.")
+    failure_reason: str | None = Field(default=None, description="The same in words.")
     log_tail: str = Field(
         default="", description="Last lines of its log, where `failure_reason` does not already end with them."
     )
@@ -74,7 +76,7 @@ class ReportedJob(Model):
     )
     video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
     upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
-    inputs: JobInputs | None = Field(default=None, description="What its result depends on; absent: not known.")
+    inputs: JobInputs | None = Field(default=None, description="Inputs that decide its result; absent: not known.")
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
     )
@@ -82,7 +84,7 @@ class ReportedJob(Model):
         default=None, description="The process that carried it out last; absent: none has begun, or it is not known."
     )
     earlier: str | None = Field(
-        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
     )
 
 
@@ -94,16 +96,16 @@ class Report(Model):
     state: RunState = Field(description="How it ended as a whole.")
     started_at: datetime = Field(description="Start, UTC.")
     ended_at: datetime = Field(description="End, UTC.")
-    steps: list[ReportedStep] = Field(description="In the order they ran.")
+    steps: list[ReportedStep] = Field(description="Steps, in the order they ran.")
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
-    rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
+    rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = Field(
         default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
     )
     where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")
     since_last: SinceLastRun | None = Field(
-        default=None, description="What changed since the last run of the specification; absent: it was not looked up."
+        default=None, description="Changes since the last run of the specification; absent: it was not looked up."
     )

@@ -1,4 +1,4 @@
-"""What `robomaker gc` removes, or would remove: its policy and its answer."""
+"""Policy and report of `robomaker gc`: what it keeps, and what it removes or would remove."""
 
 from datetime import datetime, timedelta
 from typing import Literal
@@ -13,7 +13,7 @@ GcKind = Literal["run", "jobs", "world", "robot-files", "copies"]
 
 
 class RetentionPolicy(Model):
-    """What is kept. What no rule keeps is removed."""
+    """Rules for what is kept. All that no rule keeps is removed."""
 
     older_than: timedelta | None = Field(default=None, description="Everything younger is kept.")
     keep_runs: int | None = Field(default=None, ge=0, description="The newest of each specification that are kept.")
@@ -57,7 +57,7 @@ class GcItem(Model):
     reason: str = Field(default="", description="Why it is kept, or what of it is kept.")
     objects: int = Field(default=0, description="Objects of the store, and files of the home, that go.")
     size_bytes: int = Field(default=0, description="Their size.")
-    problem: str | None = Field(default=None, description="What could not be removed, and why.")
+    problem: str | None = Field(default=None, description="Error in words: what could not be removed, and why.")
 
 
 class GcFlowRuns(Model):
@@ -71,22 +71,22 @@ class GcFlowRuns(Model):
 
 
 class GcReport(Model):
-    """What was removed, or would be."""
+    """Report of what was removed, or would be."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     dry_run: bool = Field(description="Whether nothing was removed.")
-    policy: RetentionPolicy = Field(description="What was asked for.")
+    policy: RetentionPolicy = Field(description="Rules that were asked for.")
     items: list[GcItem] = Field(default=[], description="Runs, jobs and worlds, oldest first.")
     flow_runs: GcFlowRuns = Field(default=GcFlowRuns(), description="Flow runs of the local Prefect server.")
-    notes: list[str] = Field(default=[], description="What else is to be known.")
+    notes: list[str] = Field(default=[], description="Further remarks, in words.")
 
     @property
     def removed(self) -> list[GcItem]:
-        """What goes, or lost its recordings."""
+        """Items that are removed, or lose their recordings."""
         return [item for item in self.items if item.action != "keep"]
 
     @property
     def problems(self) -> list[str]:
-        """What did not work."""
+        """Errors in words, each after the id of its item."""
         told = [f"{item.id}: {item.problem}" for item in self.items if item.problem]
         return [*told, *([f"Prefect: {self.flow_runs.problem}"] if self.flow_runs.problem else [])]

@@ -22,7 +22,7 @@ EXIT_CODES: dict[RunState, int] = {
     "canceled": CANCELED,
     "timed out": TIMED_OUT,
 }
-"""What the command line ends with, by how the run ended."""
+"""Exit codes of the command line, by how the run ended."""
 
 
 class StepRecord(Model):
@@ -38,20 +38,20 @@ class StepRecord(Model):
     ended_at: datetime | None = Field(default=None, description="End, UTC; absent when it was skipped.")
     arn: str | None = Field(default=None, description="The resource it made.")
     output: dict[str, Any] = Field(
-        default={}, description="What references see: the operation's response, or a job's final Describe response."
+        default={}, description="Response that references see: the operation's own, or a job's final Describe response."
     )
     error: str | None = Field(default=None, description="Why it failed, in words.")
 
 
 class RerunOf(Model):
-    """What a run has run again."""
+    """The earlier run, and its jobs, that a rerun has run again."""
 
     run_id: str = Field(description="The earlier run.")
-    selection: str = Field(description="Which of its jobs, in words.")
+    selection: str = Field(description="The jobs of it that were run again, in words.")
     jobs_total: int = Field(description="How many jobs and requests that run had.")
     earlier: dict[str, list[str]] = Field(
-        description="By step, and in the order of its requests: label and verdict or status of each job of that run "
-        "that was run again."
+        description="Label and verdict or status of each job of that run that was run again, by step and in the order "
+        "of its requests."
     )
 
 
@@ -60,7 +60,9 @@ class JobRecord(Model):
 
     arn: str | None = Field(default=None, description="The job's ARN; absent when no job came of the request.")
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
-    variant: str = Field(default="", description="What its request has that not all of the run have: `SPEED=2`.")
+    variant: str = Field(
+        default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
+    )
     status: str = Field(description="The job's status, or `NotCreated`.")
     verdict: Verdict | None = Field(default=None, description="The simulation's verdict; absent when there is none.")
     world: str | None = Field(default=None, description="The world it drove in: a short name for people, or an ARN.")
@@ -71,7 +73,8 @@ class JobRecord(Model):
         default=None, description="Why the verdict is FAIL: what was found and what was asked for."
     )
     remarks: list[str] = Field(
-        default=[], description="What it asked for and could not be made, such as a video; the run went on without."
+        default=[],
+        description="Requested outputs that could not be produced, such as a video; the run continued without them.",
     )
     failure_code: str | None = Field(default=None, description="The service's failure code.")
     failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
@@ -81,22 +84,24 @@ class JobRecord(Model):
         "did depends on the machine's clock.",
     )
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
-    output_uri: str | None = Field(default=None, description="Where its outputs are.")
+    output_uri: str | None = Field(default=None, description="Address of its outputs.")
     step: str | None = Field(default=None, description="The step that made it; absent in records of version 1.")
     test: str | None = Field(
         default=None,
-        description="What it is called in every run of the specification, once in its step: world or number of the "
+        description="Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application; absent in records of version 1.",
     )
-    requirements: list[Requirement] = Field(default=[], description="What it was judged by, from `result.json`.")
+    requirements: list[Requirement] = Field(
+        default=[], description="Requirements that it was judged by, from `result.json`."
+    )
     inputs: JobInputs | None = Field(
-        default=None, description="What its result depends on; absent in records of version 1 and of deleted jobs."
+        default=None, description="Inputs that decide its result; absent in records of version 1 and of deleted jobs."
     )
     reused_from: str | None = Field(
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
     )
     earlier: str | None = Field(
-        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
     )
     carried_out_by: JobOwner | None = Field(
         default=None, description="The process that carried it out last; absent: none did, or it is not known."
@@ -116,17 +121,17 @@ class RunRecord(Model):
     spec_path: str = Field(description="The file that was run.")
     command: list[str] = Field(default=[], description="The command that runs it again.")
     state: RunState = Field(description="How it ended as a whole.")
-    exit_code: int = Field(description="What the command line ends with, `EXIT_CODES[state]`.")
+    exit_code: int = Field(description="Exit code of the command line, `EXIT_CODES[state]`.")
     started_at: datetime = Field(description="Start, UTC.")
     ended_at: datetime = Field(description="End, UTC.")
-    steps: list[StepRecord] = Field(description="In the order they ran.")
+    steps: list[StepRecord] = Field(description="Steps, in the order they ran.")
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
     source: SourceCommit | None = Field(
         default=None, description="Git commit of the folder of the specification; absent: it was in none."
     )
     report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
-    rerun_of: RerunOf | None = Field(default=None, description="What it has run again; absent: it is no rerun.")
+    rerun_of: RerunOf | None = Field(default=None, description="Run that it has run again; absent: it is no rerun.")
     forecast: ForecastCheck | None = Field(
         default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
     )

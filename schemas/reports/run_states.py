@@ -11,7 +11,7 @@ from .run_record import JobRecord, RunRecord
 from .states import CaseOutcome, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
-"""What statuses of steps and jobs make of a run; after them no later step starts."""
+"""State of a run by the status of a step or job; after one of these no later step starts."""
 
 # Later steps use the worlds there are, but the run is not what was ordered.
 _STATES: dict[str, RunState] = {**BAD_ENDS, "PartialFailed": "broken"}
@@ -29,7 +29,7 @@ _MOST_OF_REASON = 160
 
 
 class FlowResult(Model):
-    """What the flow of a run or a job returns besides the service's answer."""
+    """Result of the flow of a run or a job, besides the service's answer."""
 
     state: RunState = Field(description="How it ended as a whole.")
     message: str = Field(description="The same in words, with the worst failures; the message of its state in Prefect.")
@@ -119,7 +119,7 @@ def worst_job(jobs: Iterable[JobRecord]) -> JobRecord | None:
 
 
 def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
-    """What happened: the state, how many verdicts pass, the worst failures, the command that looks at them.
+    """Summary of a run: the state, how many verdicts pass, the worst failures, the command that looks at them.
 
     Args:
         state: how the run ended.

@@ -19,7 +19,7 @@ from .states import RunState
 class Share(Model):
     """How many of some things went well, with what that says about all such things."""
 
-    name: str = Field(description="What was counted: a requirement, a world, a room; empty for all jobs.")
+    name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
     passed: int = Field(description="Went well.")
     failed: int = Field(description="Went badly.")
     errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
@@ -27,7 +27,7 @@ class Share(Model):
     low: float | None = Field(default=None, description="Lower end of the 95 % Wilson score interval of the rate.")
     high: float | None = Field(default=None, description="Upper end of it.")
     worst_margin: float | None = Field(
-        default=None, description="Of a requirement: the smallest margin that was left, negative when it was missed."
+        default=None, description="Smallest margin that was left, of a requirement; negative when it was missed."
     )
     unit: str | None = Field(default=None, description="Unit of the margin.")
     worst_job: str | None = Field(default=None, description="Job with the smallest margin.")
@@ -38,7 +38,7 @@ class JobCase(Model):
 
     name: str = Field(description="Job id, or `request 3`.")
     test: str = Field(
-        description="What it is called in every run of the specification, once in its step: world or number of the "
+        description="Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application."
     )
     arn: str | None = Field(default=None, description="The job's ARN.")
@@ -54,9 +54,9 @@ class JobCase(Model):
     sim_time_s: float | None = Field(default=None, description="Simulated time.")
     seed: int | None = Field(default=None, description="Seed of the run.")
     world: str | None = Field(default=None, description="World it drove in.")
-    output: str | None = Field(default=None, description="Where its outputs are.")
-    requirements: list[Requirement] = Field(default=[], description="What it was judged by.")
-    remarks: list[str] = Field(default=[], description="What it asked for and had to do without, such as a video.")
+    output: str | None = Field(default=None, description="Address of its outputs.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements that it was judged by.")
+    remarks: list[str] = Field(default=[], description="Requested outputs that could not be produced, such as a video.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     trials: Share | None = Field(default=None, description="How many of its trials passed; absent: it has none.")
@@ -64,7 +64,7 @@ class JobCase(Model):
         default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
     )
     earlier: str | None = Field(
-        default=None, description="In a rerun: label and verdict or status of the job that was run again."
+        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
     )
 
 
@@ -92,14 +92,14 @@ class ReportSummary(Model):
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="All trials that were judged.")
     success_with_errors: Share = Field(description="The same if what broke counted as failed.")
-    requirements: list[Share] = Field(description="By requirement, the worst first.")
+    requirements: list[Share] = Field(description="Judgements by requirement, the worst first.")
     worlds: list[Share] = Field(description="Trials by world, the worst first.")
     rooms: list[Share] = Field(description="Visits by name of the room, the worst first.")
     steps: list[StepSuite] = Field(description="Steps that made jobs or failed, in order.")
     since_last: SinceLastRun | None = Field(
-        default=None, description="What changed since the last run of the specification; absent: it was not looked up."
+        default=None, description="Changes since the last run of the specification; absent: it was not looked up."
     )
-    rerun_of: str = Field(default="", description="Of which run it is a rerun, and of which jobs, in words.")
+    rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = Field(
         default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
     )

@@ -1,4 +1,4 @@
-"""What sets the jobs of one run apart: the settings in which their requests differ, short enough for a table."""
+"""Variants: the settings in which the requests of one run's jobs differ, short enough for a table."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence

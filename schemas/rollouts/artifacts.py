@@ -1,4 +1,4 @@
-"""What robots of a rollout download: one file for each architecture, and another for agents."""
+"""Files that robots of a rollout download: one for each architecture, and another for agents."""
 
 from pydantic import Field
 
@@ -33,7 +33,7 @@ class Artifact(StoredPart):
 
 
 class Delivery(StoredPart):
-    """What each robot of a rollout gets; it does not change."""
+    """Files and launch configuration that the robots of a rollout get; they do not change."""
 
     artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
     agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")

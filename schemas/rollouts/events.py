@@ -1,4 +1,4 @@
-"""What can happen in a rollout: reports of robots, decisions of people, and orders that were offered.
+"""Events of a rollout: reports of robots, decisions of people, and orders that were offered.
 
 Reports name the order that they are about. A report about an order that is closed, or that the robot never had, changes
 nothing; so events may be repeated, and may arrive late or in any sequence.
@@ -38,20 +38,22 @@ class _OfOrder(StoredPart):
 class Offered(_OfOrder):
     """A robot whose turn it is was given an order; its number came from the catalog."""
 
-    kind: Literal["offered"] = Field(default="offered", description="Which event this is.")
+    kind: Literal["offered"] = Field(default="offered", description="Kind of event.")
 
 
 class Fetched(_OfOrder):
     """The robot has read its order."""
 
-    kind: Literal["fetched"] = Field(default="fetched", description="Which event this is.")
+    kind: Literal["fetched"] = Field(default="fetched", description="Kind of event.")
 
 
 class Progressed(_OfOrder):
     """The robot said how far it is."""
 
-    kind: Literal["progressed"] = Field(default="progressed", description="Which event this is.")
-    step: RobotDeploymentStep | None = Field(default=None, description="What it does; absent: the same as before.")
+    kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
+    step: RobotDeploymentStep | None = Field(
+        default=None, description="Step that the robot is at; absent: the same as before."
+    )
     percent_done: float | None = Field(
         default=None, ge=0, le=100, description="Share of its download, in percent; absent: not reported."
     )
@@ -60,13 +62,13 @@ class Progressed(_OfOrder):
 class Succeeded(_OfOrder):
     """The robot runs the new version."""
 
-    kind: Literal["succeeded"] = Field(default="succeeded", description="Which event this is.")
+    kind: Literal["succeeded"] = Field(default="succeeded", description="Kind of event.")
 
 
 class Failed(_OfOrder):
     """The robot could not carry out its order."""
 
-    kind: Literal["failed"] = Field(default="failed", description="Which event this is.")
+    kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
     code: ReportedCode = Field(description="Why.")
     reason: str | None = Field(default=None, description="The same in words.")
 
@@ -74,21 +76,21 @@ class Failed(_OfOrder):
 class Canceled(_OfOrder):
     """The robot has given up its order, because it was told to or by itself."""
 
-    kind: Literal["canceled"] = Field(default="canceled", description="Which event this is.")
+    kind: Literal["canceled"] = Field(default="canceled", description="Kind of event.")
 
 
 class CancelRefused(_OfOrder):
     """The robot cannot give up its order any more and carries it to its end."""
 
-    kind: Literal["cancel_refused"] = Field(default="cancel_refused", description="Which event this is.")
+    kind: Literal["cancel_refused"] = Field(default="cancel_refused", description="Kind of event.")
 
 
 class RobotGone(StoredPart):
     """A robot left the fleet or was deleted."""
 
-    kind: Literal["robot_gone"] = Field(default="robot_gone", description="Which event this is.")
+    kind: Literal["robot_gone"] = Field(default="robot_gone", description="Kind of event.")
     robot: str = Field(description="ARN of the robot.")
-    how: Departure = Field(description="What was done to it.")
+    how: Departure = Field(description="Whether it left the fleet or was deleted.")
 
 
 class Stopped(StoredPart):
@@ -98,40 +100,40 @@ class Stopped(StoredPart):
     its end, by the fleet's next deployment, so that robots that return do not get this one any more.
     """
 
-    kind: Literal["stopped"] = Field(default="stopped", description="Which event this is.")
-    why: StopCause = Field(description="What ended it.")
-    by: str | None = Field(default=None, description="Who, where a person did not approve it; absent: not said.")
+    kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
+    why: StopCause = Field(description="Cause of the end.")
+    by: str | None = Field(default=None, description="Person who did not approve it; absent: not said.")
 
 
 class Paused(StoredPart):
     """A person wants no robot to begin until the rollout is resumed; robots that have begun go on."""
 
-    kind: Literal["paused"] = Field(default="paused", description="Which event this is.")
-    by: str | None = Field(default=None, description="Who; absent: not said.")
+    kind: Literal["paused"] = Field(default="paused", description="Kind of event.")
+    by: str | None = Field(default=None, description="Person who paused it; absent: not said.")
 
 
 class Resumed(StoredPart):
     """A person lets a paused rollout go on."""
 
-    kind: Literal["resumed"] = Field(default="resumed", description="Which event this is.")
+    kind: Literal["resumed"] = Field(default="resumed", description="Kind of event.")
 
 
 class Approved(StoredPart):
     """A person lets a rollout that waits for approval go on; of no effect on one that does not wait for it."""
 
-    kind: Literal["approved"] = Field(default="approved", description="Which event this is.")
-    by: str | None = Field(default=None, description="Who; absent: not said.")
+    kind: Literal["approved"] = Field(default="approved", description="Kind of event.")
+    by: str | None = Field(default=None, description="Person who approved it; absent: not said.")
 
 
 class Outage(StoredPart):
     """Robots could not reach the service until now; time-outs of robots stand still for so long."""
 
-    kind: Literal["outage"] = Field(default="outage", description="Which event this is.")
+    kind: Literal["outage"] = Field(default="outage", description="Kind of event.")
     since_s: TimeS = Field(description="When it began.")
 
 
 Report = Fetched | Progressed | Succeeded | Failed | Canceled | CancelRefused
-"""What a robot may report of an order."""
+"""Reports of a robot about an order."""
 
 RolloutEvent = Annotated[
     Report | Offered | RobotGone | Stopped | Paused | Resumed | Approved | Outage,

@@ -53,7 +53,7 @@ class PlannedRobot(StoredPart):
 
 
 class RolloutPlan(StoredPart):
-    """What a rollout will do; it does not change."""
+    """Plan of a rollout: its robots in order, and its limits; it does not change."""
 
     robots: tuple[PlannedRobot, ...] = Field(description="The fleet's robots, in the order in which their turn comes.")
     concurrent_percentage: int = Field(

@@ -1,4 +1,4 @@
-"""What the report of a deployment is made from."""
+"""Facts that the report of a deployment is made from."""
 
 from pydantic import Field
 
@@ -21,8 +21,12 @@ class DeploymentReport(StoredPart):
     created_s: TimeS = Field(description="When it was ordered.")
     now_s: TimeS = Field(description="When the report is written.")
     config: DeploymentConfig = Field(description="How careful it is.")
-    delivery: Delivery | None = Field(default=None, description="What robots get; absent: it was not prepared.")
+    delivery: Delivery | None = Field(
+        default=None, description="Files and launch configuration that robots get; absent: it was not prepared."
+    )
     rollout: Rollout | None = Field(default=None, description="How each robot stands; absent: it has not begun.")
-    notes: tuple[str, ...] = Field(default=(), description="What it waits for, and how robots go back, in words.")
+    notes: tuple[str, ...] = Field(
+        default=(), description="Causes for which it waits, and how robots go back, in words."
+    )
     closed: tuple[Pause, ...] = Field(default=(), description="When no maintenance window was open.")
     waves: tuple[tuple[str, ...], ...] = Field(default=(), description="ARNs of the robots of each wave, in order.")

@@ -37,7 +37,7 @@ UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
 class RobotDeploymentState(StoredPart):
     """How one robot of a rollout stands."""
 
-    order: OrderState = Field(default="none", description="Where its latest order is in its life.")
+    order: OrderState = Field(default="none", description="State of its latest order.")
     action_id: ActionId | None = Field(default=None, description="Number of its latest order; absent: it has had none.")
     earlier_action_id: ActionId | None = Field(
         default=None,
@@ -51,7 +51,7 @@ class RobotDeploymentState(StoredPart):
     returned: bool = Field(
         default=False, description="Whether it was away, has been heard of again, and waits for another order."
     )
-    step: RobotDeploymentStep | None = Field(default=None, description="What it last said it does.")
+    step: RobotDeploymentStep | None = Field(default=None, description="Step that it last reported.")
     percent_done: float | None = Field(default=None, ge=0, le=100, description="Share of its download, in percent.")
     percent_at_s: TimeS | None = Field(default=None, description="When it reported that share.")
     download_from_percent: float | None = Field(

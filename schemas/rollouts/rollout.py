@@ -34,7 +34,7 @@ class Rollback(StoredPart):
 class Rollout(StoredPart):
     """A rollout as it is stored."""
 
-    plan: RolloutPlan = Field(description="What it will do.")
+    plan: RolloutPlan = Field(description="Plan of the rollout.")
     robots: dict[str, RobotDeploymentState] = Field(description="How each robot stands, by ARN.")
     began_s: TimeS = Field(description="When it began.")
     now_s: TimeS = Field(description="Up to when events and time-outs are part of it; it never goes back.")
@@ -44,14 +44,16 @@ class Rollout(StoredPart):
     ended_s: TimeS | None = Field(default=None, description="When it ended; absent: not yet.")
     pauses: tuple[Pause, ...] = Field(default=(), description="When it was paused, the latest hundred times.")
     paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
-    paused_by: str | None = Field(default=None, description="Who paused it; absent: not said, or it is not paused.")
+    paused_by: str | None = Field(
+        default=None, description="Person who paused it; absent: not said, or it is not paused."
+    )
     paused_s: TimeS | None = Field(default=None, description="When it was paused; absent: it is not.")
     held: bool = Field(
         default=False,
         description="Whether orders are held back: it is paused, or no maintenance window is open. No robot gets an "
         "order or fetches one; robots that have begun go on.",
     )
-    approved_by: str | None = Field(default=None, description="Who approved it; absent: not said.")
+    approved_by: str | None = Field(default=None, description="Person who approved it; absent: not said.")
     approved_s: TimeS | None = Field(default=None, description="When it was approved; absent: it was not.")
     rollback: Rollback | None = Field(default=None, description="How robots go back; absent: they do not, or not yet.")
     takes_returns: bool = Field(

@@ -27,7 +27,7 @@ class OrderStanding(_Standing):
 
     number: int = Field(description="Its number, as the robot knows it.")
     state: str = Field(description="offered, fetched, canceling or refused.")
-    step: RobotDeploymentStep | None = Field(default=None, description="What the robot last said it does.")
+    step: RobotDeploymentStep | None = Field(default=None, description="Step that the robot last reported.")
     percent_done: float | None = Field(default=None, description="Share of its download, in percent.")
 
 
@@ -35,11 +35,13 @@ class RobotStanding(_Standing):
     """A robot of a fleet."""
 
     robot: str = Field(description="Its name.")
-    kind: RobotKind | None = Field(default=None, description="What it runs; absent: it is not enrolled.")
+    kind: RobotKind | None = Field(
+        default=None, description="Kind of program that updates it; absent: it is not enrolled."
+    )
     status: str = Field(description="Its status, as DescribeRobot has it.")
     version: str | None = Field(default=None, description="Application and version that it installed last.")
     last_seen: datetime | None = Field(default=None, description="When it polled last; absent: never.")
-    order: OrderStanding | None = Field(default=None, description="What it was ordered; absent: nothing is open.")
+    order: OrderStanding | None = Field(default=None, description="Order that is open for it; absent: none.")
     failure_code: DeploymentJobErrorCode | None = Field(
         default=None, description="Why the latest deployment to it failed; absent if not."
     )
@@ -58,14 +60,14 @@ class DeploymentStanding(_Standing):
     counts: dict[str, int] = Field(
         default={}, description="How many of these succeeded, failed, were canceled, are deploying, or are waiting."
     )
-    wave: int | None = Field(default=None, description="Which wave it is at; absent: it has not begun.")
+    wave: int | None = Field(default=None, description="Number of its current wave; absent: it has not begun.")
     waves: int | None = Field(default=None, description="How many waves it has; absent: it has not begun.")
     failed_percent: float | None = Field(
         default=None, description="Share of the robots taking part that has failed so far, in percent."
     )
     threshold_percent: int | None = Field(default=None, description="At which share it stops, in percent.")
     paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
-    waits: tuple[DeploymentWait, ...] = Field(default=(), description="What it waits for besides robots.")
+    waits: tuple[DeploymentWait, ...] = Field(default=(), description="Causes for which it waits, besides robots.")
     rolls_back: str | None = Field(
         default=None, description="ARN of the deployment that failed and whose robots it brings back; absent: none."
     )

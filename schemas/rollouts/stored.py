@@ -1,4 +1,4 @@
-"""What all parts of a stored rollout share: they are frozen, and are stored without members that are absent."""
+"""Base of all parts of a stored rollout: they are frozen, and are stored without members that are absent."""
 
 from typing import Annotated, Any, Self
 

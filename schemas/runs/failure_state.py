@@ -16,7 +16,7 @@ class PhysicsWarning(Model):
 
     warning: str = Field(description="MuJoCo's name of it, `mjWARN_BADQVEL`.")
     count: int = Field(description="How often it came.")
-    text: str = Field(description="What MuJoCo says.")
+    text: str = Field(description="Message of MuJoCo.")
     joint: str | None = Field(default=None, description="Joint whose numbers were bad, where that is known.")
     body: str | None = Field(default=None, description="Body of that joint.")
 
@@ -38,17 +38,17 @@ class StrongContact(Model):
     second: str = Field(description="The other.")
     normal_force_N: float | None = Field(description="Normal force; null: not finite.")
     depth_m: float = Field(description="How deep they are in each other; negative: apart.")
-    position_m: tuple[float, float, float] = Field(description="Where.")
+    position_m: tuple[float, float, float] = Field(description="Position of the contact, in metres.")
 
 
 class FailureState(Model):
-    """What the physics was like shortly before a run broke."""
+    """State of the physics shortly before a run broke."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     time_s: float = Field(description="Simulated time of the state that was kept.")
     step: int = Field(description="Steps of MuJoCo until then.")
     began_anew: bool = Field(description="Whether MuJoCo has put everything back to its beginning since.")
-    warnings: list[PhysicsWarning] = Field(description="What MuJoCo warned of.")
+    warnings: list[PhysicsWarning] = Field(description="Warnings of MuJoCo.")
     not_finite: dict[str, list[int]] = Field(
         description="Places of `qpos`, `qvel` and `qacc` that are not finite now; empty once MuJoCo began anew."
     )
@@ -59,6 +59,6 @@ class FailureState(Model):
     model_sha256: str = Field(description="Digest of the model, as in `provenance.json`.")
     state_file: str = Field(default=FAILURE_VECTOR_FILE, description="The kept state as a vector of numpy.")
     state_kind: Literal["mjSTATE_INTEGRATION"] = Field(
-        default="mjSTATE_INTEGRATION", description="What `mj_setState` has to be told."
+        default="mjSTATE_INTEGRATION", description="Kind of state that `mj_setState` has to be told."
     )
     mujoco: str = Field(description="Version of MuJoCo.")

@@ -1,16 +1,16 @@
-"""What jobs wait for on a machine that is shared, and for how long."""
+"""Resources of a shared machine that jobs wait for, and for how long."""
 
 from collections.abc import Mapping
 from typing import Literal
 
 Scarce = Literal["slots", "memory", "disk"]
-"""What a job waits for."""
+"""Resource of the machine that a job waits for."""
 
 WAITS_FOR: Mapping[Scarce, str] = {"slots": "a slot", "memory": "memory", "disk": "disk"}
 """The same in words, after `waits for`."""
 
 Wait = Scarce | Literal["worker"]
-"""What the jobs of a run wait for: something of this machine, or a job worker elsewhere."""
+"""Resource that the jobs of a run wait for: one of this machine, or a job worker elsewhere."""
 
 IN_WORDS: Mapping[Wait, str] = {**WAITS_FOR, "worker": "a job worker"}
 """All of these in words, after `waits for`."""

@@ -31,7 +31,7 @@ class Manifest(Model):
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     created_at: AwareDatetime = Field(description="When the files were published.")
-    about: dict[str, JsonValue] = Field(description="What the files belong to: job, run, status and so on.")
+    about: dict[str, JsonValue] = Field(description="Facts about the origin of the files: job, run, status and so on.")
     files: list[ManifestFile] = Field(description="All files, in the order of their paths.")
 
     @model_validator(mode="after")

@@ -59,11 +59,11 @@ class ApplicationPlan(Model):
 
 
 class RecordedActions(Model):
-    """What takes the place of a robot application's program in a rerun."""
+    """Recorded actions that replace a robot application's program in a rerun."""
 
     path: Path = Field(description="The run's `actions.bin`.")
     ended_by: Literal["agent", "duration limit"] | None = Field(
-        default=None, description="What ends the rerun after the last of them; absent: it fails, as the run did."
+        default=None, description="Cause that ends the rerun after the last of them; absent: it fails, as the run did."
     )
 
 
@@ -83,9 +83,10 @@ class RunPlan(Model):
         "absent: applications get none.",
     )
     work_dir: Path = Field(description="Scratch folder, the process's working directory.")
-    output_dir: Path = Field(description="Where outputs are written.")
+    output_dir: Path = Field(description="Folder for outputs.")
     checkpoint_dir: Path | None = Field(
-        default=None, description="Where checkpoints are kept, and continued from if there are any; absent: none."
+        default=None,
+        description="Folder for checkpoints, from which the run is continued if there are any; absent: none are kept.",
     )
     checkpoint_every_s: float | None = Field(
         default=5.0, gt=0, description="Simulated time between two checkpoints; absent: none are made."
@@ -101,9 +102,10 @@ class RunPlan(Model):
     )
     programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
     ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
-    compute: ComputeLimits = Field(default=ComputeLimits(), description="What it may use of the machine.")
+    compute: ComputeLimits = Field(default=ComputeLimits(), description="Limits on its use of the machine.")
     found: FoundFiles | None = Field(
-        default=None, description="What its folders hold already; absent: it is measured when the run begins."
+        default=None,
+        description="Size of the files that its folders have already; absent: it is measured when the run begins.",
     )
     failure_behavior: FailureBehavior = Field(
         default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
@@ -116,7 +118,9 @@ class RunPlan(Model):
         le=65535,
         description="Port on 127.0.0.1 of a page that shows the run while it goes on; 0: any free one; absent: none.",
     )
-    requirements: JobRequirements = Field(default=[], description="What the run is judged by, as the job orders it.")
+    requirements: JobRequirements = Field(
+        default=[], description="Requirements that the run is judged by, as the job orders them."
+    )
 
     trials: Trials | None = Field(
         default=None, description="Its trials, which are run one after the other; absent: it is one episode."
@@ -125,7 +129,7 @@ class RunPlan(Model):
         default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."
     )
     recorded_actions: RecordedActions | None = Field(
-        default=None, description="Of a rerun: what is done in place of the robot application's program."
+        default=None, description="Actions that replace the robot application's program in a rerun."
     )
     end_at_s: float | None = Field(
         default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
@@ -158,7 +162,7 @@ class RunOutcome(Model):
 
     status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
     failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
-    failure_reason: str | None = Field(default=None, description="In words, ending with the last log lines.")
+    failure_reason: str | None = Field(default=None, description="The same in words, ending with the last log lines.")
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
     video_s: float | None = Field(
@@ -187,7 +191,7 @@ class Requirement(Model):
     name: str = Field(description="Short name, `rooms_visited`.")
     satisfied: bool = Field(description="Whether it held.")
     detail: str = Field(description="Value found and value asked for, in words.")
-    kind: str | None = Field(default=None, description="What kind of requirement; absent: the environment's own.")
+    kind: str | None = Field(default=None, description="Kind of requirement; absent: the environment's own.")
     error: str | None = Field(
         default=None, description="Why it could not be judged; the verdict is ERROR then. Absent: it was judged."
     )
@@ -222,7 +226,7 @@ class Collision(Model):
     duration_s: float = Field(description="How long it lasted.")
     x: float = Field(description="Robot position at first contact.")
     y: float = Field(description="Robot position at first contact.")
-    other: str = Field(description="What was touched: a furniture id, `wall`, or a body's name.")
+    other: str = Field(description="Object that was touched: a furniture id, `wall`, or a body's name.")
     max_force_N: float = Field(description="Largest normal force.")
 
 
@@ -240,7 +244,7 @@ class RunResult(Model):
     )
     summary: str = Field(default="", description="One sentence for a person.")
     notes: list[str] = Field(default=[], description="Lines beside the verdict: what a person should know of it.")
-    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements that the run was judged by.")
     metrics: dict[str, float] = Field(
         default={}, description="Numbers by name with unit: `distance_m`, `sim_time_s`, `collisions`, …"
     )

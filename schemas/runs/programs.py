@@ -34,12 +34,12 @@ class ProgramPlan(Model):
     folder: Path = Field(description="Its working directory.")
     image_id: str | None = Field(
         default=None,
-        description="Of an application that is a container: the SHA-256 by which the engine knows its image.",
+        description="SHA-256 by which the engine knows the image of an application that is a container.",
     )
     environment: dict[str, str] = Field(
         default={}, description="Variables besides those that every process of the run has."
     )
-    exit_behavior: ExitBehavior = Field(default="FAIL", description="Of a tool: what its end means.")
+    exit_behavior: ExitBehavior = Field(default="FAIL", description="Effect that the end of a tool has on the run.")
     cleanup_argv: list[str] | None = Field(
         default=None, description="Ends what killing the process does not reach, such as `docker rm -f NAME`."
     )
@@ -66,35 +66,35 @@ class PortPlan(Model):
 
 
 class ComputeLimits(Model):
-    """What a run may use of the machine."""
+    """Limits on a run's use of the machine."""
 
     cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
     memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
     processes: int | None = Field(default=1024, ge=1, description="Processes and threads at once; absent: no limit.")
     disk_bytes: int | None = Field(
-        default=DISK_BYTES, gt=0, description="What it may write into its folders; absent: no limit."
+        default=DISK_BYTES, gt=0, description="Bytes that it may write into its folders; absent: no limit."
     )
     nice: int = Field(default=0, ge=0, le=19, description="Its niceness at least: how far all else comes first.")
     gpu: bool = Field(default=False, description="Whether it may use the machine's first GPU.")
 
 
 class BoxPlan(Model):
-    """What a run is confined to."""
+    """Confinement of a run's processes."""
 
     level: BoxLevel = Field(default="none", description="How its processes are confined.")
     network: BoxNetwork = Field(
         default="full",
-        description="What they reach: the machine's network, each other and the service, or only each other.",
+        description="Network that they reach: the machine's, each other and the service, or only each other.",
     )
     services: list[int] = Field(
         default=[], description="With `local`: ports of 127.0.0.1 at which the machine's servers are reached."
     )
     shown: list[Path] = Field(default=[], description="Files and folders that they may read besides their own.")
-    hidden: list[Path] = Field(default=[], description="What they must not see, wherever it lies.")
+    hidden: list[Path] = Field(default=[], description="Files and folders that they must not see, wherever these are.")
 
 
 class FoundFiles(Model):
-    """What a run's folders held before anything of it ran: data sources, copied bundles, files of images."""
+    """Files in a run's folders before anything of it ran: data sources, copied bundles, files of images."""
 
-    size_bytes: int = Field(ge=0, description="What they took on the disk, which is not what the run used.")
+    size_bytes: int = Field(ge=0, description="Disk space that they took, in bytes, which is not what the run used.")
     at_s: float = Field(description="When that was, in seconds since 1970.")

@@ -31,13 +31,13 @@ class ApplicationDigest(Model):
     name: str = Field(description="Its name in the catalog.")
     attribute: str | None = Field(default=None, description="Dotted path of its factory; absent: it is a program.")
     content: Literal["bundle", "module"] = Field(
-        description="What the digest is of: all files of its bundle, or the Python files of its installed package."
+        description="Files that the digest is of: all of its bundle, or the Python files of its installed package."
     )
     sha256: str = Field(description="SHA-256 over names and bytes of those files, in hexadecimal.")
 
 
 class JointPlace(Model):
-    """Where a joint's numbers are in the state."""
+    """Indices of a joint's numbers in the state."""
 
     name: str = Field(description="The joint's name, or its body's when it has none.")
     qpos: int = Field(description="Index of its first position.")
@@ -66,7 +66,7 @@ class ActionsSummary(Model):
 
 
 class Provenance(Model):
-    """Where a run came from, so that it can be repeated and compared."""
+    """Provenance of a run: its plan, machine and digests, so that it can be repeated and compared."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     plan: RunPlan = Field(description="The run as carried out; its folders are those of the machine it ran on.")
@@ -76,8 +76,8 @@ class Provenance(Model):
     )
     applications: list[ApplicationDigest] = Field(
         default=[],
-        description="What the applications were; empty until the run ends, and of one that was canceled. Of one that "
-        "is a container image the plan has the image's id.",
+        description="Digests of the applications; empty until the run ends, and of a run that was canceled. The image "
+        "id of an application that is a container is in the plan.",
     )
     imported: dict[str, str] = Field(
         default={},
@@ -95,7 +95,8 @@ class Provenance(Model):
     )
     actions: ActionsSummary | None = Field(
         default=None,
-        description="What `actions.bin` has; absent until the run ends, and when the robot application is no program.",
+        description="Summary of `actions.bin`; absent until the run ends, and when the robot application is no "
+        "program.",
     )
     ended_by: str | None = Field(
         default=None, description="As in `result.json`; absent: it failed, goes on, or only had programs."

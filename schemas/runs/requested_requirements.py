@@ -196,14 +196,14 @@ def _has_only_programs(request: JobRequirementsSource) -> bool:
 
 
 def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
-    """Where the launch variable is set, and what it holds."""
+    """The paths of members that set the launch variable, each with the value."""
     for place, variables in _environments(request):
         if REQUIREMENTS_VARIABLE in variables:
             yield f"{place}.{REQUIREMENTS_VARIABLE}", variables[REQUIREMENTS_VARIABLE]
 
 
 def _misspelt(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
-    """Where a variable is set that is nearly called like the launch variable, and its name."""
+    """The paths of members with a variable that is nearly called like the launch variable, each with its name."""
     for place, variables in _environments(request):
         for name in misspelt_requirements(variables):
             yield place, name

@@ -77,7 +77,7 @@ def planned_trials(request: Mapping[str, Any]) -> int:
 
 
 def _texts(request: Mapping[str, Any]) -> Iterator[str]:
-    """What the launch variable holds in a request that may be anything."""
+    """The values of the launch variable in a request that may be anything."""
     for member in ("simulationApplications", "robotApplications"):
         configs = request.get(member)
         for config in configs if is_list(configs) else []:
@@ -116,7 +116,7 @@ def _parse(text: str, place: str) -> Trials:
 
 
 def _launches(request: TrialsSource) -> Iterator[tuple[str, LaunchConfig]]:
-    """Where the launch configurations of a request are, and what they say."""
+    """The paths of a request's launch configurations, each with the configuration."""
     for member, configs in (
         ("simulationApplications", request.simulationApplications),
         ("robotApplications", request.robotApplications),
@@ -126,7 +126,7 @@ def _launches(request: TrialsSource) -> Iterator[tuple[str, LaunchConfig]]:
 
 
 def _variables(request: TrialsSource) -> Iterator[tuple[str, str]]:
-    """Where the launch variable is set, and what it holds."""
+    """The paths of members that set the launch variable, each with the value."""
     for place, launch in _launches(request):
         variables = launch.environmentVariables or {}
         if TRIALS_VARIABLE in variables:

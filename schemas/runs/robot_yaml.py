@@ -42,7 +42,7 @@ class AddedActuator(Model):
 
     joint: PartName = Field(description="Joint that it moves.")
     kind: Literal["velocity", "position", "motor"] = Field(
-        description="What it is told: `velocity` rad/s or m/s, `position` rad or m, `motor` N·m or N."
+        description="Kind of control signal: `velocity` rad/s or m/s, `position` rad or m, `motor` N·m or N."
     )
     name: PartName | None = Field(default=None, description="Its name; absent: the joint's.")
     gain: Gain = Field(
@@ -62,7 +62,7 @@ class AddedActuator(Model):
 
 
 class DriveLimits(Model):
-    """What the robot can do; commands are clipped to it, and planners keep to it."""
+    """Limits of the drive; commands are clipped to them, and planners keep to them."""
 
     max_linear_mps: Annotated[float, Field(gt=0, le=20, allow_inf_nan=False)] = Field(
         description="Largest forward velocity, m/s."
@@ -127,7 +127,7 @@ class RobotLidar(Model):
         default=360.0, description="Angle that the rays are spread over, half of it on each side of x, degrees."
     )
     range_min_m: Metres = Field(default=0.06, description="Shortest distance that it measures, metres.")
-    range_max_m: Length = Field(default=3.5, description="What is farther away is not seen, metres.")
+    range_max_m: Length = Field(default=3.5, description="Longest distance that it measures, metres.")
     noise_std_m: Annotated[float, Field(ge=0, le=1, allow_inf_nan=False)] = Field(
         default=0.005, description="Standard deviation of a distance, metres."
     )
@@ -152,7 +152,7 @@ class RobotCamera(Model):
 
 
 class RobotSensors(Model):
-    """What the robot senses besides its joints."""
+    """Sensors of the robot besides those of its joints."""
 
     lidar: RobotLidar | None = Field(default=None, description="Lidar, and sensors in the bumper; absent: none.")
     bumper_height_m: Length = Field(
@@ -163,7 +163,7 @@ class RobotSensors(Model):
 
 
 class RobotModelHead(Model):
-    """What every `robot.yaml` has besides its drive."""
+    """Members that every `robot.yaml` has besides its drive."""
 
     version: Literal[1] = Field(description="Version of this document's form: 1.")
     name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = Field(
@@ -176,7 +176,7 @@ class RobotModelHead(Model):
     footprint: RobotFootprint = Field(description="The room that it takes on the floor.")
     spawn: RobotSpawn = Field(description="How it stands at the start.")
     actuators: list[AddedActuator] = Field(default=[], description="Actuators to add to the model's own.")
-    sensors: RobotSensors = Field(default=RobotSensors(), description="What it senses.")
+    sensors: RobotSensors = Field(default=RobotSensors(), description="Sensors of the robot.")
     sliding: list[PartName] = Field(
         default=[],
         description="Bodies (links) or geoms that slide over the floor, such as casters made of balls: next to no "

@@ -17,7 +17,7 @@ from .trials import Trial
 TRIALS_FILE = "trials.parquet"
 TRIALS_FOLDER = "trials"
 SUMMARY_NAME = "trials"
-"""Of the summary, in a result's `extra`."""
+"""Name of the summary in a result's `extra`."""
 MAX_FAILING = 100
 """How many trials that did not pass a summary names."""
 MAX_COMBINATIONS = 200
@@ -39,7 +39,7 @@ class TrialRow(Model):
     sim_time_s: float = Field(default=0.0, description="Simulated time at the end.")
     wall_time_s: float = Field(default=0.0, description="Wall-clock time spent stepping.")
     steps: int = Field(default=0, description="Steps of the environment.")
-    requirements: list[Requirement] = Field(default=[], description="What the verdict depends on.")
+    requirements: list[Requirement] = Field(default=[], description="Requirements that the trial was judged by.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     notes: list[str] = Field(default=[], description="Lines beside the verdict.")
     state_digest: str | None = Field(default=None, description="Digest of all its states; absent: it has no physics.")
@@ -91,7 +91,9 @@ class FailingTrial(Model):
 class TrialCounts(Model):
     """How many trials ended how."""
 
-    parameters: dict[str, str] = Field(default={}, description="Of which combination of parameters; empty: of all.")
+    parameters: dict[str, str] = Field(
+        default={}, description="Combination of parameters of these trials; empty: all of them."
+    )
     passed: int = Field(default=0, description="With verdict PASS.")
     failed: int = Field(default=0, description="With verdict FAIL.")
     errors: int = Field(default=0, description="With verdict ERROR.")
@@ -130,7 +132,7 @@ class TrialsSummary(Model):
 
 
 def trial_folder(number: int) -> str:
-    """Where the outputs of a recorded trial are, below those of its job."""
+    """Folder of a recorded trial's outputs, below those of its job."""
     return str(PurePosixPath(TRIALS_FOLDER, f"{number:06d}"))
 
 

@@ -143,7 +143,7 @@ class Trial:
     number: int
     seed: int
     parameters: Mapping[str, str]
-    """What its environment variables are, besides those of all."""
+    """Environment variables of its own, besides those of all trials."""
 
     def __str__(self) -> str:
         parameters = "".join(f", {name}={value}" for name, value in self.parameters.items())

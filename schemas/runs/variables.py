@@ -12,10 +12,10 @@ from .programs import ProgramPlan
 from .trials import TRIALS_VARIABLE, Trials
 
 HIDDEN = "(secret)"
-"""What is written in place of a secret; with a number where values have to differ, those of a parameter of trials."""
+"""Text in place of a secret; with a number where values have to differ, those of a parameter of trials."""
 
 ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
-"""Where SDKs find the service."""
+"""Environment variable in which SDKs find the address of the service."""
 
 OF_JOB = "/of-job/"
 """Paths of the endpoint that begin so are a job's own: its id and its key follow, and then the path of an operation."""
@@ -171,7 +171,7 @@ def _hidden_parameters(trials: Trials, names: set[str]) -> dict[str, Any]:
 
 
 def _hidden_values(values: Any) -> Any:
-    """In place of the values of a parameter: as many, which differ, so that what has them can be read again."""
+    """As many different texts as a parameter has values, so that what has them can be read again."""
     count = len(values) if is_list(values) else 1
     hidden = [HIDDEN, *(f"{HIDDEN[:-1]} {number})" for number in range(2, count + 1))]
     return hidden if is_list(values) else HIDDEN

@@ -16,14 +16,14 @@ ROBOT_IN_WORDS: dict[RobotRepeat, str] = {
     "recorded actions": "; with the recorded actions, the robot's program was not run",
     "program": "; the robot's program was run again",
 }
-"""What the robot was in a rerun, at the end of a sentence."""
+"""How the robot was repeated in a rerun, at the end of a sentence."""
 
 EXIT_CODES: dict[Answer, int] = {
     "bit-identical": OK,
     "diverged": VERDICT_FAILED,
     "not comparable": BROKE,
 }
-"""What the command line ends with."""
+"""Exit codes of the command line, by the answer."""
 
 
 class Divergence(Model):
@@ -33,9 +33,11 @@ class Divergence(Model):
     equal_until_s: float | None = Field(
         default=None, description="Simulated time of the last state before that is equal; absent: none is."
     )
-    what: str = Field(description="What differs, in words: a joint with its values, the model, the end.")
+    what: str = Field(description="Difference in words: a joint with its values, the model, the end.")
     joint: str | None = Field(default=None, description="The joint that differs most; absent: none is known to.")
-    quantity: Literal["qpos", "qvel"] | None = Field(default=None, description="Which of the joint's numbers.")
+    quantity: Literal["qpos", "qvel"] | None = Field(
+        default=None, description="Number of the joint that differs: a position or a velocity."
+    )
     value: float | None = Field(default=None, description="The number in the run.")
     value_again: float | None = Field(default=None, description="The number in the rerun.")
     value_time_s: float | None = Field(default=None, description="Simulated time at which both were kept.")
@@ -48,7 +50,7 @@ class Verification(Model):
     job_arn: str = Field(description="ARN of its job.")
     run_id: str = Field(description="Id of the run.")
     trial: int | None = Field(default=None, description="Number of the trial, of a run that has trials.")
-    answer: Answer = Field(description="What came of it.")
+    answer: Answer = Field(description="Result of the comparison.")
     reasons: list[str] = Field(default=[], description="Why the runs cannot be compared.")
     divergence: Divergence | None = Field(default=None, description="The first difference.")
     looks: int = Field(default=0, description="States that were compared.")
@@ -57,8 +59,8 @@ class Verification(Model):
     digest_again: str | None = Field(default=None, description="Digest of the rerun's states.")
     robot: RobotRepeat = Field(
         default="factory",
-        description="What the robot was in the rerun: its factory; where it is a program, what was recorded of it, or "
-        "the program itself.",
+        description="How the robot was repeated in the rerun: by its factory; where it is a program, by its recorded "
+        "actions, or by the program itself.",
     )
 
     def __str__(self) -> str:
@@ -71,12 +73,14 @@ class Verification(Model):
 
 
 class ReproductionFolder(Model):
-    """What `robomaker repro` wrote."""
+    """Folder that `robomaker repro` wrote."""
 
     folder: Path = Field(description="Everything the run needs, with its first outputs.")
     test: Path = Field(description="The test that repeats it.")
     video: Path | None = Field(default=None, description="Video of the rerun.")
     ending: str = Field(description="How the rerun ended, in words.")
     same_ending: bool = Field(description="Whether that is how the run ended.")
-    other_inputs: list[str] = Field(default=[], description="What the rerun was given that the run was not.")
-    robot: RobotRepeat = Field(default="factory", description="What the robot was in the rerun; see `Verification`.")
+    other_inputs: list[str] = Field(default=[], description="Inputs that the rerun was given and the run was not.")
+    robot: RobotRepeat = Field(
+        default="factory", description="How the robot was repeated in the rerun; see `Verification`."
+    )

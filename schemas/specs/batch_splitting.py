@@ -21,15 +21,15 @@ _REQUESTS = "createSimulationJobRequests"
 _CLIENT_TOKEN = "clientRequestToken"  # noqa: S105 - a member's name
 _LISTS = frozenset({"createdRequests", "failedRequests", "pendingRequests"})
 MOST_REQUESTS = 1000
-"""Of one batch."""
+"""Largest number of requests in one batch."""
 
 
 class Part(NamedTuple):
-    """What a step orders at once: all of it, or one batch of a campaign."""
+    """Part of a step that is ordered at once: all of it, or one batch of a campaign."""
 
     request: dict[str, Any]
     number: int = 1
-    """Which part of the step it is, from 1."""
+    """Number of the part in its step, from 1."""
 
     of: int = 1
     """How many parts the step has."""
@@ -45,7 +45,7 @@ class Part(NamedTuple):
         return step if self.of == 1 else f"{step}_{self.number}_of_{self.of}"
 
     def location(self, inside: Location) -> Location:
-        """Where in the step's whole request a value of this part is."""
+        """The location of a value of this part in the step's whole request."""
         if len(inside) > 1 and inside[0] == _REQUESTS and isinstance(place := inside[1], int):
             return (_REQUESTS, place + (self.number - 1) * MOST_REQUESTS, *inside[2:])
         return inside
@@ -95,10 +95,10 @@ def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
 
 @dataclass(frozen=True)
 class EarlierParts:
-    """What the parts of a step that have ended came to, taken together."""
+    """Results of the parts of a step that have ended, taken together."""
 
     output: dict[str, Any] = field(default_factory=dict[str, Any])
-    """What references see of the step so far: the jobs of all its batches under the ARN of the last."""
+    """Response that references see of the step so far: the jobs of all its batches under the ARN of the last."""
 
     counts: Mapping[str, int] = field(default_factory=dict[str, int])
     """How many requests of the batches that have ended are in which state."""

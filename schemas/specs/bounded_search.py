@@ -18,7 +18,7 @@ class TooMuchWorkError(Exception):
 
 
 def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any]) -> Any:
-    """What an expression gives.
+    """Evaluates an expression, with a limit on the work.
 
     Args:
         tree: the parsed expression, `jmespath.compile(…).parsed`.

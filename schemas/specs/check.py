@@ -98,7 +98,7 @@ class _Check:
     def __init__(self, root: MappingNode, hidden: Location, text: str, filename: str) -> None:
         self._root = root
         self._hidden = hidden
-        """What locations begin with, but the user did not write."""
+        """Prefix of all locations, which the user did not write."""
         self._text = text
         self._filename = filename
         self._problems: list[Problem] = []
@@ -231,7 +231,7 @@ def _scalar(step: MappingNode, key: str) -> Any:
 
 
 def _if_exists(step: MappingNode) -> IfExists:
-    """What a step does when the name is taken; `fail` where it says something that does not exist."""
+    """The value of a step's `ifExists`; `fail` where it says something that does not exist."""
     said = _scalar(step, "ifExists")
     return said if said in get_args(IfExists) else "fail"
 

@@ -68,7 +68,7 @@ class InputCheck:
     """Keys that lead to the input in the file."""
 
     place: Place
-    """Where the input begins: at its key."""
+    """Place in the file where the input begins: at its key."""
 
     problems: list[Problem] = field(default_factory=list[Problem])
     names: set[str] = field(default_factory=set[str])
@@ -123,7 +123,7 @@ class InputCheck:
         return _Placeholder(annotation)
 
     def _kind(self, text: str, location: Location, scope: Scope) -> Kind | None:
-        """What a text with references gives; `None` for one without."""
+        """The kind of value that a text with references gives; `None` for one without."""
         try:
             template = parse_template(text)
             if not template.references:
@@ -216,7 +216,7 @@ class InputCheck:
         return Problem(place_of(problem, self.node, self.place), path_text((*self.location, *written)), message)
 
     def _body_problems(self, body: Node) -> Iterator[Problem]:
-        """What is wrong with a template body that is written out in the file."""
+        """The problems of a template body that is written out in the file."""
         if any(_within(at, (TEMPLATE_BODY,)) for at in self._references) or isinstance(body, ListNode):
             return
         is_text = isinstance(body, ScalarNode)
@@ -258,7 +258,7 @@ def _described(kind: Kind) -> str:
 
 
 def _inner(annotation: Any, step: str | int) -> Any:
-    """What a member or entry of something so annotated has to be."""
+    """The annotation of a member or entry of something so annotated."""
     core = without_none(annotation)
     if get_origin(core) is (list if isinstance(step, str) else dict):
         return Any  # the wrong kind of collection; its entries are not at fault

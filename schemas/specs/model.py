@@ -81,7 +81,7 @@ class Spec(Model):
 
     version: Literal[1] = Field(description="Version of this form; 1.")
     name: SpecName = Field(description="The pipeline's name, part of the run's folder and the report's title.")
-    description: str = Field(default="", description="What it is for, in words.")
+    description: str = Field(default="", description="Purpose of the pipeline, in words.")
     steps: dict[StepName, Step] = Field(
         min_length=1, max_length=MAX_STEPS, description="The steps by name, in any order."
     )
@@ -104,7 +104,7 @@ class CheckedStep:
     """Keys that lead to the input in the file."""
 
     place: Place
-    """Where the input begins: at its key."""
+    """Place in the file where the input begins: at its key."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ class CheckedSpec:
     """The file's content."""
 
     steps: Mapping[str, CheckedStep]
-    """In file order."""
+    """Steps by name, in file order."""
 
     order: tuple[str, ...]
     """Names of the steps; each comes after those it needs."""
@@ -138,7 +138,7 @@ def output_model(operation: str) -> type[Shape]:
 
 
 def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
-    """Where a problem of a request stands.
+    """The place of a problem of a request, in the file.
 
     Args:
         problem: what is wrong.

@@ -94,7 +94,7 @@ def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
 
 
 def kind_of(job: Mapping[str, Any]) -> str:
-    """What a job shares with those that probably take as long: limit, applications, and how they are launched.
+    """The kind of a job, shared by jobs that probably take as long: limit, applications, and how they are launched.
 
     World, seed, trials and tags make no other kind.
 

@@ -37,7 +37,7 @@ class Reference:
         return set(_names(self.tree, outermost=True))
 
     def kind(self, scope: Mapping[str, Kind]) -> Kind:
-        """What it gives, by the kinds of steps and variables.
+        """The kind of its value, by the kinds of steps and variables.
 
         Raises:
             ReferenceMistake: it cannot work.
@@ -50,7 +50,7 @@ class Reference:
         return infer(self.tree, Record(scope))
 
     def value(self, scope: Mapping[str, Any]) -> Any:
-        """What it gives.
+        """Its value, by the values of steps and variables.
 
         Raises:
             ReferenceMistake: there is nothing, or it cannot be evaluated.
@@ -83,7 +83,7 @@ class Template:
         return part if len(self.parts) == 1 and isinstance(part := self.parts[0], Reference) else None
 
     def kind(self, scope: Mapping[str, Kind]) -> Kind:
-        """What it gives, by the kinds of steps and variables.
+        """The kind of its value, by the kinds of steps and variables.
 
         Raises:
             ReferenceMistake: it cannot work.
@@ -97,7 +97,7 @@ class Template:
         return TEXT
 
     def value(self, scope: Mapping[str, Any]) -> Any:
-        """What it gives.
+        """Its value, by the values of steps and variables.
 
         Raises:
             ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.

@@ -27,7 +27,7 @@ class _Request:
     node: MappingNode
     location: Location
     sources: Mapping[str, Node]
-    """What a variable goes through."""
+    """Source of the values of each variable, as written in the file."""
 
 
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
@@ -76,7 +76,7 @@ def _requests(step: CheckedStep) -> Iterator[_Request]:
 
 
 def _asked(request: _Request) -> Iterator[tuple[Location, ScalarNode]]:
-    """Where goals name rooms."""
+    """The rooms that goals name, each after its location in the request."""
     requirements = child(request.node, "requirements")
     for index, item in enumerate(requirements.items if isinstance(requirements, ListNode) else []):
         room = child(item, "room")

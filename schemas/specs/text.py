@@ -37,14 +37,14 @@ _WORDS: dict[str, bool | None] = {
 
 
 class _Mark(Protocol):
-    """What is read of a place in the text; ruamel's classes do not say the types of their attributes."""
+    """Members that are read of a place in the text; ruamel's classes do not say the types of their attributes."""
 
     line: int
     column: int
 
 
 class _Event(Protocol):
-    """What is read of an event that begins a node."""
+    """Members that are read of an event that begins a node."""
 
     anchor: str | None
     start_mark: _Mark
@@ -56,7 +56,7 @@ class _ScalarEvent(_Event, Protocol):
 
 
 class _Mistake(Protocol):
-    """What is read of a `MarkedYAMLError`."""
+    """Members that are read of a `MarkedYAMLError`."""
 
     context: str | None
     context_mark: _Mark | None
@@ -117,7 +117,7 @@ def child(node: Node, step: str | int) -> Node | None:
 
 
 def value_place(node: Node, location: Location) -> Place:
-    """Where the value at a location stands; where it is missing, the key of what should hold it."""
+    """The place of the value at a location; where it is missing, that of the key of what should hold it."""
     place = node.place
     for step in location:
         following = child(node, step)
@@ -128,7 +128,7 @@ def value_place(node: Node, location: Location) -> Place:
 
 
 def key_place(node: Node, location: Location) -> Place:
-    """Where the key of the value at a location stands; for list items, where the item stands."""
+    """The place of the key of the value at a location; for list items, that of the item."""
     for step in location[:-1]:
         following = child(node, step)
         if following is None:

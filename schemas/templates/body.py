@@ -80,7 +80,7 @@ class TemplateRoom(Model):
     Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
     OriginalName: str | None = Field(
-        default=None, description="What the user called the room, in any letters; only in version 2."
+        default=None, description="Name that the user gave the room, in any letters; only in version 2."
     )
     DesiredShape: TemplateShape = Field(
         default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),

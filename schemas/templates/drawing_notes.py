@@ -1,4 +1,4 @@
-"""What a drawing of a floor plan does not say: the YAML file beside it.
+"""Notes on a drawing of a floor plan: the YAML file beside it, with all that the drawing does not say.
 
 ```yaml
 scale: 0.01
@@ -36,20 +36,20 @@ Scale = Annotated[str | float, AfterValidator(_scale)]
 
 
 class RoomNotes(Model):
-    """What a drawing does not say of a room."""
+    """Facts about a room that a drawing does not say."""
 
     type: RoomType = Field(description="Its type, which steers materials and furniture.")
 
 
 class DrawingNotes(Model):
-    """What a drawing does not say."""
+    """Facts that a drawing does not say."""
 
     scale: Scale | None = Field(
         default=None, description="Metres of the world for one unit of the drawing, or a scale on paper such as `1:50`."
     )
     outlines: Literal["faces", "centres"] | None = Field(
         default=None,
-        description="What the outlines of rooms are: the inner faces of their walls, or the walls' middles; absent: "
+        description="Meaning of the outlines of rooms: the inner faces of their walls, or the walls' middles; absent: "
         "faces where there are gaps between rooms.",
     )
     ceilingHeight: float = Field(default=2.5, ge=2.4, le=4.0, description="Floor to ceiling in metres.")

@@ -132,7 +132,7 @@ _RIGHT = {
 
 
 def _advice(detail: ErrorDetails) -> str:
-    """What would be right in place of a value."""
+    """Advice on what would be right in place of a value."""
     kind, context = detail["type"], dict(detail.get("ctx", {}))
     if kind == "literal_error" and isinstance(detail["input"], str):
         expected = tuple(re.findall("'([^']+)'", context["expected"]))

@@ -36,7 +36,7 @@ _LATER = 'only in bodies of version 2; leave it out, or set Version to "2"'
 
 
 def _version_problems(body: WorldTemplateBody) -> Iterator[str]:
-    """What version 1 does not have."""
+    """Problems of a body of version 1 that uses members of version 2."""
     for index, room in enumerate(body.floorplan.Rooms):
         if room.OriginalName is not None:
             yield f"{FLOORPLAN_PATH}.Rooms[{index}].OriginalName: {_LATER}"

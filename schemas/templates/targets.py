@@ -1,4 +1,4 @@
-"""Which rooms, and which doorways, the sets of a template body are for."""
+"""Target sets: the rooms and the doorways that the sets of a template body are for."""
 
 from typing import Annotated, Any, Literal
 
@@ -21,14 +21,14 @@ All = Annotated[Literal["Target.All"], Tag(CONSTANT_TAG)]
 
 
 class TemplateTargetSet(Model):
-    """Which rooms a set is for: by name or by type. A name beats a type for the same room."""
+    """Rooms that a set is for: by name or by type. A name beats a type for the same room."""
 
     RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
     RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
 
 
 class RoomPairTargetFilter(Model):
-    """Which doorways a set is for: those between any room of one list and any room of another."""
+    """Doorways that a set is for: those between any room of one list and any room of another."""
 
     From: TemplateTargetSet = Field(description="Rooms on one side.")
     To: TemplateTargetSet = Field(description="Rooms on the other side.")

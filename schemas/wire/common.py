@@ -133,10 +133,10 @@ S3Etag = Annotated[str, ShapeName("S3Etag")]
 
 
 class OutputLocation(Shape):
-    """Where outputs are put."""
+    """Location of outputs in the object store."""
 
     s3Bucket: S3Bucket | None = Field(default=None, description="Bucket; absent: the configured one.")
-    s3Prefix: S3Key | None = Field(default=None, description="What the keys of all outputs begin with.")
+    s3Prefix: S3Key | None = Field(default=None, description="Prefix of the keys of all outputs.")
 
 
 def _none_if_empty(location: object) -> object:
@@ -156,7 +156,7 @@ MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 class Filter(Shape):
     """A condition on the resources of a list."""
 
-    name: Name | None = Field(default=None, description="What to compare, such as `status`.")
+    name: Name | None = Field(default=None, description="Member to compare, such as `status`.")
     values: Annotated[list[Name], ShapeName("FilterValues"), Field(min_length=1, max_length=1)] | None = Field(
         default=None, description="The value it has to be equal to; exactly one."
     )

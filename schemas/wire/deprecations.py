@@ -1,4 +1,4 @@
-"""What the service refused in its last years, and this package accepts unless it is told not to.
+"""Deprecated uses: the service refused them in its last years, and this package accepts them unless told not to.
 
 From the middle of 2022 the service took container images only, told apart no robot software any more, and
 no longer ran fleets, worlds inside jobs, or tools and uploads of its own choice.
@@ -27,7 +27,7 @@ _FREE_MEMBERS = frozenset({"tags", "worldTags", "environmentVariables", "templat
 
 
 def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[str]:
-    """What of a call the service refused in its last years, in words; empty if nothing.
+    """Lists the uses in a call that the service refused in its last years, in words; empty if none.
 
     A member that asks for nothing, such as an empty list or `false`, is not refused.
 

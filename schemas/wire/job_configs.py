@@ -43,7 +43,7 @@ Boolean = Annotated[bool, ShapeName("Boolean")]
 _DEPRECATED: dict[str, bool] = {"deprecated": True}
 ARCHIVE_SUFFIXES = (".zip", ".tar.gz")
 UPLOAD_ROOTS = ("/home/robomaker/", "/var/log")
-"""What the path of an upload configuration begins with."""
+"""Folders that the path of an upload configuration begins with."""
 KEPT_FOLDERS = ("/home/robomaker", "/opt/robomaker/datasources", "/var/log", "/tmp")  # noqa: S108 - the job's own
 """Folders of a job that no data source may replace."""
 _USED_FOLDERS = ("/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent", "/proc", "/sys", "/dev")
@@ -134,7 +134,7 @@ class UploadConfiguration(Shape):
 
     name: Name = Field(description="Folder of these files below the job's outputs; unique in the application.")
     path: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_uploaded)] = Field(
-        description="Which files: a glob below `/home/robomaker/` or `/var/log`; `**` crosses folders."
+        description="Files to upload: a glob below `/home/robomaker/` or `/var/log`; `**` crosses folders."
     )
     uploadBehavior: UploadBehavior = Field(description="When: once at the end, or again and again, removing them.")
 
@@ -267,7 +267,7 @@ DataSources = Annotated[list[DataSource], ShapeName("DataSources")]
 
 
 class LoggingConfig(Shape):
-    """What is recorded."""
+    """Settings of the recording."""
 
     recordAllRosTopics: bool | None = Field(
         default=None, json_schema_extra=dict(_DEPRECATED), description="Whether all ROS topics are recorded."
@@ -308,7 +308,7 @@ class NetworkInterface(Shape):
 
 
 class Compute(Shape):
-    """What a job may use of the machine."""
+    """Limits on a job's use of the machine."""
 
     simulationUnitLimit: SimulationUnit | None = Field(
         default=None, description="Processors, with 2 GB of memory each, at most 15."
@@ -318,4 +318,4 @@ class Compute(Shape):
 
 
 class ComputeResponse(Compute):
-    """What a job may use of the machine."""
+    """Limits on a job's use of the machine."""

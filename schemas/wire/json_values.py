@@ -1,4 +1,4 @@
-"""What a parsed JSON or YAML value is, said so that a type checker knows the types of its entries as well."""
+"""Type checks of parsed JSON or YAML values, from which a type checker knows the types of entries as well."""
 
 from collections.abc import Mapping
 from typing import Any, TypeGuard

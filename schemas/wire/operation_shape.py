@@ -37,16 +37,16 @@ class OperationShape:
     """The service's name of it."""
 
     request: type[Shape]
-    """What it takes."""
+    """Shape of its request."""
 
     response: type[Shape]
-    """What it gives."""
+    """Shape of its response."""
 
     errors: tuple[ErrorClass, ...]
-    """What it may raise."""
+    """Errors that it may raise."""
 
     description: str
-    """What it does, in one line."""
+    """Description of the operation, in one line."""
 
     is_job: bool = False
     """Whether it starts something that goes on after the answer."""

@@ -22,7 +22,7 @@ MAX_PROBLEMS = 100
 """How many problems of a request are told: more help none, and take long to find words for."""
 
 _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
-"""Of a name in camel or snake case."""
+"""Pattern of one word of a name in camel or snake case."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
 
 
 def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
-    """Where plain data has text, or a mapping's key, with the character U+0000: not all databases can store it."""
+    """Finds text, or a mapping's key, with the character U+0000 in plain data: not all databases can store it."""
     if isinstance(value, str):
         return [RequestProblem(location, f"is {_shown(value)}; it may not hold the character U+0000")] * ("\0" in value)
     if is_list(value):
@@ -106,7 +106,7 @@ def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]
 
 
 def misspelt_members(found: Iterable[ErrorDetails]) -> set[Location]:
-    """Where members are missing only because their names are misspelt: one mistake is told once."""
+    """Locations of members that are missing only because their names are misspelt: one mistake is told once."""
     details = list(found)
     unknown = [each["loc"] for each in details if each["type"] == "extra_forbidden"]
     return {
@@ -204,7 +204,7 @@ _CHARACTERS = re.compile(r"\[a-zA-Z0-9(.*)\][*+]")
 
 
 def pattern_in_words(pattern: str) -> str:
-    """What text has to be to match one of the patterns in use here."""
+    """Describes the text that matches one of the patterns in use here."""
     plain = re.sub(r"\^(?:\(\?:(.*)\)|(.*))\$", r"\1\2", pattern)
     if match := _CHARACTERS.fullmatch(plain):
         others = ["spaces" if each == " " else each for each in re.sub(r"\\(.)", r"\1", match[1])]
@@ -215,7 +215,7 @@ def pattern_in_words(pattern: str) -> str:
 
 
 def _unknown_tag(details: ErrorDetails) -> RequestProblem:
-    """What is wrong with the member that says which of several models a mapping is."""
+    """The problem of the member that says which of several models a mapping is."""
     context = details.get("ctx", {})
     tag, member = context.get("tag"), context["discriminator"].strip("'")
     if tag is None:
@@ -255,7 +255,7 @@ def _model_at(model: type[BaseModel], location: Location) -> type[BaseModel] | N
 
 
 def _kinds(model: type[BaseModel], location: Location) -> Iterator[Any]:
-    """What each step of a location is looked up in: a model, a collection, or a choice of models by their tag."""
+    """The kinds that the steps of a location are looked up in: a model, a collection, or a choice of models by tag."""
     kind: Any = model
     for step in location:
         yield kind

@@ -10,7 +10,7 @@ from random import Random
 Rgb = tuple[float, float, float]
 
 RANDOM = "random"
-"""In place of a name: one of those that differ in light, and a little brighter or darker."""
+"""Name that chooses an appearance by chance: one of those that differ in light, a little brighter or darker."""
 
 DAY = "day"
 
@@ -45,7 +45,7 @@ APPEARANCES: dict[str, Appearance] = {
     "lamps": Appearance((0.0, 0.0, 0.0), (0.52, 0.45, 0.33), (0.24, 0.22, 0.19), 0.06, 0.25, 1.0, (0.04, 0.05, 0.1)),
     "quick": Appearance((0.28, 0.27, 0.24), (0.0, 0.0, 0.0), (0.5, 0.5, 0.5), 0.12, 0.45, 0.4, None, shadows=False),
 }  # fmt: skip
-"""By their names; `quick` is day without shadows and lamps, for cameras that take many pictures."""
+"""Appearances by name; `quick` is day without shadows and lamps, for cameras that take many pictures."""
 
 _DRAWN = (DAY, "evening", "night", "lamps")
 _LEAST, _MOST = 0.8, 1.25

@@ -44,7 +44,7 @@ class PreferenceCount(Model):
 
 
 class StabilityChecks(Model):
-    """What loose objects did after small pushes."""
+    """Movement of loose objects after small pushes."""
 
     pushes: int = Field(description="How many times all of them were pushed, each time differently.")
     pushed_s: float = Field(description="Simulated seconds for which physics ran after each push.")
@@ -101,5 +101,5 @@ class WorldChecks(Model):
         default=None, description="Furthest that a free body moved in the settle, in metres; absent if not run."
     )
     stability: StabilityChecks | None = Field(
-        default=None, description="What loose objects did after small pushes; absent unless it was asked for."
+        default=None, description="Movement of loose objects after small pushes; absent unless it was asked for."
     )

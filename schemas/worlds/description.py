@@ -20,9 +20,9 @@ DESCRIPTION_FILE = "world_description.json"
 class Units(Model):
     """Units of all numbers in a description."""
 
-    length: Literal["metre"] = Field(default="metre", description="Of positions and extents.")
-    angle: Literal["radian"] = Field(default="radian", description="Of yaws and openings.")
-    area: Literal["square metre"] = Field(default="square metre", description="Of floors.")
+    length: Literal["metre"] = Field(default="metre", description="Unit of positions and extents.")
+    angle: Literal["radian"] = Field(default="radian", description="Unit of yaws and openings.")
+    area: Literal["square metre"] = Field(default="square metre", description="Unit of the areas of floors.")
 
 
 class Position(Model):
@@ -90,15 +90,15 @@ class DescribedDoor(Model):
     size: Size = Field(description="The leaf: from the hinge to its free edge, its thickness, its height.")
     clearWidth: float = Field(description="Clear width of the doorway with the leaf fully open.")
     initialOpening: Opening = Field(description="How far it is open at first.")
-    style: str = Field(description="What it looks like.")
+    style: str = Field(description="Parametric style of the door.")
 
 
 class DescribedFurniture(Model):
     """A piece of furniture, or a loose object."""
 
     name: str = Field(description="Unique in the world; of a loose object, the name of its body.")
-    modelType: str = Field(description="What it is.")
-    style: str = Field(description="Which style of that.")
+    modelType: str = Field(description="Model type, or the kind of a loose object.")
+    style: str = Field(description="Parametric style of that type.")
     room: str = Field(description="Name of the room it stands in.")
     pose: Pose = Field(description="Middle of its lower side, and the direction its front faces.")
     size: Size = Field(description="Its extents.")
@@ -106,14 +106,14 @@ class DescribedFurniture(Model):
 
 
 class Seeds(Model):
-    """What the world was made from, besides the template."""
+    """Seeds that the world was made from, besides the template."""
 
     floorplan: int = Field(description="Seed of the floor plan.")
     interior: int = Field(description="Seed of the interior.")
 
 
 class Proofs(Model):
-    """What was measured before the world counted as made, and whether it keeps what every world keeps."""
+    """Measurements before the world counted as made, and whether the guarantees of every world hold."""
 
     guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
     violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
@@ -138,8 +138,12 @@ class WorldDescription(Model):
     passages: list[DescribedPassage] = Field(description="The ways between rooms.")
     doors: list[DescribedDoor] = Field(description="The doors.")
     furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
-    source: DrawnSource | None = Field(default=None, description="What it was imported from; absent: it was generated.")
-    variation: Variation | None = Field(
-        default=None, description="What tells it from the world it was made of; absent in worlds made by themselves."
+    source: DrawnSource | None = Field(
+        default=None, description="Drawing or map that it was imported from; absent: it was generated."
     )
-    proofs: Proofs | None = Field(default=None, description="What was measured; absent if nothing was.")
+    variation: Variation | None = Field(
+        default=None, description="Differences from the world it was made of; absent in worlds made by themselves."
+    )
+    proofs: Proofs | None = Field(
+        default=None, description="Measurements of the world; absent if nothing was measured."
+    )

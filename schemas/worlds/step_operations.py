@@ -30,14 +30,14 @@ def _finite(numbers: list[float]) -> list[float]:
 
 
 MOST_VARIATIONS = 1000
-"""Of one step: worlds times what is to differ."""
+"""Largest number of worlds that one step makes: worlds times variations."""
 
 Percent = Annotated[float, Field(ge=0, le=100)]
 MoveBy = Annotated[list[float], Field(min_length=2, max_length=3), AfterValidator(_finite)]
 
 
 class WorldVariation(Shape):
-    """What is to differ from a world; all of it at once."""
+    """Differences from a world that a variation is to have; all of them at once."""
 
     shut: list[str] = Field(default=[], description="Doors to shut: ids, or the rooms of each, `Hall/Bathroom`.")
     open: dict[str, Percent] = Field(default={}, description="How far doors are to be open, in percent.")
@@ -63,7 +63,7 @@ class VaryWorldsRequest(Shape):
 
     worlds: list[Arn] = Field(min_length=1, max_length=1000, description="ARNs of the worlds, 1 to 1000.")
     variations: list[WorldVariation] = Field(
-        min_length=1, max_length=100, description="What is to differ, 1 to 100; each world gets all of them."
+        min_length=1, max_length=100, description="Variations to make, 1 to 100; each world gets all of them."
     )
 
     @model_validator(mode="after")

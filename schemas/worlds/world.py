@@ -68,8 +68,8 @@ class Room(Model):
     goal: Point = Field(description="A free spot a robot can reach, near the room's middle.")
     floor_material: str = Field(default="Floorboards", description="Material of the floor.")
     wall_material: str = Field(default="WallPaint", description="Material of the walls' inner faces.")
-    floor_finish: str = Field(default="", description="Which of the floor material's looks; empty: the first.")
-    wall_finish: str = Field(default="", description="Which of the wall material's looks; empty: the first.")
+    floor_finish: str = Field(default="", description="Look of the floor material; empty: the first.")
+    wall_finish: str = Field(default="", description="Look of the wall material; empty: the first.")
 
     @property
     def floor_m2(self) -> float:
@@ -98,7 +98,7 @@ class Door(Model):
     """
 
     id: str = Field(description="Unique in the world, `door-<n>`; name of its body and its joint in the MJCF.")
-    hinge: Point = Field(description="Where the hinge's axis stands.")
+    hinge: Point = Field(description="Position of the hinge's axis.")
     closed_yaw: float = Field(description="Direction from the hinge along the closed leaf.")
     swing: Literal[1, -1] = Field(description="Opening turns the leaf: 1 counter-clockwise, -1 clockwise, from above.")
     room: str = Field(description="Name of the room it opens into.")
@@ -109,7 +109,7 @@ class Door(Model):
     max_angle_rad: float = Field(description="The furthest it opens.")
     open_percent: float = Field(default=100.0, ge=0, le=100, description="How far it is open at first; 0 is closed.")
     clear_width_m: float = Field(description="Clear width of the doorway with the leaf fully open.")
-    style: str = Field(default="", description="Which of the parametric styles was built, `panelled oak`.")
+    style: str = Field(default="", description="Parametric style that was built, `panelled oak`.")
 
     @property
     def open_angle_rad(self) -> float:
@@ -146,7 +146,7 @@ class Furniture(Model):
 
     id: str = Field(description="Unique in the world; the prefix of its geoms in the MJCF.")
     model_type: str = Field(description="One of the 31 model types, or the kind of a loose object.")
-    style: str = Field(default="", description="Which of the type's parametric styles was built.")
+    style: str = Field(default="", description="Parametric style of the type that was built.")
     room: str = Field(description="Name of the room it stands in.")
     x: float = Field(description="Middle of the footprint.")
     y: float = Field(description="Middle of the footprint.")
@@ -172,7 +172,7 @@ class Floorplan(Model):
 
     footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, centre lines.")
     ceiling_height_m: float = Field(description="Floor to ceiling.")
-    rooms: list[Room] = Field(description="In the template's order; materials are set with the interior.")
+    rooms: list[Room] = Field(description="Rooms, in the template's order; materials are set with the interior.")
     walls: list[Wall] = Field(description="All walls, cut at passages, lintels included.")
     passages: list[Passage] = Field(description="All ways between rooms.")
     windows: list[Window] = Field(default=[], description="Windows in exterior walls.")
@@ -192,15 +192,15 @@ class DrawnSource(Model):
     form: DrawingForm = Field(description="How it was read.")
     metres_per_unit: float = Field(description="Metres of the world for one unit of the drawing; of a map, for a cell.")
     outlines: Literal["faces", "centres"] = Field(
-        description="What the outlines of rooms were taken for: the inner faces of their walls, or the walls' middles."
+        description="Meaning of the outlines of rooms, as read: the inner faces of their walls, or the walls' middles."
     )
     notes_sha256: str | None = Field(
         default=None, description="SHA-256 of the YAML file with what the drawing does not say; absent without one."
     )
     origin_m: Point | None = Field(
         default=None,
-        description="Where the world's origin lies in the drawing, x to the right and y up, or in the map's frame, in "
-        "metres: what is at (x, y) there is at (x - origin_m[0], y - origin_m[1]) in the world, give or take what the "
+        description="Position of the world's origin in the drawing, x to the right and y up, or in the map's frame, in "
+        "metres: a point (x, y) there is at (x - origin_m[0], y - origin_m[1]) in the world, give or take what the "
         "walls were moved by; absent in worlds of generators before 3.2.0.",
     )
     left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
@@ -209,14 +209,14 @@ class DrawnSource(Model):
 class Change(Model):
     """One difference between a variation and the world it was made of."""
 
-    what: Literal["door", "moved", "removed", "light"] = Field(description="What kind of difference.")
+    what: Literal["door", "moved", "removed", "light"] = Field(description="Kind of difference.")
     thing: str = Field(description="Id of the door or the piece of furniture; `world` for its light.")
     before: str = Field(description="How it was, in words.")
     after: str = Field(description="How it is, in words.")
 
 
 class Variation(Model):
-    """What tells a world from the one it was made of."""
+    """Differences of a world from the one it was made of."""
 
     of_content: str = Field(description="SHA-256 of the bundle of the other world, hexadecimal.")
     of_world: str | None = Field(default=None, description="ARN of the other world; absent if only a folder was given.")
@@ -240,9 +240,11 @@ class World(Model):
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
     wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
     checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")
-    source: DrawnSource | None = Field(default=None, description="What it was imported from; absent: it was generated.")
+    source: DrawnSource | None = Field(
+        default=None, description="Drawing or map that it was imported from; absent: it was generated."
+    )
     variation: Variation | None = Field(
-        default=None, description="What tells it from the world it was made of; absent in worlds made by themselves."
+        default=None, description="Differences from the world it was made of; absent in worlds made by themselves."
     )
     appearance: Light = Field(default="day", description="How `world.xml` is lit; nothing but looks depends on it.")
 
