@@ -98,7 +98,7 @@ def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Seq
 
 
 def delivery(job: Resource, robots: Iterable[Resource], prepared: Prepared) -> Delivery:
-    """What robots get, of the files."""
+    """Selects the files that each robot downloads."""
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
     served = {robot.arn: RobotDocument.of(robot) for robot in robots if prepared.has(robot)}
     return Delivery(

@@ -28,7 +28,7 @@ class BundleFiles:
         self._fetching: dict[str, threading.Lock] = {}
 
     def path_of(self, order: RobotOrder) -> Path:
-        """Where an order's file lies; the first time, it may have to be fetched.
+        """Returns the local path of an order's file; the first time, it may have to be fetched.
 
         Raises:
             ObjectNotFoundError: no rollout has it any more, or it is gone.

@@ -76,7 +76,7 @@ class OrderKeeper:
         return self._jobs.get(key)
 
     def said(self, key: OrderKey) -> SaidBefore:
-        """What the robot said of an order so far."""
+        """Returns the summary of the robot's feedback on an order so far."""
         return self._said.get(key) or SaidBefore()
 
     def remember(self, key: OrderKey, said: SaidBefore) -> None:
@@ -85,11 +85,11 @@ class OrderKeeper:
             self._said[key] = said
 
     def ordered(self, key: OrderKey) -> Artifact | None:
-        """What an order is to install; `None`: it is only there to be given up."""
+        """Returns the file that an order installs; `None`: the order exists only to be cancelled."""
         return self._ordered.get(key)
 
     def artifact(self, order: RobotOrder) -> Artifact | None:
-        """Where an order's file is stored; `None`: no rollout has it any more."""
+        """Returns the stored file of an order; `None`: no open rollout has it any more."""
         return self._artifacts.get(order.sha256)
 
     def files(self) -> frozenset[str]:
@@ -129,7 +129,7 @@ def _oldest(wanted: list[_Wanted], state: RobotState) -> _Wanted | None:
 
 
 class _Wishes:
-    """What rollouts want of the robots that are enrolled."""
+    """Orders, files and expected robots of open rollouts, for the robots that are enrolled."""
 
     def __init__(self, robots: KnownRobots) -> None:
         self._robots = robots

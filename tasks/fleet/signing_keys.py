@@ -20,7 +20,7 @@ _CERTIFICATE = b"-----BEGIN CERTIFICATE-----"
 
 
 def certificate_path(service: Service) -> Path:
-    """Where the certificate of `signing_key` lies, in PEM, for robots."""
+    """Path of the certificate of `signing_key`, in PEM; robots verify signatures with it."""
     return service.folder("robots") / "certificate.pem"
 
 

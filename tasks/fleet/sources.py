@@ -32,7 +32,7 @@ def sources_by_architecture(application: Resource, architectures: Iterable[str])
 
 
 def place_of(source: StoredSource) -> str:
-    """Where an archive lies, for people."""
+    """Address of an archive, `s3://bucket/key`, for people."""
     return f"s3://{source.s3_bucket}/{source.s3_key}"
 
 

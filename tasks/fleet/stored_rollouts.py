@@ -38,7 +38,7 @@ class OpenRollout:
     """How each robot stands: `order` and `action_id`, and `earlier_action_id`, which comes first."""
 
     artifacts: dict[str, Artifact]
-    """What each robot downloads, by ARN; robots that cannot get the application are absent."""
+    """Files that robots download, by the robot's ARN; robots that cannot get the application are absent."""
 
     launch: DeploymentLaunchConfig
     """How the application is started."""

@@ -1,4 +1,4 @@
-"""What robots say of orders in hawkBit's words, as events of a rollout.
+"""Translation of hawkBit feedback on orders into events of a rollout.
 
 Our agent says why an order failed, by the numbers of `agent.failure_codes`. Updaters of others do not, so it is told
 from what was said before:
@@ -48,7 +48,7 @@ _STEPS: frozenset[str] = frozenset(get_args(get_args(RobotDeploymentStep)[0]))
 
 @dataclass(frozen=True)
 class SaidBefore:
-    """What is known of an order from what the robot said and did before."""
+    """Summary of earlier feedback on an order, as far as the next event depends on it."""
 
     proceeded: bool = False
     installed: bool = False
@@ -60,7 +60,7 @@ class SaidBefore:
 
 
 def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
-    """What is known once a feedback on an order came in as well."""
+    """Adds a feedback to the summary of an order's feedback."""
     errors = [text.removeprefix(_ERROR).lstrip(" :") for text in feedback.details if text.startswith(_ERROR)]
     return replace(
         before,
@@ -71,7 +71,7 @@ def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
 
 
 def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
-    """What a report means to the rollout.
+    """Translates a report of a robot into an event of its rollout.
 
     Args:
         report: what the robot said.

@@ -1,4 +1,4 @@
-"""What an order asks for: the signed deployment document, and the version that it makes of it on this robot."""
+"""Orders of the server: the signed deployment document, and the version that it brings to this robot."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 from .errors import StepFailed
 
 FORMAT = 1
-"""Of deployment documents."""
+"""Version of the deployment documents' format."""
 
 ARCHITECTURES = {"x86_64": "X86_64", "amd64": "X86_64", "aarch64": "ARM64", "arm64": "ARM64", "armv7l": "ARMHF"}
 """RoboMaker's names of architectures, by the machine's own."""
@@ -23,7 +23,7 @@ _SHOWN = 80
 
 @dataclass(frozen=True)
 class Order:
-    """What the server asks of this robot."""
+    """An order of the server: the deployment that this robot has to install."""
 
     action_id: int
     target: str
@@ -66,7 +66,7 @@ class Version:
     application: str
     version: str
     sha256: str
-    """Of its bundle."""
+    """SHA-256 of the version's bundle, in hexadecimal digits."""
 
     launch: Launch
     job: str
@@ -76,7 +76,7 @@ class Version:
 
     @property
     def folder(self) -> str:
-        """Where it lies below the agent's home."""
+        """Folder of the version, relative to the agent's home."""
         return f"versions/{self.application}/{self.version}-{self.sha256[:12]}"
 
 
@@ -88,7 +88,7 @@ class Deployment:
     bundle: File
     condition: File | None
     number: int
-    """Of its document, which rises from deployment to deployment: a smaller one is older."""
+    """Number of the deployment document, which rises with each deployment: a smaller one is older."""
 
 
 @dataclass(frozen=True)

@@ -37,10 +37,10 @@ class Work(Protocol):
 
     @property
     def pipe(self) -> int | None:
-        """What can be waited for."""
+        """File descriptor that becomes readable when the work has news; `None`: it has none."""
 
     def poll(self) -> list[Event]:
-        """What has happened since the last time."""
+        """Returns the events since the last call."""
         ...
 
     def stop(self) -> None:

@@ -1,4 +1,4 @@
-"""What goes wrong on a robot, on purpose. A tree of its own: the agent imports nothing of the project."""
+"""Exceptions of the agent. They have a base class of their own: the agent imports nothing of the project."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class TryLater(AgentError):
 
 
 def disk_failure(error: OSError, doing: str) -> StepFailed:
-    """What an error of the robot's own disk means: a full one is said plainly."""
+    """Describes a failed write to the robot's own disk as a failed step; a full disk is named as such."""
     if error.errno in _NO_SPACE:
         return StepFailed("EnvironmentSetupError", f"the disk is full: {doing}")
     return StepFailed("EnvironmentSetupError", f"{doing}: {error.strerror or error}")

@@ -21,7 +21,7 @@ _HELD_S = 5.0
 
 
 class Keeper(Protocol):
-    """What keeps the state: the journal."""
+    """Storage of the agent's state: the journal."""
 
     def save(self, state: State) -> None:
         """Saves a state, durably."""

@@ -1,4 +1,4 @@
-"""What the agent and the server say to each other in the course of time: polls, steps, ends; and silence when away.
+"""Messages between the agent and the server: polls, steps and ends of orders; and silence while the server is away.
 
 A server that is away for weeks is worth two lines in the log: one when it goes, one when it is back.
 """

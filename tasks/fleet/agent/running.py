@@ -58,7 +58,7 @@ def run(home: Home, options: Options) -> None:
 
 
 def status_of(home: Home) -> dict[str, Any]:
-    """What an agent does and runs, as JSON has it.
+    """Returns the status of a robot's agent as JSON: its order, its phase and the application that it runs.
 
     Raises:
         AgentError: the robot is not enrolled.

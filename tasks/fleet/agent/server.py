@@ -32,7 +32,7 @@ _MAX_DETAIL = 500
 
 @dataclass(frozen=True)
 class Poll:
-    """What a poll said."""
+    """The server's answer to a poll."""
 
     sleep_s: float
     order: int | None = None

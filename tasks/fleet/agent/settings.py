@@ -1,4 +1,4 @@
-"""What the agent knows of its server, and how it treats applications; and the folders of its home."""
+"""Settings of the agent: its connection to the server and how it runs applications; and the folders of its home."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _ROBOT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}")
 
 @dataclass(frozen=True)
 class Connection:
-    """Who this robot is, and where its server is; made by enrolling."""
+    """The robot's name and credentials, and the server's address; made by enrolling."""
 
     url: str
     """Scheme, name and port."""
@@ -41,13 +41,13 @@ class Options:
     """How the agent treats applications, and waits."""
 
     user: str | None = None
-    """Whose rights applications and scripts have; absent: the agent's own."""
+    """User as whom applications and scripts run; absent: the agent's own."""
 
     sandbox: str = "auto"
     """`bwrap`, `setpriv`, `none`; `auto`: the first of these that works here."""
 
     architecture: str | None = None
-    """In RoboMaker's words; absent: the machine's."""
+    """Architecture by RoboMaker's name (`X86_64`, `ARM64`, `ARMHF`); absent: the machine's."""
 
     health_s: float = 10.0
     """How long a new version has to stay up."""
@@ -56,7 +56,7 @@ class Options:
     """Run by a shell once it stayed up; its exit code 0 says that the version is healthy."""
 
     script_timeout_s: float = 600.0
-    """Of each condition file, preLaunchFile, postLaunchFile and health command."""
+    """Time limit for each condition file, preLaunchFile, postLaunchFile and health command, in seconds."""
 
     stop_s: float = 10.0
     """How long an application may take to end before it is killed."""
@@ -83,7 +83,7 @@ class Home:
         self.logs = self.folder / "logs"
 
     def connection(self) -> Connection:
-        """Who the robot is.
+        """Reads the robot's connection from `agent.json`.
 
         Raises:
             AgentError: it is not enrolled, or the file is not right.

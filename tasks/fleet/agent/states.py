@@ -1,4 +1,4 @@
-"""What the agent does next, as a pure function: state and event make the next state.
+"""State machine of the agent, as a pure function: state and event give the next state.
 
 ```
   idle ──> validating ──> condition ──> downloading ──> pre_launch ──> launching ──> post_launch ──> watching ──> idle
@@ -21,11 +21,13 @@ from .deployment import Deployment, Order, Version
 from .failure_codes import NUMBERS
 
 MAX_RESTARTS = 5
-"""Of the agent while a new version is tried; then it goes back, since that version may be what stops the robot."""
+"""Restarts of the agent during the trial of a new version, after which it returns to the previous one.
+
+The new version may be what stops the robot."""
 
 
 class Phase(str, Enum):
-    """What is being done."""
+    """Phase of the agent's work on an order."""
 
     IDLE = "idle"
     VALIDATING = "validating"
@@ -86,7 +88,7 @@ class State:
     """The open order; absent when idle."""
 
     deployment: Deployment | None = None
-    """What it asks for, once its document was verified."""
+    """The deployment of the open order, once its document was verified."""
 
     good: Version | None = None
     """The last version that proved healthy."""
@@ -98,10 +100,10 @@ class State:
     """Code and reason, while the agent goes back."""
 
     end: End | None = None
-    """Of the latest order that ended."""
+    """End of the latest order; absent: no order has ended."""
 
     restarts: int = 0
-    """Of the agent, while the new version is tried."""
+    """Restarts of the agent since the trial of the new version began."""
 
     floors: Mapping[str, int] = field(default_factory=dict)
     """The newest version seen of each role of the repository."""
@@ -110,7 +112,7 @@ class State:
     """The latest time at which the repository was fresh, in seconds since 1970: no earlier one is believed."""
 
     number: int = 0
-    """Of the newest deployment that came to its end here: none that is older, nor itself, is carried out again."""
+    """Number of the last deployment finished on this robot; deployments up to this number are ignored."""
 
 
 @dataclass(frozen=True)
@@ -149,14 +151,14 @@ class Checked:
 
 @dataclass(frozen=True)
 class Passed:
-    """What the phase stands for is done."""
+    """A phase succeeded."""
 
     phase: Phase
 
 
 @dataclass(frozen=True)
 class Failed:
-    """What the phase stands for failed."""
+    """A phase failed."""
 
     phase: Phase
     code: str

@@ -29,7 +29,7 @@ PublicKey: TypeAlias = SSlibKey
 
 
 def public_key_path(service: Service) -> Path:
-    """Where the public key lies, in PEM."""
+    """Path of the public key, in PEM."""
     return service.folder("robots") / "attestation-key.pub"
 
 

@@ -19,7 +19,7 @@ from .statements import Statement
 Answer = Literal["verified", "refuted", "nothing to verify"]
 
 EXIT_CODES: dict[Answer, int] = {"verified": OK, "refuted": VERDICT_FAILED, "nothing to verify": BROKE}
-"""What the command line ends with."""
+"""Exit codes of the command line, by answer."""
 
 
 class DeploymentCheck(Model):
@@ -27,7 +27,7 @@ class DeploymentCheck(Model):
 
     schema_version: Literal[1] = Field(default=1, description="Version of this form.")
     deployment: str = Field(description="ARN of the deployment job.")
-    answer: Answer = Field(description="What came of it.")
+    answer: Answer = Field(description="Answer of the check: `verified`, `refuted` or `nothing to verify`.")
     reason: str | None = Field(default=None, description="Why it is not verified, in words; absent: it is.")
     key_id: str | None = Field(default=None, description="Id of the key that signed; absent: it is not known.")
     batch: str | None = Field(default=None, description="ARN of the required batch; absent: none is required.")
@@ -86,7 +86,7 @@ def check_deployment(job: Resource, key: PublicKey, service: Service) -> Deploym
 
 
 def _disagreement(statement: Statement, batch: str, delivery: Delivery) -> str | None:
-    """What an attestation says that is not so of a deployment."""
+    """Explains how an attestation differs from a deployment; `None`: it does not."""
     if statement.batch.uri != batch:
         return f"the attestation is about the batch {statement.batch.uri}, {batch} is required"
     other = unattested(statement, delivery)

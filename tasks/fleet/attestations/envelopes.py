@@ -20,7 +20,7 @@ PAYLOAD_TYPE = "application/vnd.in-toto+json"
 class _Signature(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
-    keyid: str = Field(description="Which key signed.")
+    keyid: str = Field(description="Id of the key that signed.")
     sig: str = Field(description="The signature, in base 64.")
 
 
@@ -28,7 +28,7 @@ class _Envelope(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True)
 
     payload: str = Field(description="The statement, in base 64.")
-    payloadType: str = Field(pattern=f"^{PAYLOAD_TYPE.replace('+', '[+]')}$", description="What the payload is.")  # noqa: N815 - DSSE's own name
+    payloadType: str = Field(pattern=f"^{PAYLOAD_TYPE.replace('+', '[+]')}$", description="Media type of the payload.")  # noqa: N815 - DSSE's own name
     signatures: list[_Signature] = Field(min_length=1, max_length=1, description="One signature.")
 
 

@@ -1,4 +1,4 @@
-"""What holds a deployment back until its required batch has passed, and the attestation that says that it has.
+"""Deployments that wait for a required batch, and the signed attestation that the batch passed.
 
 The envelope of a deployment lies in the object store as `robots/attestations/<id of the job>.json`. It is made of
 nothing but the batch, the version and the key, so a run that begins anew makes the same bytes.
@@ -127,7 +127,7 @@ def unattested(statement: Statement, gets: Delivery) -> str | None:
 
 
 def envelope_key(job: Resource) -> str:
-    """Where the envelope of a deployment job lies in the service's bucket."""
+    """Key of a deployment job's envelope in the service's bucket."""
     return f"{_FOLDER}/{job.id}.json"
 
 

@@ -1,4 +1,4 @@
-"""What an attestation says: an in-toto statement (v1) with a test result (v0.1).
+"""Content of an attestation: an in-toto statement (v1) with a test result (v0.1).
 
 The subjects are the archives of a version. Which of them ran in the simulations stands beside each: simulations run
 the one for their own machine.
@@ -26,17 +26,17 @@ class _Attested(BaseModel):
 
 
 class Digest(_Attested):
-    """What identifies a content."""
+    """SHA-256 digest that identifies a content."""
 
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="SHA-256, in hexadecimal digits.")
 
 
 class ArchiveFacts(_Attested):
-    """What else is said of an archive."""
+    """Application, version and architecture of an archive, and whether simulations ran it."""
 
     application: str = Field(description="ARN of its application.")
     version: str = Field(description="Number of its version.")
-    architecture: str | None = Field(description="What it runs on; null: anything.")
+    architecture: str | None = Field(description="Architecture that the archive runs on; null: any.")
     simulated: bool = Field(description="Whether simulations of the batch ran this very archive.")
 
 
@@ -44,13 +44,13 @@ class Archive(_Attested):
     """An archive of the version that was tested: a subject of the statement."""
 
     name: str = Field(description="Application, version and architecture; no two are the same.")
-    uri: str = Field(description="Where it lay.")
-    digest: Digest = Field(description="What it is.")
-    annotations: ArchiveFacts = Field(description="What it is of.")
+    uri: str = Field(description="Address of the archive when it was tested.")
+    digest: Digest = Field(description="Digest of the archive's content.")
+    annotations: ArchiveFacts = Field(description="Application, version and architecture of the archive.")
 
 
 class BatchFacts(_Attested):
-    """What a batch tested, in numbers."""
+    """Numbers of jobs, seeds, trials and worlds of a batch, and its requirements."""
 
     jobs: int = Field(description="How many jobs it had.")
     seeds: int = Field(description="How many different seeds these had.")
@@ -62,16 +62,16 @@ class BatchFacts(_Attested):
 class Configuration(_Attested):
     """How was tested: by which batch."""
 
-    name: Literal["simulation job batch"] = Field(default="simulation job batch", description="What it is.")
+    name: Literal["simulation job batch"] = Field(default="simulation job batch", description="Kind of test: a batch.")
     uri: str = Field(description="ARN of the batch.")
     digest: Digest = Field(description="Hash of the batch's request, as canonical JSON.")
-    annotations: BatchFacts = Field(description="What it tested.")
+    annotations: BatchFacts = Field(description="Numbers and requirements of the batch.")
 
 
 class Predicate(_Attested):
     """The predicate: what came out."""
 
-    result: Literal["PASSED"] = Field(default="PASSED", description="What came out; nothing else is ever attested.")
+    result: Literal["PASSED"] = Field(default="PASSED", description="Result; only passed batches are attested.")
     configuration: tuple[Configuration] = Field(description="How was tested.")
     passed_tests: list[str] = Field(description="Ids of the simulation jobs.")
     warned_tests: list[str] = Field(default=[], max_length=0, description="None: nothing else is ever attested.")
@@ -84,11 +84,11 @@ class Statement(_Attested):
     type: Literal["https://in-toto.io/Statement/v1"] = Field(
         default=STATEMENT_TYPE, alias="_type", description="Its form."
     )
-    subject: list[Archive] = Field(min_length=1, description="What was tested.")
+    subject: list[Archive] = Field(min_length=1, description="Archives of the version that was tested.")
     predicate_type: Literal["https://in-toto.io/attestation/test-result/v0.1"] = Field(
         default=PREDICATE_TYPE, description="The predicate's form."
     )
-    predicate: Predicate = Field(description="What came out.")
+    predicate: Predicate = Field(description="The test's result.")
 
     @property
     def batch(self) -> Configuration:
@@ -123,7 +123,7 @@ class Statement(_Attested):
 
 
 def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str, str]) -> Statement:
-    """What is attested of a version.
+    """Builds the statement that attests a version.
 
     Args:
         batch: the batch that passed with it.

@@ -57,7 +57,7 @@ class RunningBatch:
     """A batch that may pass yet."""
 
     why: str
-    """What of it still runs, in words."""
+    """Reason why the batch has no result yet, in words: itself or its jobs still run."""
 
 
 @dataclass(frozen=True)

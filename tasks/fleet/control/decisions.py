@@ -1,4 +1,4 @@
-"""What people decide about a deployment that is under way: pause, resume, approve, reject.
+"""Decisions of people about a running deployment: pause, resume, approve, reject.
 
 Any process may say it while another runs the job: the catalog has the rollout, and what was said holds when the call
 returns. A deployment that has not begun keeps it as an event, and takes it in when it begins.

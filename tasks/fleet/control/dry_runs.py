@@ -23,13 +23,13 @@ AWAY_S = 300.0
 
 @dataclass(frozen=True)
 class PlannedChange:
-    """What would be done to one robot."""
+    """Change that a deployment would make to one robot."""
 
     robot: str
     """Its name."""
 
     wave: int | None
-    """In which wave, from 1; `None`: it cannot get the application."""
+    """Number of the robot's wave, from 1; `None`: it cannot get the application."""
 
     is_canary: bool
     before: str | None
@@ -39,15 +39,15 @@ class PlannedChange:
     """Application and version that it would get; `None`: none."""
 
     notes: tuple[str, ...]
-    """What a person should know, in words."""
+    """Notes for people about this robot, such as a missing architecture, in words."""
 
 
 @dataclass(frozen=True)
 class DryRun:
-    """What a deployment would do."""
+    """Forecast of a deployment: its changes to robots, and when it may begin."""
 
     changes: tuple[PlannedChange, ...]
-    """To each robot, in the order in which their turn comes; those that cannot get the application last."""
+    """Changes by robot, in the order in which robots get their orders; those that cannot get the application last."""
 
     at_once: int
     """How many robots have orders at the same time, at most."""
@@ -63,7 +63,7 @@ class DryRun:
 
 
 def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resource, service: Service) -> DryRun:
-    """What a deployment would do.
+    """Forecasts a deployment without starting it.
 
     Args:
         document: the deployment, as it would be stored.

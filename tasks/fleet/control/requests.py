@@ -1,4 +1,4 @@
-"""What is checked of a request for a deployment before it is stored."""
+"""Checks of a deployment request, made before the job is stored."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""What robots and server say to each other: hawkBit's Direct Device Integration, version 1, without HTTP.
+"""Messages between robots and server: hawkBit's Direct Device Integration, version 1, without HTTP.
 
 ```
 offer, cancel ──> OpenOrders ──> documents: base, deploymentBase, cancelAction

@@ -1,4 +1,4 @@
-"""What robots send, parsed: feedback on an order, and their attributes.
+"""Messages from robots, parsed: feedback on an order, and attributes.
 
 Members that are not known are ignored, as hawkBit does; SWUpdate sends such.
 """
@@ -14,18 +14,18 @@ MAX_DETAILS = 50
 """Details of one feedback."""
 
 MAX_DETAIL_CHARACTERS = 512
-"""Of a longer detail the beginning is kept."""
+"""Limit on the characters of a detail; of a longer one the beginning is kept."""
 
 MAX_ATTRIBUTES = 100
 MAX_ATTRIBUTE_CHARACTERS = 128
-"""Of a name, and of a value."""
+"""Limit on the characters of an attribute's name, and of its value."""
 
 _MAX_NUMBER = 2**31 - 1
 _SHOWN = 60
 
 
 class Execution(StrEnum):
-    """What the robot is doing about its order."""
+    """State of an order, as the robot reports it."""
 
     CLOSED = "closed"
     PROCEEDING = "proceeding"
@@ -38,7 +38,7 @@ class Execution(StrEnum):
 
 
 class Finished(StrEnum):
-    """What came out, once `Execution` is closed."""
+    """Result of an order, once `Execution` is closed."""
 
     SUCCESS = "success"
     FAILURE = "failure"
@@ -90,7 +90,7 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Attributes:
-    """What a robot says about itself, and how that changes what it said before."""
+    """Attributes that a robot reports, and how they change the earlier ones."""
 
     mode: Literal["merge", "replace", "remove"]
     values: dict[str, str]

@@ -30,7 +30,7 @@ _NO_HASH = bytes(32)
 
 @dataclass(frozen=True)
 class RobotState:
-    """What is known of one robot."""
+    """State of one robot: its token, its open order, and its last feedback."""
 
     token_hash: bytes
     order: RobotOrder | None = None
@@ -55,7 +55,7 @@ class RobotState:
     """The newest order it ever had here."""
 
     last_feedback: Feedback | None = None
-    """What closed the last order."""
+    """Feedback that closed the last order; `None`: no order was closed."""
 
     def has(self, action_id: int) -> bool:
         """Whether that order is open."""
@@ -92,7 +92,7 @@ class OpenOrders:
         return state if is_right and token else None
 
     def state(self, robot: str) -> RobotState:
-        """What is known of a robot.
+        """Returns the state of a robot.
 
         Raises:
             ResourceNotFoundException: it is not in.

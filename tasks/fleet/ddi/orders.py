@@ -23,7 +23,7 @@ def is_robot_id(text: str) -> bool:
 
 
 class RobotOrder(BaseModel):
-    """What one robot shall install and launch."""
+    """Order for one robot: the file to install, and how to launch it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -37,7 +37,7 @@ class RobotOrder(BaseModel):
     sha1: str = Field(pattern="^[0-9a-f]{40}$", description="The file's SHA-1; SWUpdate requires it.")
     md5: str = Field(pattern="^[0-9a-f]{32}$", description="The file's MD5.")
     launch: DeploymentLaunchConfig | None = Field(
-        default=None, description="What is launched; updaters of others do not read it."
+        default=None, description="Launch configuration of the application; third-party updaters do not read it."
     )
     target: str | None = Field(
         default=None, description="Path of the signed deployment document that an agent fetches; absent: none."

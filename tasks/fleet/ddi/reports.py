@@ -1,4 +1,4 @@
-"""What the server learned from robots, for the rollout and the catalog.
+"""Reports that the server received from robots, for the rollout and the catalog.
 
 A report may come twice, when a robot did not see the answer: what takes reports has to take them repeatedly.
 """

@@ -68,7 +68,7 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
 
 @dataclass(frozen=True)
 class Due:
-    """What has to be done for a rollout now."""
+    """Orders and cancellations that a rollout has to send now, and when to ask again."""
 
     offers: tuple[str, ...]
     """Robots that each get an order with a number of its own; the ledger is told by `Offered`."""
@@ -121,7 +121,7 @@ def advance(rollout: Rollout, event: RolloutEvent | None, now_s: float) -> Rollo
 
 
 def due(rollout: Rollout, now_s: float) -> Due:
-    """What has to be done for a rollout at a time."""
+    """Returns the orders and cancellations that a rollout has to send at a given time."""
     ledger = Ledger(rollout)
     ledger.pass_time(now_s)
     return ledger.due()
@@ -184,7 +184,7 @@ class Ledger:
         return orders
 
     def due(self) -> Due:
-        """What has to be done now; ask again after each event and at `wake_s`."""
+        """Returns the orders and cancellations to send now; ask again after each event and at `wake_s`."""
         return Due(
             offers=self._turns(),
             cancellations=dict(self._cancellations),

@@ -1,4 +1,4 @@
-"""Whose turn is next: canaries, then the others in the plan's order, then robots that were away, in that order, too."""
+"""Sequence of robots in a rollout: canaries, then the others in the plan's order, then robots that were away."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""What an event, a time-out or a cancellation makes of one robot; pure functions of its state."""
+"""State transitions of one robot's deployment on events, time-outs and cancellations; pure functions."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What a rollout waits for besides its robots, and how robots go back, as DescribeDeploymentJob shows it."""
+"""Waits of a rollout besides its robots, and rollbacks, as DescribeDeploymentJob shows them."""
 
 from datetime import UTC, datetime
 
@@ -9,7 +9,7 @@ from .windows import is_open, opens_s
 
 
 def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
-    """What has to happen before robots whose turn it is get orders; empty: nothing, or the rollout has ended.
+    """Lists what the next orders wait for; empty: nothing, or the rollout has ended.
 
     Args:
         rollout: the rollout.
@@ -38,7 +38,7 @@ def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
 
 
 def in_words(wait: DeploymentWait, job: str) -> str:
-    """What a deployment waits for, and what a person can do.
+    """Describes a wait of a deployment, and how a person can end it.
 
     Args:
         wait: one of `waits_for`.

@@ -13,7 +13,7 @@ _ALIGN = 4
 
 
 class Target(Protocol):
-    """Where an archive goes."""
+    """Writable file that receives an archive."""
 
     def write(self, data: bytes, /) -> int:
         """Writes all of it."""

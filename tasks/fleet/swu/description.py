@@ -14,7 +14,7 @@ _PATH = re.compile(r"/[^\x00-\x1f\x7f\ud800-\udfff]{1,1023}")
 
 @dataclass(frozen=True)
 class Release:
-    """What is installed, where, and on which hardware."""
+    """Application version in a `.swu`, its folder on the robot, and the hardware revisions that it is for."""
 
     name: str
     version: str

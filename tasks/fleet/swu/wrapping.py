@@ -15,7 +15,7 @@ _PART_BYTES = 1024 * 1024
 
 @dataclass(frozen=True)
 class Wrapped:
-    """What orders say of a `.swu`."""
+    """Size and hashes of a `.swu`, for orders."""
 
     size_bytes: int
     sha256: str

@@ -1,5 +1,5 @@
 # pyright: reportUnsupportedDunderAll=false
-"""What agents of robots trust: a repository of The Update Framework (TUF) as plain files in the object store.
+"""Update repository that robots' agents trust: The Update Framework (TUF), as plain files in the object store.
 
 ```
    keys ───────────────────┐

@@ -22,7 +22,7 @@ ROOT = "root"
 
 
 class AttestedChange(NamedTuple):
-    """What a root is to say of attestations that the one before it does not."""
+    """Changes of a new root to the attestation rules of the root before it."""
 
     keys: Sequence[Key] = ()
     """Those that agents believe from now on; none: the same as before."""
@@ -91,7 +91,7 @@ def rotate_applications(publisher: Publisher) -> None:
 
 
 class RenewedRoot(NamedTuple):
-    """What came of a ceremony."""
+    """Result of a root ceremony."""
 
     version: int
     expires: datetime
@@ -199,7 +199,7 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
 
 
 def _attested(publisher: Publisher, before: Attested, change: AttestedChange) -> Attested:
-    """What a root says of attestations; one that demands them names a key at least."""
+    """Returns the attestation rules of a new root; if they demand attestations, they name at least one key."""
     wanted = before.changed(change.keys, change.add, change.remove)
     return wanted if wanted.keys else publisher.attested().changed((), wanted.applications, ())
 

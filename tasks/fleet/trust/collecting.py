@@ -1,5 +1,5 @@
 # pyright: reportPrivateImportUsage=false
-"""What of the repository is not needed any more: targets of old deployments, and metadata that newer took the place of.
+"""Cleanup of the repository: targets of old deployments, and metadata that newer metadata replaced.
 
 First the repository stops naming a target, then its content goes; so whatever a robot is told of is there.
 """
@@ -28,7 +28,7 @@ _DOCUMENTS = "deployments"
 
 @dataclass(frozen=True)
 class Unneeded:
-    """What goes."""
+    """Targets and objects of the repository that can be removed."""
 
     targets: Mapping[str, frozenset[str]]
     """Paths of targets, by application."""

@@ -14,7 +14,7 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK"
 
 
 class DeploymentTargets(BaseModel):
-    """What is deployed; all paths are those of targets."""
+    """Content of a deployment document; all paths are target paths."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

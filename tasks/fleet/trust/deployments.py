@@ -1,4 +1,4 @@
-"""What agents of robots download: archives, condition and deployment document, as targets of the repository."""
+"""Targets that agents download: archives, condition and deployment document."""
 
 import hashlib
 import json

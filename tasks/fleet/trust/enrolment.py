@@ -27,7 +27,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 class OneTimeToken(NamedTuple):
-    """What a person carries to the robot."""
+    """One-time token with which a person enrols a robot."""
 
     text: str
     """The whole token."""

@@ -1,5 +1,5 @@
 # pyright: reportPrivateImportUsage=false
-"""What one machine knows of the repository: its keys, the newest root it has seen, and the newest timestamp.
+"""Repository state that one machine keeps: its keys, the newest root it has seen, and the newest timestamp.
 
 It lies in the data home, out of reach of those who can change the object store. So a store that was set back, or has
 another root, is found out before anything is signed on top of it.
@@ -20,7 +20,7 @@ _TIMESTAMP = "timestamp"
 
 
 class Machine:
-    """What lies in `robots/trust` of a data home.
+    """Keys and repository state in the folder `robots/trust` of a data home.
 
     Args:
         folder: that folder.
@@ -93,5 +93,5 @@ class Machine:
 
     @property
     def draft_path(self) -> Path:
-        """Where a root lies that waits for the signatures of other holders of keys."""
+        """Path of a root that waits for the signatures of other key holders."""
         return self.folder / "next-root.json"

@@ -1,5 +1,5 @@
 # pyright: reportPrivateImportUsage=false
-"""What the repository says next, as a pure function of what it says, what changes, the keys and the time.
+"""Next metadata of the repository, as a pure function of the current metadata, the changes, the keys and the time.
 
 A version number that another publisher has used already, and may have died over, is passed over: `taken`.
 """
@@ -37,7 +37,7 @@ _HASH = ["sha256"]
 
 @dataclass(frozen=True)
 class Repository:
-    """What the repository says."""
+    """Signed metadata of the repository."""
 
     root: Metadata[Root]
     timestamp: Metadata[Timestamp]
@@ -49,7 +49,7 @@ class Repository:
 
 @dataclass(frozen=True)
 class Changes:
-    """What is to be different."""
+    """Changes to the repository: targets to add and to remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
     """Targets that come, by application and path."""
@@ -63,7 +63,7 @@ class Changes:
 
 @dataclass(frozen=True)
 class Next:
-    """What is to be written: `files` in this order, and then the timestamp."""
+    """Metadata files to write: `files` in this order, and then the timestamp."""
 
     repository: Repository
     files: tuple[tuple[str, int, bytes], ...]
@@ -109,7 +109,7 @@ def next_repository(
     now: datetime,
     taken: Taken,
 ) -> Next:
-    """What the repository says with some changes.
+    """Makes the metadata of the repository with some changes.
 
     Args:
         root: the root that robots have, or are about to get.

@@ -31,7 +31,7 @@ from .roots import Attested, first_root
 _TRIES = 200  # a publisher that is always too late is told so in the end
 
 Decide = Callable[[Repository | None], Changes | None]
-"""What is to be different from what there is; `None`: nothing. Asked again when another publisher was quicker."""
+"""Chooses changes to the repository; `None`: no changes. Called again when another publisher was quicker."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Publisher:
     """Publishes for one machine; several may do so at once, in this process and others."""
 
     files: RepositoryFiles
-    """Where the repository lies."""
+    """Storage of the repository's files."""
 
     machine: Machine
     """Keys, and what the machine has seen."""
@@ -59,13 +59,13 @@ class Publisher:
     """The time, with its zone."""
 
     random_bytes: RandomBytes
-    """Where keys come from."""
+    """Random source of new keys."""
 
     attestation_key: Callable[[], Key] | None = None
     """The public key of this machine's attestations, made on first use; absent: roots made here name none."""
 
     def attested(self) -> Attested:
-        """What a first root says of attestations."""
+        """Returns the attestation rules of a first root."""
         return Attested().changed([self.attestation_key()] if self.attestation_key else [], (), ())
 
     def root(self) -> Metadata[Root]:
@@ -96,7 +96,7 @@ class Publisher:
             )
 
     def read(self, root: Metadata[Root], applications: Sequence[str] | None = ()) -> Repository | None:
-        """What the repository says.
+        """Reads and verifies the repository's metadata.
 
         Args:
             root: the newest root.

@@ -10,10 +10,10 @@ APPLICATIONS = "applications"
 """The key of all delegated roles, of which there is one for each application."""
 
 KEY_ROLES = ("root", *ONLINE_ROLES, APPLICATIONS)
-"""What there are keys for."""
+"""Roles, and groups of roles, that have keys of their own."""
 
 FOLDER = "robots/repository"
-"""Where the repository lies in the service's bucket."""
+"""Prefix of the repository's keys in the service's bucket."""
 
 _APPLICATION_ROLE = "application-"
 
@@ -40,7 +40,7 @@ LIFETIMES = {
     "targets": Lifetime(timedelta(days=90), timedelta(days=45)),
     "root": Lifetime(timedelta(days=365), timedelta(days=60)),
 }
-"""By role; delegated roles have that of `targets`."""
+"""Lifetimes of signatures by role; delegated roles have that of `targets`."""
 
 
 def lifetime_of(role: str) -> Lifetime:
@@ -59,12 +59,12 @@ def application_of(role: str) -> str | None:
 
 
 def target_folder(application: str) -> str:
-    """What the paths of an application's targets begin with."""
+    """Folder of an application's targets: the prefix of their paths."""
     return f"applications/{application}"
 
 
 def metadata_key(role: str, version: int) -> str:
-    """Where a version of a role's metadata lies in the bucket; it never changes."""
+    """Key of a version of a role's metadata in the bucket; its content never changes."""
     return f"{FOLDER}/metadata/{version}.{role}.json"
 
 
@@ -76,12 +76,12 @@ TIMESTAMPS = f"{FOLDER}/timestamps/"
 
 
 def timestamp_key(version: int) -> str:
-    """Where a numbered timestamp lies in the bucket."""
+    """Key of a numbered timestamp in the bucket."""
     return f"{TIMESTAMPS}{version}.json"
 
 
 def target_key(path: str, sha256: str) -> str:
-    """Where a target's content lies in the bucket: TUF puts the hash before the name.
+    """Key of a target's content in the bucket: TUF puts the hash before the name.
 
     Args:
         path: of the target.

@@ -29,7 +29,7 @@ _ATTESTED = "robomaker-attested"
 
 @dataclass(frozen=True)
 class Attested:
-    """What a root says of attestations."""
+    """Attestation rules that a root of the repository sets."""
 
     keys: Mapping[str, Key] = field(default_factory=dict[str, Key])
     """Those that agents believe, by id; none: agents do not look at attestations."""

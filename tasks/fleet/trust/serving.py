@@ -58,7 +58,7 @@ class RepositoryReader:
         return content
 
     def target(self, path: str) -> Path:
-        """Where a target lies on this machine's disk; the first time, it may have to be fetched.
+        """Returns the local path of a target; the first time, it may have to be fetched.
 
         Args:
             path: its path, with the hash before the name.

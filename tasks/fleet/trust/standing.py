@@ -24,7 +24,7 @@ class RoleStanding(NamedTuple):
     keyids: list[str]
     threshold: int
     warning: str
-    """What is to be done about it; empty: nothing."""
+    """Advice on renewing the role, in words; empty: it needs none."""
 
 
 def standing_of(service: Service) -> list[RoleStanding]:
@@ -42,7 +42,7 @@ def standing_of(service: Service) -> list[RoleStanding]:
 
 
 def attested_of(service: Service) -> Attested:
-    """What the newest root says of attestations; nothing where there are no keys.
+    """Reads the attestation rules of the newest root; empty where there are no keys.
 
     Raises:
         ConfigurationError: the object store has another repository's root.
@@ -77,7 +77,7 @@ def standings(repository: Repository, now: datetime) -> list[RoleStanding]:
 
 
 def warning_of(role: str, expires: datetime, now: datetime) -> str:
-    """What is to be done about a role that expires; empty: nothing.
+    """Advises how to renew a role that expires soon; empty: it needs no renewal.
 
     Args:
         role: the role.

@@ -1,4 +1,4 @@
-"""What a deployment waits for besides robots, and which ones bring robots back, in words."""
+"""Notes about a deployment, in words: its waits besides robots, and its rollback."""
 
 from collections.abc import Iterator
 

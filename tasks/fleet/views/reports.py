@@ -21,7 +21,7 @@ _FOLDER = "deployments"
 
 
 def report_path(job: Resource, service: Service) -> Path:
-    """Where the report of a deployment job is written, in the data home."""
+    """Path of a deployment job's report, in the data home."""
     return service.folder(_FOLDER) / f"{job.id}.html"
 
 
@@ -43,7 +43,7 @@ def write_report(job: Resource, service: Service, path: Path | None = None) -> P
 
 
 def report_of(job: Resource, service: Service) -> DeploymentReport:
-    """What the report of a deployment job says."""
+    """Collects the content of a deployment job's report."""
     document = DeploymentJobDocument.of(job)
     stored = service.catalog.rollout(job.arn)
     rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))

@@ -7,7 +7,7 @@ from ....schemas.wire.arns import ResourceArn
 from ..rollout.statuses import robot_status
 
 MOST_ROWS = 500
-"""Of a large wave the first ones are shown; the report says of all how they stand."""
+"""Limit on the rows of a wave's table; the first robots are shown, and the report covers all."""
 
 
 def robot_rows(rollout: Rollout, robots: Iterable[str]) -> list[dict[str, str | float | None]]:

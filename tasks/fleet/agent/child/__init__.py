@@ -1,5 +1,5 @@
 # pyright: reportUnsupportedDunderAll=false
-"""What needs memory and trusts nothing: TUF, downloads and archives, in a process that ends when it is done.
+"""Child process for untrusted input: verifies TUF metadata, downloads and unpacks, then exits to free its memory.
 
 `forking` makes it, `phases` says what it does; it answers by lines of JSON.
 

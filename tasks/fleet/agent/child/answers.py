@@ -17,7 +17,7 @@ def line(**content: Any) -> str:
 
 
 def events_of(content: Mapping[str, Any], phase: Phase) -> list[Event]:
-    """What a line means; nothing if it is progress.
+    """Parses an answer line of the child into events; a progress line gives none.
 
     Raises:
         AgentError: the line is none of a child's.

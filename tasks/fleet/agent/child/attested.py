@@ -20,7 +20,7 @@ from ..deployment import Document
 from ..errors import StepFailed
 
 MOST_ATTESTATIONS = 16
-"""Of one deployment; each costs a check of a signature."""
+"""Limit on the attestations of one deployment; each costs a signature check."""
 
 _MEMBER = "robomaker-attested"
 _EVERY_APPLICATION = "*"
@@ -32,13 +32,13 @@ _WRONG = (LookupError, TypeError, ValueError, AttributeError, RecursionError)
 
 @dataclass(frozen=True)
 class Attested:
-    """What a root says of attestations."""
+    """Attestation rules that a root of the repository sets."""
 
     keys: Mapping[str, Any]
     """Those that are believed, by id, as TUF writes them; none: attestations are not looked at."""
 
     applications: frozenset[str]
-    """Of these, nothing is installed without one."""
+    """Applications of which no version is installed without an attestation."""
 
     @classmethod
     def of(cls, root: Mapping[str, Any]) -> Attested:
@@ -79,7 +79,7 @@ class Attested:
         raise _refused(f"{name} was not attested: {'; '.join(reasons) or 'the deployment has no attestation'}")
 
     def _disagreement(self, document: Document, sha256: str, content: bytes) -> str | None:
-        """What is wrong with an attestation; `None`: it says that this very version passed."""
+        """Explains why an attestation is not accepted; `None`: it attests exactly this version."""
         try:
             envelope = Envelope.from_dict(json.loads(content))
             keys = [Key.from_dict(keyid, dict(key)) for keyid, key in self.keys.items()]

@@ -21,7 +21,7 @@ _TIMEOUT_S = 30.0
 
 @dataclass(frozen=True)
 class Part:
-    """What a server sends of a file."""
+    """Content of a file as the server sends it: all, or the rest that was asked for."""
 
     start: int
     """0 where it sends all, although a rest was asked for."""
@@ -75,7 +75,7 @@ def _chunks(link: http.client.HTTPConnection, answer: http.client.HTTPResponse, 
 
 
 def refusal(status: int, path: str) -> StepFailed | TryLater:
-    """What an HTTP status of the repository means for a deployment."""
+    """Maps an HTTP error status of the repository to the failure of a deployment, or to a later try."""
     if status == 403:
         return StepFailed("BadPermissionError", f"the store denies {path}")
     if status == 404:

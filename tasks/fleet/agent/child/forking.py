@@ -31,7 +31,7 @@ class Child:
 
     def __init__(self, do: Callable[[Callable[..., None]], None]) -> None:
         self.pipe, writing = os.pipe()
-        """Where its answers come from."""
+        """File descriptor from which the child's answers are read."""
 
         os.set_blocking(self.pipe, False)
         self._process = _PROCESSES.Process(target=_run, args=(do, writing), daemon=True)
@@ -44,7 +44,7 @@ class Child:
             os.close(writing)
 
     def read(self) -> bytes | None:
-        """What it has answered since the last time; nothing at its end, `None` while there is nothing new."""
+        """Reads the answers since the last call: empty bytes at the end, `None` while there are no new ones."""
         try:
             return os.read(self.pipe, _READ_BYTES)
         except BlockingIOError:

@@ -29,7 +29,7 @@ BROKEN = (
     RuntimeError,
     ValueError,
 )
-"""What the standard library raises for damaged archives."""
+"""Exceptions that the standard library raises for damaged archives."""
 
 _LARGEST_READ_BYTES = 1 << 20
 
@@ -42,7 +42,7 @@ class Member:
     is_folder: bool
     is_executable: bool
     open: Callable[[], AbstractContextManager[IO[bytes]]]
-    """To be read before the next member is asked for."""
+    """Opens the member's content, which has to be read before the next member is taken."""
 
 
 def bad_archive(text: str) -> StepFailed:
@@ -111,7 +111,7 @@ class _Forward(io.RawIOBase):
         self._file: Any = file
         self._position = 0
         self.latest = b""
-        """What was read last; at the end, the end mark."""
+        """The block that was read last; at the end of the archive, the end mark."""
 
     def read(self, size: int = -1) -> bytes:
         if not 0 <= size <= _LARGEST_READ_BYTES:

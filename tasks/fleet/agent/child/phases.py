@@ -1,4 +1,4 @@
-"""What a child does of an order: asks the repository what it is, or fetches and unpacks its bundle."""
+"""Phases of an order that a child process runs: checking it in the repository, fetching and unpacking its bundle."""
 
 from __future__ import annotations
 

@@ -146,7 +146,7 @@ class Repository:
         return text.read_bytes()
 
     def _signed(self, role: str) -> dict[str, Any]:
-        """What the newest metadata of a role says; TUF has accepted it."""
+        """Reads the signed part of a role's newest metadata, which TUF has accepted."""
         content: dict[str, Any] = json.loads((self._metadata / f"{quote(role, '')}.json").read_bytes())["signed"]
         return content
 
@@ -175,7 +175,7 @@ class Repository:
 
 
 def _found(updater: Updater, path: str) -> File:
-    """Where a target is, with the length and the hash that were signed."""
+    """Finds a target's location, with the length and the hash that were signed."""
     target = updater.get_targetinfo(path)
     if target is None:
         raise StepFailed("ResourceNotFound", f"no role of the repository vouches for {path}")

@@ -17,13 +17,13 @@ _CHUNK_BYTES = 1 << 20
 
 @dataclass(frozen=True)
 class Limits:
-    """What a bundle may hold; what is really unpacked counts."""
+    """Limits of a bundle's content, counted while it is unpacked."""
 
     total_bytes: int = 20 << 30
     entries: int = 100_000
     depth: int = 32
     ratio: int = 200
-    """Of all files to the archive, held against what is larger than `unsuspicious_bytes`."""
+    """Largest ratio of unpacked bytes to the archive's; it applies above `unsuspicious_bytes`."""
 
     unsuspicious_bytes: int = 256 << 20
 

@@ -1,4 +1,4 @@
-"""Which program an application's launch configuration names, and the environment that programs find."""
+"""Start command of an application's launch configuration, and the environment variables of its programs."""
 
 from __future__ import annotations
 

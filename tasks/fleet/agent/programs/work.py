@@ -1,4 +1,4 @@
-"""What goes on while the agent polls: the child, a script, or the watch over a new version."""
+"""Work that runs while the agent polls: the child, a script, or the watch over a new version."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class ChildWork:
 
     @property
     def pipe(self) -> int | None:
-        """What can be waited for."""
+        """Pipe of the child's answers; `None` once the child has ended."""
         return None if self._is_over else self._child.pipe
 
     def poll(self) -> list[Event]:
-        """What has happened since the last time."""
+        """Returns the events that the child has answered since the last call."""
         events: list[Event] = []
         while not self._is_over and (chunk := self._child.read()) is not None:
             if not chunk:
@@ -117,7 +117,7 @@ class ScriptWork:
         """When it has taken too long."""
 
     def poll(self) -> list[Event]:
-        """What has happened since the last time."""
+        """Returns the script's result once it has ended or taken too long; until then no events."""
         if self._is_over:
             return []
         code = self._process.poll()
@@ -171,7 +171,7 @@ class Watch:
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """What has happened since the last time."""
+        """Returns the result of the health check, or of staying up; until then no events."""
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:
