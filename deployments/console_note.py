@@ -1,4 +1,4 @@
-"""Where the console of a data home is: a note there while `robomaker serve` runs, for what prints links to it."""
+"""Note in a data home with the console's address, present while `robomaker serve` runs, for printing links."""
 
 import json
 import os

@@ -17,7 +17,7 @@ _logger = logging.getLogger(__name__)
 
 
 def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
-    """Which of some batches have ended, by the catalog; those of other homes are not known there, and left alone.
+    """Lists the limits of batches that have ended, by the catalog; batches of other homes are not known there.
 
     Args:
         batches: their ids.

@@ -27,11 +27,11 @@ class DatabaseSize:
 
     size_bytes: int
     free_bytes: int
-    """Of pages that nothing uses."""
+    """Size of the unused pages, in bytes."""
 
 
 def database_file(settings: Settings) -> Path:
-    """Where the server of a data home keeps its database, unless its environment names another."""
+    """Path of the Prefect server's database in a data home, unless the server's environment names another."""
     return settings.home / "prefect" / "prefect.db"
 
 

@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class RecordedEnds:
-    """What one data home knows of the ends of flow runs; used from one thread.
+    """Ends of flow runs as one data home has recorded them; used from one thread.
 
     Args:
         settings: the data home's.

@@ -65,7 +65,7 @@ class RobomakerCredentials(_WithLogo, Block):
 
 
 class RobomakerObjectStore(_WithLogo, Block):
-    """Where worlds, application archives and outputs are kept.
+    """Object store with worlds, application archives and outputs.
 
     Example:
         ```python
@@ -98,7 +98,7 @@ class RobomakerObjectStore(_WithLogo, Block):
 
 
 class RobomakerCatalog(_WithLogo, Block):
-    """Where jobs, worlds and applications are recorded.
+    """Catalog with the records of jobs, worlds and applications.
 
     Example:
         ```python

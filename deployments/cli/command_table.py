@@ -15,7 +15,7 @@ _FIRST = ("run", "validate", "plan", "report", "call")
 
 
 class CommandModule(Protocol):
-    """What the module of a command has."""
+    """Interface of a command's module."""
 
     def declare(self, parser: argparse.ArgumentParser) -> None:
         """Adds the command's arguments."""
@@ -36,7 +36,7 @@ class Command(NamedTuple):
     """One line for the list of commands."""
 
     description: str
-    """What its own help begins with."""
+    """First paragraph of the command's own help."""
 
     def load(self) -> CommandModule:
         """Imports the command's module."""

@@ -32,13 +32,13 @@ _SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqla
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check found."""
+    """Result of one check."""
 
     subject: str
     health: Health
     found: str
     remedy: str = ""
-    """What to do, if anything is to be done."""
+    """Advice on what to do; empty: nothing is to be done."""
 
 
 def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
@@ -207,7 +207,7 @@ def check_store(settings: Settings) -> Finding:
 
 
 def check_roles(settings: Settings) -> Finding:
-    """Whose rights jobs have: those of the role that they name, where there is a roles file."""
+    """Checks the roles file, which gives jobs the rights of the role that they name."""
     from ...tasks.storage.roles import read_roles_file
 
     if settings.roles_file is None:
@@ -225,7 +225,7 @@ def check_roles(settings: Settings) -> Finding:
 
 
 def check_server(settings: Settings) -> Finding:
-    """Which Prefect server would be used."""
+    """Checks the Prefect server that would be used."""
     status = server_status(settings)
     if status.configured_elsewhere and not status.running:
         remedy = "start that server, or unset PREFECT_API_URL to use a local one"
@@ -234,7 +234,7 @@ def check_server(settings: Settings) -> Finding:
 
 
 def check_video() -> Finding:
-    """What pictures are rendered with."""
+    """Checks the backends that render pictures for video."""
     from ...tasks.runtime.rendering.backends import available_video_backends
 
     backends = available_video_backends()
@@ -249,7 +249,7 @@ def check_video() -> Finding:
 
 
 def check_extras() -> Finding:
-    """What only some jobs need: container images, ROS launch files, a GPU."""
+    """Lists facilities that only some jobs need: container images, ROS launch files, a GPU."""
     from ...tasks.simulations.containers.engines import find_engine
     from ...tasks.simulations.environment.compute import has_gpu
 
@@ -278,7 +278,7 @@ def check_containers(settings: Settings) -> Finding:
 
 
 def check_sandbox(settings: Settings) -> Finding:
-    """What simulation jobs are confined to on this machine, tried in a process of its own."""
+    """Checks the sandbox of simulation jobs on this machine, tried in a process of its own."""
     from ...tasks.runtime.sandbox.levels import Confinement
     from ...tasks.runtime.supervision.boxes import plan_box
 

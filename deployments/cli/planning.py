@@ -144,5 +144,5 @@ def counted(count: int, noun: str) -> str:
 
 
 def after(step: PlannedStep) -> str:
-    """Which steps come before it, in words."""
+    """Lists the steps that a step needs, in words; empty: it needs none."""
     return f"after {', '.join(step.needs)}" if step.needs else ""

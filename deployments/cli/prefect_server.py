@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from ..prefect_server.outage import Outage
 
 SHELL_SETUP = 'eval "$(robomaker server env)"'
-"""What makes the `prefect` command of a shell use the local server."""
+"""Shell command that makes the `prefect` command use the local server."""
 
 
 def use_server(settings: Settings) -> str:
@@ -89,7 +89,7 @@ def tell_after_outage(outage: "Outage", settings: Settings) -> None:
 
 
 _FOR_EVER: list[object] = []
-"""What is not left before the process ends."""
+"""Objects that stay alive until the process ends."""
 
 
 def uses_local_server(settings: Settings) -> bool:

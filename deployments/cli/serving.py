@@ -217,7 +217,7 @@ def _check_port(host: str, port: int) -> None:
 
 
 def _url(arguments: argparse.Namespace, port: int) -> str:
-    """What clients on this machine reach it by."""
+    """Builds the URL at which clients on this machine reach the server."""
     host = str(arguments.host)
     scheme = "http" if arguments.tls_certificate is None else "https"
     name = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, f"[{host}]" if ":" in host else host)  # noqa: S104 - is told apart

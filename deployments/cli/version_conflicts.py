@@ -17,7 +17,7 @@ class Conflict:
     first: str
     second: str
     effect: str
-    """What users see of it."""
+    """Effect that users see."""
 
     remedy: str
     """Requirement that ends it."""

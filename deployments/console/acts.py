@@ -1,4 +1,4 @@
-"""What visitors do: cancel and restart, as far as their access keys may."""
+"""Actions of visitors: cancel and restart, as far as their access keys permit."""
 
 from collections.abc import Callable, Mapping
 

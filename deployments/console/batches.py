@@ -65,12 +65,12 @@ class Tile:
 
     @property
     def title(self) -> str:
-        """What it says."""
+        """Tooltip of the tile: the job's id or the request's number, and the state."""
         return f"{self.job.id if self.job else f'request {self.number}'}: {self.look.value}"
 
     @property
     def html(self) -> str:
-        """What stands in the grid. No template: with one, a thousand take ten times as long."""
+        """HTML of the tile. No template: with one, a thousand tiles take ten times as long."""
         title = escape(self.title)
         inside = f"{icon(self.look.icon)}<span>{self.number}</span>"
         if self.job is None:
@@ -94,7 +94,7 @@ class BatchView:
     concurrency: int
     reason: str
     standing: JobStanding | None
-    """Who carries it out; `None`: no process has begun."""
+    """Process that runs the batch; `None`: no process has begun."""
 
     @property
     def grid(self) -> Markup:
@@ -109,7 +109,7 @@ class BatchView:
 
     @property
     def times(self) -> str:
-        """Where the time of all its jobs went, in words."""
+        """Durations of all jobs by part, in words."""
         parts_s: Counter[str] = Counter()
         for tile in self.tiles:
             parts_s.update(tile.job.parts_s if tile.job is not None else {})
@@ -158,7 +158,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """What changes on it: only jobs that changed are read and sent."""
+    """Streams changes of a batch's page: only jobs that changed are read and sent."""
     batch_id = visit.request.path_params["id"]
     visit.find(BATCH, batch_id, ())
     shown: dict[int, str] = {}
@@ -271,7 +271,7 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
 
 
 def _left_s(batch: Resource, jobs: Sequence[JobLine], requests: int) -> float | None:
-    """What is left at the pace at which jobs have ended so far."""
+    """Estimates the time to go in seconds, at the pace at which jobs have ended so far; `None`: none has ended."""
     ended = [job.updated_at for job in jobs if is_terminal(JOB, job.status)]
     if not ended:
         return None

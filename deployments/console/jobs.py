@@ -143,7 +143,7 @@ def _run_folder(job: Resource, visit: Visit) -> Path | None:
 
 
 def _new_lines(run: Path | None, read: dict[str, int], last: list[str]) -> str:
-    """What the logs of a run got since they were last read.
+    """Returns the new lines in the logs of a run since they were last read.
 
     The application may have put a link in the place of the folder or of a log; none is followed.
     """

@@ -22,7 +22,7 @@ _OPEN = {
     for kind in (BATCH, JOB, *_OTHER_KINDS)
 }
 _MOST_RUNNING = 12
-"""Of each kind."""
+"""Limit on the unfinished resources that are shown of each kind."""
 
 _LOOKED_AT = 200
 """How many of the newest jobs are looked at for failures."""
@@ -47,7 +47,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """What changes on it."""
+    """Streams changes of the overview page."""
     parts = Parts()
 
     def look() -> Iterator[tuple[str, Any]]:

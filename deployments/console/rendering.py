@@ -14,7 +14,7 @@ from ...tasks.reporting import page_environment, page_styles, report_script, wor
 
 _FOLDER = Path(__file__).parent
 HOME = "/console"
-"""Where all pages of the console are below."""
+"""Path prefix of all console pages."""
 
 
 def render(template: str, /, **values: Any) -> str:
@@ -35,7 +35,7 @@ def asset(name: str) -> str:
 
 @cache
 def asset_address(name: str) -> str:
-    """Where browsers find it; another content has another address."""
+    """Path of an asset for browsers; it contains a hash of the content, so that a changed asset has another path."""
     return f"{HOME}/assets/{hashlib.sha256(asset(name).encode()).hexdigest()[:12]}/{name}"
 
 

@@ -54,7 +54,7 @@ def show(visit: Visit) -> Response:
 
 
 def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
-    """What changed in a run since the one before it; `None`: it is a rerun, or the visitor may not see all runs."""
+    """Compares a run with the one before it; `None`: it is a rerun, or the visitor may not see all runs."""
     if not visit.sees_all:
         return None
     return _since(_place(record.run_id, visit), visit.service.settings.home / "runs")
@@ -153,7 +153,7 @@ def find_record(visit: Visit) -> RunRecord:
 
 @lru_cache(maxsize=16)
 def _since(path: Path, runs: Path) -> SinceLastRun | None:
-    """What changed; kept, since no run before it changes any more."""
+    """Compares a run with the one before it; cached, since no run before it changes any more."""
     record = read_record(path)
     return None if record.rerun_of else since_last(NightRun.of(record), runs)
 

@@ -1,4 +1,4 @@
-"""Who is logged in: sessions of browsers, begun with an access key, kept in memory until the server ends."""
+"""Sessions of browsers that have logged in with an access key, kept in memory until the server ends."""
 
 import hmac
 import secrets
@@ -25,7 +25,7 @@ class Session:
 
     key: AccessKey
     form_token: str
-    """What its forms carry, and pages of other sites do not know."""
+    """Secret token of the session's forms, which pages of other sites do not know."""
 
     ends_at_s: float
 

@@ -118,7 +118,7 @@ class Parts:
         self._sent: dict[str, str] = {}
 
     def news(self, parts: Mapping[str, str]) -> Iterator[tuple[str, Any]]:
-        """What changed since it was last asked."""
+        """Yields the parts that changed since the last call."""
         changed = {name: html for name, html in parts.items() if self._sent.get(name) != html}
         self._sent.update(changed)
         if changed:

@@ -28,7 +28,7 @@ from .streams import Look, Streams
 
 @dataclass(frozen=True)
 class Context:
-    """What all pages share."""
+    """Objects that all pages share."""
 
     service: Service
     calls: Calls
@@ -43,7 +43,7 @@ class Context:
     failures: Failures
     """Says what went wrong without places on this machine."""
     form_token: str
-    """What forms carry where there are no sessions."""
+    """Secret token of forms where there are no sessions."""
 
     spec_runs: SpecRuns | None = None
     """Runs of specifications that visitors order; `None`: this server performs none."""
@@ -57,11 +57,11 @@ class Visit:
     context: Context
     session: Session | None
     form: Mapping[str, str] = field(default_factory=dict)
-    """What the visitor sent in a form."""
+    """Fields of the form that the visitor sent."""
 
     @property
     def service(self) -> Service:
-        """Where resources are."""
+        """The service whose resources the console shows."""
         return self.context.service
 
     @property
@@ -71,12 +71,12 @@ class Visit:
 
     @property
     def address(self) -> str | None:
-        """Where the visitor's requests come from."""
+        """Network address of the visitor; `None`: it is not known."""
         return self.request.client.host if self.request.client else None
 
     @property
     def form_token(self) -> str:
-        """What forms of this visitor carry."""
+        """Secret token of this visitor's forms."""
         return self.session.form_token if self.session else self.context.form_token
 
     @property

@@ -1,4 +1,4 @@
-"""What there is to deploy: every operation's flow, specifications of one's own, and the job worker of a work pool.
+"""Deployables of a Prefect server: every operation's flow, specifications, and the job worker of a work pool.
 
 A deployment of an operation is called as the AWS CLI calls the operation: `create-world-template`. One of a
 specification has the specification's name, and keeps its text as a parameter, so that a worker needs no copy of the
@@ -40,7 +40,7 @@ class Deployable:
 
     @property
     def full_name(self) -> str:
-        """What `prefect deployment run` takes: the flow's name and the deployment's."""
+        """Full name for `prefect deployment run`: the flow's name and the deployment's."""
         return f"{self.flow}/{self.name}"
 
 
@@ -116,7 +116,7 @@ def _of_operation(entry: Operation, flow: str, description: str, role: str) -> D
 
 
 def _described(spec: CheckedSpec) -> str:
-    """What the pages of the deployment say of it, as Markdown."""
+    """Describes the deployment of a specification in Markdown, for Prefect's pages."""
     steps = [f"{number}. `{name}`: {spec.steps[name].operation}" for number, name in enumerate(spec.order, 1)]
     needs = [f"- {need.sentence}" for need in needs_of(spec)]
     parts = [spec.description, "\n".join(steps), *(["It needs:\n\n" + "\n".join(needs)] if needs else [])]

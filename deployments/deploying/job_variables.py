@@ -1,4 +1,4 @@
-"""What a deployment's runs get from their work pool: an image, and variables of the environment.
+"""Job variables of a deployment's runs in their work pool: an image, and variables of the environment.
 
 Settings are `ROBOMAKER_…` variables wherever flows run. A block of Prefect gives them by reference: the deployment
 keeps `{{ prefect.blocks.… }}`, and the Prefect worker puts the value in when it starts a run. So a secret stays in the

@@ -1,4 +1,4 @@
-"""What a specification wants to find where it runs: objects of the store, installed packages, container images.
+"""Needs of a specification where it runs: objects of the store, installed packages, container images.
 
 A specification names no files of the machine that it is written on. Archives of applications, template bodies and
 data sources lie in the object store; so a worker needs the same store, not a copy of the repository.
@@ -26,7 +26,7 @@ class Need:
 
     @property
     def sentence(self) -> str:
-        """What it is, in words."""
+        """Description of the need, in words."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):
@@ -35,7 +35,7 @@ class Need:
 
 
 def needs_of(spec: CheckedSpec) -> list[Need]:
-    """What the steps name as it is; what is a reference only a run can tell."""
+    """Lists the needs that the steps name literally; references are known only in a run."""
     found = [Need(name, uri) for name in spec.order for uri in _uris(plain(spec.steps[name].input))]
     return list({need.uri: need for need in reversed(found)}.values())[::-1]
 

@@ -37,7 +37,7 @@ class NoSuchPoolError(ConfigurationError):
 
 @dataclass(frozen=True)
 class Target:
-    """Where deployments go, and what their runs get there."""
+    """Work pool and schedule of deployments, and the image and environment of their runs."""
 
     pool: str
     schedule: CronSchedule | None = None
@@ -57,7 +57,7 @@ class Registered:
     """A deployment that the server has now."""
 
     name: str
-    """What `prefect deployment run` takes."""
+    """Full name for `prefect deployment run`: the flow's name and the deployment's."""
 
     id: str
     change: Literal["created", "updated"]

@@ -28,7 +28,7 @@ def most_connections() -> int:
 
 @dataclass(frozen=True)
 class ConnectionLimits:
-    """What one client may do to others by being slow."""
+    """Limits on a client's connections and times, so that slow clients do not block others."""
 
     connections: int = field(default_factory=most_connections)
     """How many there may be; a new one takes the place of the one that has waited longest without asking anything."""

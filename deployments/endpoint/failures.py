@@ -49,7 +49,7 @@ class Failures:
         return response
 
     def told(self, error: Exception) -> str:
-        """What an error says, without places on this machine."""
+        """Returns the message of an error, without places on this machine."""
         message = str(error)
         for place, name in self._hidden:
             message = place.sub(name, message)

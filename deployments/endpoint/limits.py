@@ -8,7 +8,7 @@ from ...schemas.wire.errors import ThrottlingException
 from .messages import RequestEntityTooLargeException, RequestTimeoutException, ServiceRequest
 
 SMALL_BODY_BYTES = 64 * 1024
-"""What nearly all requests stay below; they and the others are counted apart."""
+"""Size limit of a small body, in bytes; nearly all requests are smaller. Small and large bodies are counted apart."""
 
 SMALL_BODIES = 512
 LARGE_BODIES = 24

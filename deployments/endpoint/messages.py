@@ -34,7 +34,7 @@ class ServiceRequest(Request):
 
     @property
     def raw_query(self) -> str:
-        """What follows the question mark."""
+        """Query string of the URL: all after the question mark."""
         return self.scope["query_string"].decode("latin-1")
 
 

@@ -110,7 +110,7 @@ class Metrics:
 
 
 class _Resources(Collector):
-    """What the catalog holds when it is asked: other processes change it, so nothing is counted along."""
+    """Gauges that are read from the catalog at each scrape, since other processes change it."""
 
     def __init__(self, service: Service, worker_status: Callable[[], Mapping[str, object]]) -> None:
         self._service = service

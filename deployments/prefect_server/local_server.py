@@ -35,7 +35,7 @@ _PORTS = range(20_000, 32_768)
 """Below those that Linux gives to clients: while the server is away, one that asks for it could be given its port."""
 
 _OLD_PROGRAM = ("prefect", "server", "start")
-"""What earlier versions started: a server without a guard."""
+"""Command line of the server that earlier versions started, without a guard."""
 
 
 class LocalServerError(RobomakerError):
@@ -190,7 +190,7 @@ def _start(settings: Settings) -> str:
 
 
 def _without_client_variables(environ: Mapping[str, str]) -> dict[str, str]:
-    """What a server inherits: it is no client of another one, and reads its secret from the file."""
+    """Removes variables of Prefect's clients from a server's environment; it reads its secret from the file."""
     return {name: value for name, value in environ.items() if name not in _CLIENT_VARIABLES}
 
 

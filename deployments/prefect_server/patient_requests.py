@@ -23,7 +23,7 @@ _TOKEN = "/csrf-token"  # noqa: S105 - a path
 """Asked for before the first change that a client orders, and again when it is out of date."""
 
 _SHOWN = ("/artifacts", _LOGS, "/concurrency_limits", "/v2/concurrency_limits")
-"""What only informs, or is looked after again and again."""
+"""Paths of requests that do not wait for an absent server: they only inform, or are repeated anyway."""
 
 _SHOWN_TIMEOUT_S = 15.0
 _LOOK_S = 0.25

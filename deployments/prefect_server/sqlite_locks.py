@@ -29,7 +29,7 @@ _PAUSE_S = 0.005
 _LONGEST_PAUSE_S = 0.1
 
 _CALLS = frozenset({"execute", "executemany", "commit"})
-"""What may be asked again; `executemany` only as long as it has changed nothing."""
+"""Calls that are tried again while the database is locked; `executemany` only if it has changed nothing."""
 
 
 def wait_in_the_event_loop() -> None:

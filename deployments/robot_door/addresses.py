@@ -1,4 +1,4 @@
-"""Which robot and which resource a path names, and the absolute address of a robot's base."""
+"""Addresses of robots: the robot and resource that a path names, and the absolute address of a robot's base."""
 
 import re
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ _TENANT = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True)
 class Address:
-    """What a path names."""
+    """Robot and resource that a path names."""
 
     robot: str
     resource: Resource
@@ -75,17 +75,17 @@ class Addresses:
         if not _TENANT.fullmatch(tenant):
             raise ConfigurationError(f"tenant: {tenant!r} is not right; 1 to 64 letters, digits, '-' and '_' are")
         self.prefix = f"/{tenant}/controller/v1/"
-        """What paths of robots begin with."""
+        """Prefix of the paths of robots."""
 
         self.enrolment_prefix = f"/{tenant}/agents/v1/"
-        """What paths begin with at which agents enrol."""
+        """Prefix of the paths at which agents enrol."""
 
         self._enrolment = re.compile(rf"{re.escape(self.enrolment_prefix)}(?P<robot>{ROBOT_ID})/enrolment/?")
         self._path = re.compile(rf"{re.escape(self.prefix)}(?P<robot>{ROBOT_ID})(?:{_REST.pattern})/?")
         self._public_url = None if public_url is None else _checked(public_url)
 
     def read(self, path: str) -> Address:
-        """What a path names.
+        """Parses a path into its robot and resource.
 
         Raises:
             DoorRefusal: nothing (404).

@@ -1,4 +1,4 @@
-"""What agents are answered besides: the repository that they trust, and their enrolment."""
+"""Answers to agents besides orders: the repository that they trust, and their enrolment."""
 
 import json
 import re
@@ -25,7 +25,7 @@ _CHALLENGE = [(b"www-authenticate", b"EnrolmentToken")]
 
 
 class AgentSide(Protocol):
-    """What the door asks about agents; called from threads."""
+    """Interface for enrolling agents and reading their repository; called from threads."""
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
         """Lets an agent in.

@@ -59,7 +59,7 @@ class DoorSettings:
     """First part of every path."""
 
     public_url: str | None = None
-    """Where robots reach this server, without a path; `None`: as each request's `Host` says."""
+    """URL at which robots reach this server, without a path; `None`: as each request's `Host` says."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +124,7 @@ class RobotDoor:
 
     @property
     def prefixes(self) -> tuple[str, ...]:
-        """What the paths begin with that are answered here."""
+        """Prefixes of the paths that the door answers."""
         return self._addresses.prefix, self._addresses.enrolment_prefix
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:

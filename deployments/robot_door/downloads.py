@@ -49,7 +49,7 @@ class ServedFile:
     """A file that does not change."""
 
     name: str
-    """What errors call it."""
+    """Name of the file in errors."""
 
     size_bytes: int
     sha256: str

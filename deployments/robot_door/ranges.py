@@ -19,7 +19,7 @@ class Part:
 
 
 def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes | None) -> Part:
-    """Which part is asked for.
+    """Selects the part of a file that a request asks for.
 
     Several ranges, other units, and what cannot be read count as asking for the whole file.
 

@@ -1,4 +1,4 @@
-"""What agents ask `robomaker serve` for besides orders: enrolment, and the repository."""
+"""Answers of `robomaker serve` to agents besides orders: enrolment, and the repository."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -26,15 +26,15 @@ MODEL_FOLDER = DATA_PATH / _INSIDE
 """Folder of the model's files."""
 
 FULL_NAME = "RoboMaker on Prefect"
-"""What our model calls the service; tells it from models of others."""
+"""Name of the service in our model; it tells the model from models of others."""
 
 
 @dataclass(frozen=True)
 class Installation:
-    """What installing or removing did, file by file."""
+    """Result of installing or removing the model, file by file."""
 
     folder: Path
-    """Where SDKs find the model."""
+    """Folder in which SDKs find the model."""
 
     written: tuple[str, ...] = ()
     """Files that were not there."""
@@ -59,7 +59,7 @@ def data_path(environment: Mapping[str, str]) -> str:
 
 
 def installed_folder() -> Path:
-    """Where SDKs of this user look for the model without any setting."""
+    """Folder in which SDKs of this user look for the model without any setting."""
     return Path.home() / ".aws" / "models" / _INSIDE
 
 

@@ -18,13 +18,13 @@ class Waiter:
     """Asks for a job again and again until it is where it should be, or cannot get there any more."""
 
     name: str
-    """What SDKs call it."""
+    """Name of the waiter in SDKs."""
 
     operation: str
     """The operation that is called."""
 
     lifecycle: Lifecycle[Any]
-    """What the job goes through: all states that nothing leads out of end the waiting."""
+    """Lifecycle of the job: each of its final states ends the waiting."""
 
     delay_s: int
     """Seconds between two calls."""

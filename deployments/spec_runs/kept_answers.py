@@ -1,4 +1,4 @@
-"""What the steps of a run were answered, kept in its folder: a run that is taken up again asks for nothing twice."""
+"""Responses of a run's finished steps, kept in the run folder so that a resumed run does not repeat requests."""
 
 import json
 import os
@@ -12,7 +12,7 @@ from ...schemas.specs.model import CheckedStep
 from ...tasks.inspection.pipeline_parts import Permit
 
 ANSWERS = "answers.json"
-"""In the folder of an ordered run, until the run has ended."""
+"""File with the responses in the folder of an ordered run, present until the run has ended."""
 
 
 class KeptAnswers:

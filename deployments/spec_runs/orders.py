@@ -1,4 +1,4 @@
-"""What a visitor orders: a specification, and for whom it is run."""
+"""Order of a run by a visitor: the specification, and the visitor's access key and address."""
 
 from pathlib import Path
 
@@ -13,10 +13,10 @@ class Order(Model):
 
     run_id: str = Field(description="Id of the run; its folder exists.")
     text: str = Field(description="The specification, which may hold secrets.")
-    filename: str = Field(description="What problems call the file.")
+    filename: str = Field(description="Name of the file in problems.")
     spec_path: str = Field(description="The file that the record names: that of the package, or the one in the folder.")
     command: list[str] = Field(description="The command that runs it again.")
-    rerun_of: RerunOf | None = Field(default=None, description="What is run again; absent: it is no rerun.")
+    rerun_of: RerunOf | None = Field(default=None, description="Earlier run that runs again; absent: it is no rerun.")
     key_id: str | None = Field(default=None, description="Id of the visitor's access key; absent: none is asked for.")
-    address: str | None = Field(default=None, description="Where the visitor's requests come from, for the audit log.")
+    address: str | None = Field(default=None, description="Network address of the visitor, for the audit log.")
     audit_log: Path | None = Field(default=None, description="The server's audit log; absent: there is none.")

@@ -20,7 +20,7 @@ _REFERENCE = "${{"
 
 
 def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalog) -> list[Problem]:
-    """What a key may not do of a specification, as far as it can be told before it runs.
+    """Lists the rights that a key lacks for a specification, as far as they are known before it runs.
 
     Args:
         key: the visitor's; `None`: none is asked for.

@@ -137,7 +137,7 @@ class SpecRuns:
         (self._runs / run_id / CANCEL).touch()
 
     def last_words(self, run_id: str) -> str:
-        """What the process of a run said last; empty: nothing."""
+        """Returns the end of the log of a run's process; empty: it has none."""
         try:
             with (self._runs / run_id / LOG).open("rb") as log:
                 log.seek(max(0, log.seek(0, os.SEEK_END) - _MOST_LOG_BYTES))

@@ -24,7 +24,7 @@ class StepStanding(Model):
     status: str = Field(default="waiting", description="`waiting`, `running`, or how it ended.")
     ended: int = Field(default=0, description="How many of its parts, worlds or jobs, have ended.")
     total: int = Field(default=0, description="How many parts it has; 0: none are known.")
-    detail: str = Field(default="", description="What it waits for, the ARN it made, or why it failed.")
+    detail: str = Field(default="", description="Reason of the wait, ARN of the result, or reason of the failure.")
 
 
 class Standing(Model):
@@ -33,7 +33,7 @@ class Standing(Model):
     name: str = Field(description="Name of the specification.")
     key_id: str | None = Field(default=None, description="The access key that ordered it; absent: none was asked for.")
     ordered_by: str = Field(default="", description="The name of that key.")
-    steps: list[StepStanding] = Field(default=[], description="In the order they run.")
+    steps: list[StepStanding] = Field(default=[], description="Steps of the run, in the order they run.")
     note: str = Field(default="", description="The latest thing that was worth a line.")
     problem: str = Field(default="", description="Why it did not begin or broke off; empty: it did not.")
 

@@ -8,7 +8,7 @@ from ...schemas.wire.errors import ConfigurationError
 _FOLDER = Path(__file__).parent
 _SETTINGS = "environment"
 _UNSAFE = " \t\n\"'`\\%$&;|<>()*?["
-"""What systemd or a shell, which one of the units starts, takes for more than a character."""
+"""Characters with a special meaning to systemd, or to a shell that a unit starts."""
 
 
 def units(programs: Path) -> dict[str, str]:

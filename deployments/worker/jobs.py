@@ -36,7 +36,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass
 class _Trouble:
-    """What went wrong with one job so far."""
+    """Failures of one job so far, and the time before which it is not tried again."""
 
     failures: int = 0
     defects: int = 0

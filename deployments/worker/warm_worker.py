@@ -114,7 +114,7 @@ class WarmWorker:
         }
 
     def _waits(self) -> list[WaiterRecord]:
-        """What of this process waits for a slot, memory or disk of this machine."""
+        """Lists the jobs of this process that wait for a slot, memory or disk of this machine."""
         return jobs_that_wait(self._service.settings, os.getpid())
 
     def end(self) -> dict[str, int]:

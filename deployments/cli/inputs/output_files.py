@@ -6,7 +6,7 @@ from ....schemas.wire.errors import ConfigurationError
 
 
 def output_file(path: str | None, option: str) -> Path | None:
-    """Where a file goes.
+    """Returns the absolute path of an output file.
 
     Args:
         path: what was given; None: nothing.

@@ -1,4 +1,4 @@
-"""Who types a command."""
+"""Name of the person who types a command."""
 
 import getpass
 

@@ -41,7 +41,7 @@ class FoundWorld:
     job_arn: str | None = None
     job_seed: int | None = None
     stored_at: str | None = None
-    """Where the object store has the bundle."""
+    """Address of the bundle in the object store."""
     stored_content: str | None = None
     """The hash it was stored under."""
 
@@ -111,7 +111,7 @@ def _fetched(resource: "Resource", service: "Service") -> Path:
 
 
 def _named(arn: str | None, service: "Service") -> "Resource | None":
-    """What an ARN names; `None` when it is gone."""
+    """Finds the resource of an ARN; `None` when it is gone."""
     try:
         return service.catalog.get(arn) if arn else None
     except ResourceNotFoundException:

@@ -1,4 +1,4 @@
-"""What `robomaker gc` says: a table of what goes, why the rest stays, and what it comes to."""
+"""Output of `robomaker gc`: a table of the items to delete, the reasons for which others stay, and totals."""
 
 from collections import Counter
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What a run with `--reuse` would take over, in lines: parts that have the same reason stand in one."""
+"""Forecast of reuse for `--reuse`, in lines: parts with the same reason share a line."""
 
 from collections.abc import Mapping, Sequence
 from itertools import groupby

@@ -56,11 +56,11 @@ class StepState:
 
     @property
     def work(self) -> tuple[int, int]:
-        """What is done, and all that is to be done: of trials where there are any, else of parts."""
+        """Finished and total work: trials where there are any, else parts."""
         return (self.trials.finished, self.trials.total) if self.trials else (self.done, self.total)
 
     def wait_text(self) -> str:
-        """What the next part waits for in words: `waits for memory`; empty: nothing."""
+        """Names the resource that the next part waits for: `waits for memory`; empty: it does not wait."""
         return f"waits for {IN_WORDS[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:

@@ -107,7 +107,7 @@ def _job_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
 
 
 def _remark_lines(jobs: Sequence[JobRecord]) -> list[list[Cell]]:
-    """What jobs had to do without; what many have in common is said once."""
+    """Lists what jobs had to do without; a remark that many jobs share is one line."""
     by_remark: dict[str, list[str]] = {}
     for job in jobs:
         for remark in job.remarks:
@@ -141,7 +141,7 @@ def _job_cells(number: int, job: JobRecord) -> list[Cell]:
 
 
 def _in_one_line(reason: str) -> str:
-    """What went wrong and, unless that says it already, the last line of the log that the reason ends with."""
+    """Shortens a reason to one line, with the last line of the log it ends with, unless that says the same."""
     head, _, log = reason.strip().partition("\nLast lines of ")
     first = next(iter(head.splitlines()), "")
     last = log.splitlines()[-1].strip() if "\n" in log else ""

@@ -104,7 +104,7 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
-    """What the world was made of, if no generation job made it."""
+    """Describes the source of a world that no generation job made."""
     source, variation = facts["source"], facts["variation"]
     if source:
         scale = f"{source['metres_per_unit']:g} m a {'cell' if source['form'] == 'nav2-map' else 'unit'}"

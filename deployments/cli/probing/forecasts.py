@@ -1,4 +1,4 @@
-"""What a probe forecasts of the whole run.
+"""Forecast of a whole run from a probe.
 
 Everything that a run starts is started in the first pass. Where that was short, a second pass runs as many jobs as
 find room at once: their times are those of jobs that find everything running.
@@ -26,7 +26,7 @@ MORE_BELOW_S = 10.0
 """One that took less runs several jobs in each place then: of short jobs, what lies between two counts, too."""
 _ROUNDS = 4
 _MOST_KINDS = 12
-"""Of so many kinds of jobs one runs in any case."""
+"""Limit on the kinds of jobs of which one runs in any case."""
 _FIRST_TRIALS, _MOST_TRIALS = 4, 1000
 _TRIALS_S = 20.0
 """About how long the trials of a job may take in the second pass: what a run takes around them is hardly seen then."""
@@ -95,7 +95,7 @@ def trials_within(seconds: float, first: RunRecord) -> int:
 
 
 def _assumed(settings: Settings, last: RunRecord, whole: Mapping[str, WholeStep], *, is_alone: bool) -> list[str]:
-    """What a forecast rests on, in words."""
+    """Lists the assumptions of a forecast, in words."""
     jobs = sum(len(step.jobs) for step in whole.values())
     told = []
     if jobs > len(last.jobs):

@@ -13,7 +13,7 @@ class Machines:
 
     count: int = 1
     price_per_hour: float | None = None
-    """Of one machine, in any currency; None: no cost is forecast."""
+    """Price of one machine per hour, in any currency; None: no cost is forecast."""
 
     def check(self, settings: Settings) -> None:
         """Refuses what cannot be.

@@ -1,4 +1,4 @@
-"""What visitors order in the console: runs of specifications, reruns of what failed, worlds of a template.
+"""Orders of visitors in the console: runs of specifications, reruns of failed parts, worlds of a template.
 
 ```
 start ── text of a specification ── checked as `validate` does ──> deployments.spec_runs

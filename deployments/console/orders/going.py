@@ -61,7 +61,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """What changes on it, until the run has ended."""
+    """Streams changes of a run's page until the run has ended."""
     run_id = visit.request.path_params["id"]
     _found(visit, run_id)
     parts = Parts()

@@ -25,10 +25,10 @@ from ..rendering import HOME
 from ..visit import Visit
 
 START = "StartRun"
-"""What the audit log calls it; steps are in it by their operations."""
+"""Name of a run's order in the audit log; the log names steps by their operations."""
 
 _NEEDED = "StartSimulationJobBatch"
-"""Who may not order this may not order runs."""
+"""Operation that an access key has to permit for ordering runs."""
 
 _AROUND = 2
 """How many lines are shown before and after one with a problem."""
@@ -75,7 +75,7 @@ def show(visit: Visit) -> Response:
 
 
 def check(visit: Visit) -> Response:
-    """What is wrong with a text, alone: for the page that shows it while it is written."""
+    """Checks a text while it is written; returns only the part of the page that lists its problems."""
     runs_of(visit)
     return visit.page("spec_findings.html.j2", draft=_checked(visit, _draft(visit)))
 
@@ -133,7 +133,7 @@ def begin(
 
 
 def runs_of(visit: Visit) -> SpecRuns:
-    """Where the visitor orders runs.
+    """Returns the server's runs of specifications, after checking that the visitor may order runs.
 
     Raises:
         AccessDeniedException: the visitor's key is not good for ordering any.

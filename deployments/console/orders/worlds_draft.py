@@ -1,4 +1,4 @@
-"""What visitors fill in to have worlds made, and the template's body that it means."""
+"""Form for ordering worlds, and the template body that it makes."""
 
 import json
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from ....schemas.wire.errors import InvalidParameterException
 MOST_ROOMS, MOST_WAYS = 6, 6
 RATIOS = {"1:1": (1, 1), "4:3": (4, 3), "3:2": (3, 2), "2:1": (2, 1)}
 BY_TYPE = "by type"
-"""Of a material: what fits the type of the room."""
+"""Choice of a material by the type of the room."""
 
 WAYS = {"doorway": "Doorway", "no wall": "Opening"}
 DOORS: Mapping[str, float | str | None] = {"none": None, "open": 100, "half open": 50, "closed": 0, "any": "Random"}
@@ -47,7 +47,7 @@ _FIRST_ROOMS = (
 
 @dataclass(frozen=True)
 class WorldsDraft:
-    """What a visitor has filled in."""
+    """Content of the form for ordering worlds."""
 
     template: str = ""
     """Id of a template that exists; empty: one is made."""

@@ -102,7 +102,7 @@ def show_deployment(visit: Visit) -> Response:
 
 
 def follow_deployment(visit: Visit) -> Response:
-    """What changes on it."""
+    """Streams changes of a deployment's page."""
     job_id = visit.request.path_params["id"]
     visit.find(DEPLOYMENT, job_id)
     parts = Parts()

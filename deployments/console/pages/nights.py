@@ -84,7 +84,7 @@ def _view(name: str, runs: Path, records: Sequence[RunRecord], left_out: int = 0
 
 
 def _bar(metric: MetricChange) -> tuple[float, float, float] | None:
-    """Where a metric's change and its interval lie in a plot from -100 to 100; `None`: it has no interval."""
+    """Scales a metric's change and its interval to a plot from -100 to 100; `None`: it has no interval."""
     if metric.low is None or metric.high is None:
         return None
     reach = max(abs(metric.low), abs(metric.high)) * 1.1

@@ -1,4 +1,4 @@
-"""What pages of the console read of large things, kept so that it is read once.
+"""Caches of the data that console pages read from large resources.
 
 May import: `schemas`, `tasks.catalog`, `deployments.console`.
 """

@@ -1,4 +1,4 @@
-"""What lists show of batches, kept: a batch holds all its requests, and reading a few members takes milliseconds."""
+"""Cache of batch summaries for lists: a batch holds all its requests, and reading a few members takes milliseconds."""
 
 from collections.abc import Iterable, Sequence
 

@@ -1,4 +1,4 @@
-"""What pages show of the jobs of batches, kept: of a thousand jobs only those are read that changed."""
+"""Cache of the job lines of batches: of a thousand jobs only those are read that changed."""
 
 from collections.abc import Mapping
 

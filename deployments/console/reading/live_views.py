@@ -1,4 +1,4 @@
-"""Where the live view of a run on this machine is, as the run's process noted it."""
+"""Address of a run's live view on this machine, read from the note of the run's process."""
 
 import json
 import re

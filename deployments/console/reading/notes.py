@@ -10,7 +10,7 @@ _APPLICATION_FOLDER = "work"  # below that of the run
 
 
 def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
-    """What a note says. It is among the application's own files, so no link is followed, and it may say anything.
+    """Reads a note from the application's own files. No link is followed, and the content is not trusted.
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.

@@ -1,4 +1,4 @@
-"""Which jobs have a picture of their last moment: a look at what is stored for each, and none for those known."""
+"""Cache of the jobs that have a picture of their last moment (`poster.png`)."""
 
 from collections.abc import Callable, Iterable, Mapping
 

@@ -1,4 +1,4 @@
-"""Who calls the endpoint, and what they may: access keys, signatures, scopes, replays, the audit log.
+"""Callers of the endpoint and their rights: access keys, signatures, scopes, replays, the audit log.
 
 ```
 authentication (which key) ── replays (once) ── scopes (may it, and on what) ── the operation ── audit_log

@@ -13,7 +13,7 @@ from ....schemas.wire.request_problems import nearest
 
 Scope = Literal["read", "submit", "administer"]
 SCOPES: tuple[Scope, ...] = get_args(Scope)
-"""What a key may call; each holds those before it."""
+"""Scopes of access keys, narrowest first; each includes those before it."""
 
 _ID, _SECRET = "aws_access_key_id", "aws_secret_access_key"
 
@@ -34,10 +34,10 @@ class AccessKey:
 
     scope: Scope = "administer"
     names: tuple[str, ...] = ()
-    """What names of its resources begin with."""
+    """Prefixes of the names of resources that the key is good for."""
 
     tags: tuple[str, ...] = ()
-    """What a tag of its resources begins with, written `key=value`."""
+    """Prefixes of the tags of resources that the key is good for, written `key=value`."""
 
     @property
     def is_confined(self) -> bool:

@@ -28,7 +28,7 @@ LOGGER = logging.getLogger("robomaker.endpoint")
 
 @dataclass
 class Call:
-    """What is known of a request when it has been answered."""
+    """Entry of a request in the audit log, complete once the request has been answered."""
 
     request_id: str
     address: str | None

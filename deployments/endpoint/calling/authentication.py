@@ -33,7 +33,7 @@ _SIGNATURE = re.compile(r"[0-9a-f]{64}")
 
 @dataclass(frozen=True)
 class Signature:
-    """What an `Authorization` header says."""
+    """Parts of a request's `Authorization` header."""
 
     access_key: str
     date: str
@@ -45,7 +45,7 @@ class Signature:
 
 @dataclass(frozen=True)
 class Signer:
-    """Who signed a request, and how."""
+    """Access key, signature and time of a signed request."""
 
     key: AccessKey
     signature: str

@@ -1,4 +1,4 @@
-"""What a job's own processes may ask of the service without a signature: their job acts for itself only.
+"""Requests of a job's own processes to the service without a signature: a job acts for itself only.
 
 Without access keys each program of this machine may call the service, and so could the programs of a job, which are
 not trusted. Whose a connection is says the kernel, by the process that has it open.
@@ -31,12 +31,12 @@ _OF_ITSELF = frozenset(
         "ListTagsForResource",
     }
 )
-"""What a job may do with itself."""
+"""Operations that a job may call on itself."""
 
 _OF_WHAT_IT_USES = frozenset(
     {"DescribeWorld", "DescribeRobotApplication", "DescribeSimulationApplication", "ListTagsForResource"}
 )
-"""What a job may read of the world and the applications that its request names."""
+"""Operations that a job may call on the world and the applications that its request names."""
 
 _CREATE = "CreateSimulationJob"
 _RUNS = ("Preparing", "Running", "RunningFailed", "Restarting")
@@ -133,7 +133,7 @@ class JobCallers:
     def _compared(
         self, own: Mapping[str, Any], members: Mapping[str, Any]
     ) -> Iterator[tuple[str, object, list[object]]]:
-        """What a created job asks for that could be more than its maker has, and what its maker has."""
+        """Yields members of a job's request that could exceed its maker's rights: name, value, allowed values."""
         yield "iamRole", members.get("iamRole"), [own.get("iamRole")]
         for role in _ROLES:
             # The same application may run, in the same box or under the same engine, with another launch.

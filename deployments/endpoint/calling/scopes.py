@@ -1,4 +1,4 @@
-"""What an access key may call, and on which resources."""
+"""Rights of an access key: operations that it may call, and on which resources."""
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any

@@ -170,7 +170,7 @@ def _named(specs: "Sequence[CheckedSpec]", arguments: argparse.Namespace) -> "li
 
 
 def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]:
-    """What the specifications name that is not in the object store of this machine's settings."""
+    """Warns of objects that the specifications name and that this machine's object store lacks."""
     from .....schemas.wire.errors import StorageError
     from .....tasks.storage import open_store
     from ....deploying.needs import missing_objects, needs_of

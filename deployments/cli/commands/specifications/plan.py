@@ -123,7 +123,7 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
 
 
 def _reuse(spec: "CheckedSpec") -> "dict[str, list[PlannedPart]]":
-    """What a run would take over, by step."""
+    """Plans which parts a run would reuse, by step."""
     from .....schemas.settings import Settings
     from .....tasks.inspection.reuse_plans import plan_reuse
     from .....tasks.service.service import Service

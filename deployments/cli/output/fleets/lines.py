@@ -58,7 +58,7 @@ class LineWatcher:
 
 
 def changes(before: Look | None, after: Look) -> list[str]:
-    """What changed between two looks, a line each.
+    """Describes the changes between two looks, a line each.
 
     Args:
         before: the earlier look; nothing: there was none.
@@ -85,7 +85,7 @@ def changes(before: Look | None, after: Look) -> list[str]:
 
 
 def _of_waits(before: Look | None, standing: DeploymentStanding) -> list[str]:
-    """What it waits for now and did not before, and what it waits for no more."""
+    """Describes the waits that began since the earlier look, and those that ended."""
     old = () if before is None else deployment_standing(before.job, before.rollout, before.at_s).waits
     now = {wait.cause for wait in standing.waits}
     was = {wait.cause for wait in old}

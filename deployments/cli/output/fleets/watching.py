@@ -13,7 +13,7 @@ Show = Callable[[Look], None]
 
 @contextmanager
 def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
-    """What shows looks: lines, or on a terminal a block that stays at the end.
+    """Chooses how looks are shown: as lines, or on a terminal as a block that stays at the end.
 
     Args:
         stream: where to write.

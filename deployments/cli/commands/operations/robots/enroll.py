@@ -23,7 +23,7 @@ _TENANT = "DEFAULT"
 
 
 class Enrolment(NamedTuple):
-    """What a robot needs."""
+    """Connection data of a robot: the server's address, the robot's id and token, and the certificate."""
 
     url: str
     tenant: str

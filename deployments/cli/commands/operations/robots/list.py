@@ -66,7 +66,7 @@ def _rows(service: "Service") -> Iterator[Row]:
 
 
 def _kind(document: "RobotDocument") -> str | None:
-    """What runs on it: our agent, or an updater of others; nothing before either was enrolled."""
+    """Kind of updater on the robot: `agent` (ours) or `updater` (third-party); `None`: neither was enrolled."""
     if document.has_agent:
         return "agent"
     return None if document.token_sha256 is None else "updater"

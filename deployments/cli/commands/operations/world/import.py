@@ -67,7 +67,7 @@ def _seed(number: int) -> int:
 
 
 def _notes(source: "Source", scale: str | None) -> "DrawingNotes":
-    """What the file of notes says, and the scale of the command line, which comes first."""
+    """Reads the drawing's notes; the scale of the command line takes precedence."""
     from pydantic import ValidationError
 
     from ......schemas.templates.drawing_notes import DrawingNotes
