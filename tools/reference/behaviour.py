@@ -15,16 +15,16 @@ class Behaviour:
     written down in two ways."""
 
     topic: str
-    """What it is about, in a few words."""
+    """Subject of the behaviour, in a few words."""
 
     operations: tuple[str, ...]
     """The operations it is about; none: all of them."""
 
     known: str
-    """What the service did, or what is known of it."""
+    """Behaviour of the service, as far as it is known."""
 
     here: str
-    """What happens here."""
+    """Behaviour of this project."""
 
 
 def differs(topic: str, operations: str, *, known: str, here: str) -> Behaviour:

@@ -96,9 +96,9 @@ BEHAVIOURS: Mapping[str, tuple[Behaviour, ...]] = {
     "Fleets, robots and deployments": FLEETS,
     "Tags": TAGS,
 }
-"""By what they are about."""
+"""Behaviours by their subjects."""
 
 
 def behaviours_of(operation: str) -> tuple[Behaviour, ...]:
-    """What is to be known of one operation, without what holds for all of them."""
+    """Lists the known behaviours of one operation, without those that hold for all operations."""
     return tuple(each for group in BEHAVIOURS.values() for each in group if operation in each.operations)

@@ -19,10 +19,10 @@ class Difference:
     """`Shape`, `Shape.member` or, for one of its traits, `Shape:max` and `Shape.member:deprecated`."""
 
     ours: Any
-    """What it is here; `None`: nothing."""
+    """Value in our model; `None`: it has none."""
 
     published: Any
-    """What it was; `None`: nothing."""
+    """Value in the published model; `None`: it has none."""
 
     reason: str
     """Why."""

@@ -71,7 +71,7 @@ def command(operation: str) -> str:
 
 
 def bullet(behaviour: Behaviour) -> str:
-    """What is to be known of an operation, as an entry of a list."""
+    """Formats a behaviour as an entry of a list."""
     known = "Known" if behaviour.kind == "decided" else "RoboMaker"
     return f"- **{behaviour.topic}.** {behaviour.here}<br>*{known}: {behaviour.known}*"
 
@@ -138,7 +138,7 @@ def _response(operation: OperationShape, tables: Tables) -> str:
 
 
 def _differences(operation: OperationShape, tables: Tables) -> Iterator[str]:
-    """What is to be known of an operation: by kind, those of its interface among the differences."""
+    """Yields the behaviours of an operation by kind, with those of its interface among the differences."""
     known = behaviours_of(operation.name)
     for kind, title in _KINDS.items():
         lines = [bullet(each) for each in known if each.kind == kind]

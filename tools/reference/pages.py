@@ -1,4 +1,4 @@
-"""Which pages and files are made, and what they have to hold."""
+"""Generated pages and files, and their content."""
 
 from collections.abc import Mapping
 from pathlib import Path

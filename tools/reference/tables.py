@@ -16,7 +16,7 @@ _MANY_VALUES = 7
 _PLAIN = {"boolean": "true or false", "timestamp": "time", "float": "number", "integer": "whole number"}
 _PLAIN["long"] = _PLAIN["integer"]
 _REFERENCES = {"Arn": "ARN", "ApplicationReference": "ARN or name"}
-"""What a bound or a pattern would only hide."""
+"""Words for the types whose bounds or pattern would say less."""
 _LOCATIONS = {"uri": "in the path", "querystring": "in the query, once for each entry"}
 
 
@@ -58,7 +58,7 @@ class Tables:
         return sorted(name for name in found if self._has_a_place(name))
 
     def place(self, name: str) -> str:
-        """What is said of a shape at its own place."""
+        """Describes a shape in its own section: its members, its entries or its values."""
         shape = self._shapes[name]
         if shape["type"] == "structure":
             return f"{markdown(shape['documentation'])}\n\n{self._members(name, bounds=True)}"
