@@ -253,7 +253,7 @@ class PipelineRun:
 
     @property
     def service(self) -> Service:
-        """Where the operations happen."""
+        """The service in which the operations run."""
         return self._service
 
     @property
@@ -362,7 +362,7 @@ class PipelineRun:
         return record
 
     def _cancelled(self, name: str) -> dict[str, Any]:
-        """What is left of a step that was interrupted: how the job that it made stands."""
+        """Returns the state of the job of an interrupted step, or else what the step has answered so far."""
         entry, output = step_registry()[self._checked.steps[name].operation], self._outputs.get(name, {})
         with suppress(ServiceUnavailableException):  # what made it is known all the same
             return entry.described(output["arn"], self._service) if entry.run_job and output else output

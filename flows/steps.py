@@ -1,4 +1,4 @@
-"""What the flows of operations are made of: their tasks, and the decorators that make functions flows.
+"""Tasks of operation flows, and the decorators that make functions flows.
 
 Prefect shows the tasks of a flow run by name. A write has `validate` and `record`; a job has the steps of its
 kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
