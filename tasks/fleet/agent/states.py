@@ -21,9 +21,10 @@ from .deployment import Deployment, Order, Version
 from .failure_codes import NUMBERS
 
 MAX_RESTARTS = 5
-"""Restarts of the agent during the trial of a new version, after which it returns to the previous one.
+"""Limit on restarts of the agent in the trial of a new version, after which it returns to the previous one.
 
-The new version may be what stops the robot."""
+The new version may be what stops the robot.
+"""
 
 
 class Phase(str, Enum):

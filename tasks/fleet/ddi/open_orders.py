@@ -55,7 +55,7 @@ class RobotState:
     """The newest order it ever had here."""
 
     last_feedback: Feedback | None = None
-    """Feedback that closed the last order; `None`: no order was closed."""
+    """Feedback that closed the last order."""
 
     def has(self, action_id: int) -> bool:
         """Whether that order is open."""
