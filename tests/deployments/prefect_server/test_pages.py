@@ -237,7 +237,7 @@ def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(bro
         for name, description in {
             "maxJobDurationInSeconds": "Wall-clock limit in seconds",
             "failureBehavior (Optional)": "After a crash Fail (the default) ends the job",
-            "compute (Optional)": "What the job may use of the machine.",
+            "compute (Optional)": "Limits on the job's use of the machine.",
             "video (Optional)": "Extension: whether a video is made: none (the default)",
         }.items():
             assert f"{name}\n\n{description}" in text or f"{name}\n{description}" in text, text
