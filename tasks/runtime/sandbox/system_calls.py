@@ -16,7 +16,7 @@ _SECCOMP = {"x86_64": 317, "aarch64": 277}
 _SET_MODE_FILTER, _SPECULATE = 1, 1 << 2
 """The second: speculative execution stays as it is; older kernels would slow down all that has a filter."""
 _LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
-_NUMBER_AT, _MACHINE_AT, _ARGUMENT_AT = 0, 4, 16
+_NUMBER_AT, _MACHINE_AT, _ARGUMENT_AT, _THIRD_AT = 0, 4, 16, 32
 _ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
 _X32 = 0x40000000
 _NEW_NAMESPACES = 0x7E020000
@@ -46,13 +46,15 @@ class _Machine(NamedTuple):
     column: int
     unshare: int
     clone: int
+    limits: int
+    """`prlimit64`: without a box a process could take files and time from its job worker."""
 
 
 _CLONE3 = 435
 """Its arguments are in memory, where no filter looks; who finds it missing uses `clone`."""
 _MACHINES = {
-    "x86_64": (_Machine(0xC000003E, 0, 272, 56), _Machine(0x40000003, 1, 310, 120)),
-    "aarch64": (_Machine(0xC00000B7, 2, 97, 220),),
+    "x86_64": (_Machine(0xC000003E, 0, 272, 56, 302), _Machine(0x40000003, 1, 310, 120, 340)),
+    "aarch64": (_Machine(0xC00000B7, 2, 97, 220, 261),),
 }
 
 
@@ -96,8 +98,8 @@ def _rules_of(machine: _Machine) -> Iterator[bytes]:
     yield _instruction(_LOAD, _NUMBER_AT)
     tests = [(_EQUAL, number, "refuse") for number in refused]
     tests += [(_EQUAL, machine.clone, "look"), (_EQUAL, machine.unshare, "look"), (_EQUAL, _CLONE3, "missing")]
-    tests += [(_AT_LEAST, _X32, "missing")]
-    ends = {"allow": 0, "look": 1, "refuse": 3, "missing": 4}
+    tests += [(_EQUAL, machine.limits, "limits"), (_AT_LEAST, _X32, "missing")]
+    ends = {"allow": 0, "look": 1, "refuse": 3, "missing": 4, "limits": 6}
     for index, (test, value, end) in enumerate(tests):
         yield _instruction(test, value, then=len(tests) - index - 1 + ends[end])
     yield _instruction(_RETURN, _ALLOW)
@@ -105,6 +107,14 @@ def _rules_of(machine: _Machine) -> Iterator[bytes]:
     yield _instruction(_ANY_BIT, _NEW_NAMESPACES, otherwise=2)
     yield _instruction(_RETURN, _REFUSE | EPERM)
     yield _instruction(_RETURN, _REFUSE | ENOSYS)
+    yield _instruction(_RETURN, _ALLOW)
+    # Limits may be read of any process, and set of the one that asks: without its number, as `setrlimit` does.
+    yield _instruction(_LOAD, _ARGUMENT_AT)
+    yield _instruction(_EQUAL, 0, then=6)
+    for place in (_THIRD_AT, _THIRD_AT + 4):  # where the new limits are: nowhere
+        yield _instruction(_LOAD, place)
+        yield _instruction(_EQUAL, 0, then=1)
+        yield _instruction(_RETURN, _REFUSE | EPERM)
     yield _instruction(_RETURN, _ALLOW)
 
 

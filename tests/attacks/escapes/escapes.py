@@ -6,6 +6,7 @@ It runs as a program of a job, and is imported by the factory of one. What it is
 import ctypes
 import json
 import os
+import resource
 import signal
 import socket
 import sqlite3
@@ -18,6 +19,8 @@ from typing import Any
 LIBC = ctypes.CDLL(None, use_errno=True)
 ADD_KEY, BPF, PERF_EVENT_OPEN, USERFAULTFD, IO_URING_SETUP, CLONE, CLONE3 = 248, 321, 298, 323, 425, 56, 435
 NEW_USER, PTRACE_ATTACH, PTRACE_DETACH = 0x10000000, 16, 17
+PIDFD_OPEN, PIDFD_GETFD, PROCESS_VM_READV, NAME_TO_HANDLE, OPEN_BY_HANDLE = 434, 438, 310, 303, 304
+FSOPEN, FANOTIFY_INIT = 430, 300
 KEYCTL, KEYCTL_SEARCH, SESSION_KEYRING = 250, 10, -3
 
 
@@ -132,7 +135,123 @@ def cloned(number: int, *arguments: Any) -> bool:
     return True
 
 
+def stolen(pid: int) -> bool:
+    """A descriptor of another process, by a handle of that process."""
+    handle = called(LIBC.syscall(PIDFD_OPEN, pid, 0))
+    return opened(LIBC.syscall(PIDFD_GETFD, handle, 0, 0))
+
+
+def copied(pid: int) -> bool:
+    """Memory of another process, without a file."""
+    begin = int(Path(f"/proc/{pid}/maps").read_text().partition("-")[0], 16)
+    buffer = ctypes.create_string_buffer(16)
+    ours, theirs = (struct.pack("PN", address, 16) for address in (ctypes.addressof(buffer), begin))
+    return called(LIBC.syscall(PROCESS_VM_READV, pid, ours, 1, theirs, 1, 0)) == 16
+
+
+def by_handle(path: str) -> bytes:
+    """A file by its number on the disk, whatever folders are shown."""
+    handle, mount = ctypes.create_string_buffer(struct.pack("Ii", 128, 0), 136), ctypes.c_int()
+    called(LIBC.syscall(NAME_TO_HANDLE, -100, path.encode(), handle, ctypes.byref(mount), 0))
+    folder = os.open(os.path.dirname(path), os.O_RDONLY)
+    descriptor = called(LIBC.syscall(OPEN_BY_HANDLE, folder, handle, os.O_RDONLY))
+    return os.read(descriptor, 10)
+
+
+def shared(number: int) -> bool:
+    """Memory of System V, by its key."""
+    return called(LIBC.shmget(number, 0, 0)) >= 0
+
+
+def same(path: str) -> bool:
+    """Writes into a file what is in it."""
+    with open(path, "r+b", buffering=0) as file:
+        content = file.read(64)
+        file.seek(0)
+        file.write(content)
+    return True
+
+
+def asked_by_udp(port: int) -> bool:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.settimeout(5)
+        client.connect(("127.0.0.1", port))
+        client.send(b"hello")
+        return client.recv(2) == b"hi"
+
+
+def other_links(_: Any) -> list[str]:
+    return [name for _, name in socket.if_nameindex() if name != "lo"]
+
+
+def upwards(path: str) -> str:
+    """A file by the way up from an open folder."""
+    folder = os.open(".", os.O_RDONLY)
+    return Path(f"/proc/self/fd/{folder}/" + "../" * 40 + path).read_text()
+
+
+def opens(path: str, flags: int = os.O_RDONLY) -> bool:
+    os.close(os.open(path, flags))
+    return True
+
+
+def separated(kind: int) -> bool:
+    return in_a_fork(lambda: called(LIBC.unshare(kind)))
+
+
+def limited(pid: int) -> tuple[int, int]:
+    """With no file or no time left the job worker ends."""
+    return resource.prlimit(pid, resource.RLIMIT_CORE, resource.prlimit(pid, resource.RLIMIT_CORE))
+
+
+def keeps_priority(pid: int) -> bool:
+    os.setpriority(os.PRIO_PROCESS, pid, os.getpriority(os.PRIO_PROCESS, pid))
+    return True
+
+
 ATTACKS: dict[str, Callable[[Any], Any]] = {
+    "memory": lambda pid: Path(f"/proc/{pid}/maps").read_text() != "",
+    "memory by a call": copied,
+    "memory by a file": lambda pid: opens(f"/proc/{pid}/mem", os.O_RDWR),
+    "descriptors of a process": lambda pid: os.listdir(f"/proc/{pid}/fd"),
+    "stolen descriptor": stolen,
+    "limits of a process": lambda pid: resource.prlimit(pid, resource.RLIMIT_NOFILE),
+    "other limits of a process": limited,
+    "priority of a process": keeps_priority,
+    "processors of a process": lambda pid: os.sched_setaffinity(pid, os.sched_getaffinity(pid)) is None,
+    "group of a process": lambda pid: os.getpgid(pid) > 0,
+    "session of a process": lambda pid: os.getsid(pid) > 0,
+    "kill order": lambda pid: same(f"/proc/{pid}/oom_score_adj"),
+    "traffic of a process": lambda pid: Path(f"/proc/{pid}/io").read_text(),
+    "namespace of a process": lambda pid: opens(f"/proc/{pid}/ns/mnt"),
+    "files of a process": lambda path: Path(path).read_text(),
+    "upwards": upwards,
+    "move": lambda path: (os.rename(path, f"{path}.moved"), os.rename(f"{path}.moved", path)) is not None,
+    "rights": lambda path: os.chmod(path, 0o644) is None,
+    "home": os.listdir,
+    "start of a shell": written,
+    "shared memory": lambda path: Path(path).read_text(),
+    "shared memory of System V": shared,
+    "udp": asked_by_udp,
+    "tcp of version 6": lambda port: connect(socket.AF_INET6, ("::1", port)),
+    "network cards": other_links,
+    "kernel log": lambda path: opens(path, os.O_RDONLY | os.O_NONBLOCK),
+    "memory of the kernel": opens,
+    "group of processes": lambda path: Path(path).write_text(str(os.getpid())) > 0,
+    "loop devices": lambda path: opens(path, os.O_RDWR),
+    "file system": lambda _: opened(LIBC.syscall(FSOPEN, b"tmpfs", 0)),
+    "watching all files": lambda _: opened(LIBC.syscall(FANOTIFY_INIT, 0, 0)),
+    "ports of the processor": lambda _: in_a_fork(lambda: called(LIBC.ioperm(0x80, 1, 1))),
+    # of root only
+    "file handle": by_handle,
+    "system": written,
+    "system programs": written,
+    "owner": lambda path: (os.chown(path, 1, 1), os.chown(path, 0, 0)) is not None,
+    "packets": lambda _: socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close() is None,
+    "raw sockets": lambda _: socket.socket(socket.AF_INET, socket.SOCK_RAW, socket.IPPROTO_ICMP).close() is None,
+    "processes of its own": lambda _: separated(0x20000000),
+    "network of its own": lambda _: separated(0x40000000),
+    "messages of its own": lambda _: separated(0x08000000),
     "environ": lambda pid: b"SECRET_KEY" in Path(f"/proc/{pid}/environ").read_bytes(),
     "working directory": lambda pid: os.listdir(f"/proc/{pid}/cwd") is not None,
     "root of a process": lambda pid: os.listdir(f"/proc/{pid}/root/") is not None,

@@ -91,3 +91,27 @@ def _program_of_32_bits() -> bytes:
     magic = b"\x7fELF\x01\x01\x01" + bytes(9)
     header = magic + struct.pack("<HHIIIIIHHHHHH", 2, 3, 1, base + 84, 52, 0, 0, 52, 32, 1, 40, 0, 0)
     return header + struct.pack("<IIIIIIII", 1, 0, base, base, size, size, 5, 0x1000) + code
+
+
+def test_a_process_sets_its_own_limits_and_no_others() -> None:
+    code = """
+import resource
+own, parent = os.getpid(), os.getppid()
+resource.setrlimit(resource.RLIMIT_CORE, resource.getrlimit(resource.RLIMIT_CORE))
+limits = resource.prlimit(parent, resource.RLIMIT_CORE)
+try:
+    resource.prlimit(parent, resource.RLIMIT_CORE, limits)
+except PermissionError:
+    print("refused")
+"""
+    assert filtered(code) == "refused\n"
+
+
+def test_numbers_of_looked_at_calls_are_those_of_the_kernel() -> None:
+    for machine in _MACHINES[os.uname().machine]:
+        header = Path("/usr/include", HEADERS[machine.column])
+        if not header.is_file():
+            pytest.skip(f"no {header}")
+        known = {name: int(number) for name, number in re.findall(r"#define\s+__NR_(\w+)\s+(\d+)", header.read_text())}
+        found = (machine.unshare, machine.clone, machine.limits)
+        assert found == tuple(known[name] for name in ("unshare", "clone", "prlimit64"))
