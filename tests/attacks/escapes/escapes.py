@@ -234,6 +234,8 @@ ATTACKS: dict[str, Callable[[Any], Any]] = {
     "shared memory of System V": shared,
     "udp": asked_by_udp,
     "tcp of version 6": lambda port: connect(socket.AF_INET6, ("::1", port)),
+    "socket of outputs": lambda path: connect(socket.AF_UNIX, path),
+    "pipe": lambda path: opens(path, os.O_WRONLY | os.O_NONBLOCK),
     "network cards": other_links,
     "kernel log": lambda path: opens(path, os.O_RDONLY | os.O_NONBLOCK),
     "memory of the kernel": opens,
