@@ -1,4 +1,4 @@
-"""Archives that mean harm: links, devices, bombs, tricks with names; each is refused whole, or unpacks inside its folder."""
+"""Archives that mean harm: links, devices, bombs, names; each is refused whole, or unpacks inside its folder."""
 
 import gzip
 import io
@@ -134,7 +134,9 @@ ARCHIVES: dict[str, Callable[[], bytes]] = {
     "a size of a header": lambda: pax(size="99999999999999"),
     "a negative size of a header": lambda: pax(size="-1"),
     "a link of a header": lambda: pax(linkpath="/etc/passwd"),
-    "a sparse file of a header": lambda: pax(GNU__sparse__major="1", GNU__sparse__minor="0", GNU__sparse__realsize="1" + "0" * 15),
+    "a sparse file of a header": lambda: pax(
+        GNU__sparse__major="1", GNU__sparse__minor="0", GNU__sparse__realsize="1" + "0" * 15
+    ),
     "names that differ in case": lambda: tar(("a/B", FILE, "1"), ("A/b", FILE, "2")),
     "names that differ in composition": lambda: tar(("\u00e9", FILE, "1"), ("e\u0301", FILE, "2")),
     "a name of the other direction": lambda: tar(("\u202ecod.exe", FILE, "x")),
