@@ -86,5 +86,5 @@ if not TYPE_CHECKING:  # type checkers know the names above, and no others
 
 
 def __dir__() -> list[str]:
-    """What there is, loaded or not."""
+    """Lists the names of the package, loaded or not."""
     return sorted({*globals(), *__all__})

@@ -34,3 +34,21 @@ def test_texts_use_plain_words() -> None:
     ]
 
     assert found == []
+
+
+FRAGMENT = re.compile(
+    r'^\s*"""(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*|description="(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*',
+    re.MULTILINE,
+)
+"""First lines of docstrings, and descriptions, that say nothing without the name above them."""
+
+
+def test_docstrings_and_descriptions_begin_as_sentences_or_nouns() -> None:
+    found = [
+        f"{path.relative_to(REPOSITORY)}: {each[0].strip()}"
+        for folder in ("deployments", "flows", "prefect_robomaker", "schemas", "tasks", "tools")
+        for path in (REPOSITORY / folder).rglob("*.py")
+        if path.name != "ros_packages_launch.py"  # what exports have stays as it is, to the byte
+        for each in FRAGMENT.finditer(path.read_text())
+    ]
+    assert found == []

@@ -54,7 +54,7 @@ class AwaitedJobs:
 
 
 class WorkerWait:
-    """What is seen of the jobs of a batch that job workers elsewhere take: while one runs, there is a worker."""
+    """Notices whether the jobs of a batch wait for a job worker: while one runs, there is a worker."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None

@@ -122,7 +122,7 @@ class BatchRun:
         self._settle()
 
     def _note_taken_over(self) -> None:
-        """Where jobs have ended since the batch was last taken over, dead job workers count anew."""
+        """Counts dead job workers anew if jobs have ended since the batch was last taken over."""
         statuses = self._service.catalog.count_children(self._arn, kind="simulation-job")
         ended = sum(count for status, count in statuses.items() if is_terminal("simulation-job", status))
         if ended > SimulationJobBatchDocument.of(self._batch).ended_when_taken:

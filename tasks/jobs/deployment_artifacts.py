@@ -1,4 +1,4 @@
-"""What people see of a deployment in Prefect, and its report: tables of robots, and where the report is.
+"""Prefect artifacts of a deployment and of its report: tables of robots, and the report's place.
 
 They only inform: a deployment ends the same without.
 """

@@ -35,11 +35,11 @@ class KeptOutputs:
 
     @property
     def output_dir(self) -> Path:
-        """Where the run wrote."""
+        """The folder that the run wrote to."""
         return self.folder / "output"
 
     def files(self) -> Iterator[Path]:
-        """What is to be stored; a file may be there under two names."""
+        """Files to store; one may be there under two names."""
         seen: set[tuple[int, int]] = set()
         for path in (
             *self.output_dir.rglob("*"),
@@ -152,7 +152,7 @@ def _with_place(document: SimulationJobDocument, run_id: str, place: StoredPlace
 def _stored_late(
     document: SimulationJobDocument, outcome: Outcome, place: StoredPlace, service: Service
 ) -> SimulationJobProgress:
-    """What changes in the job: it stays failed, and is no longer without outputs."""
+    """Changes of the job: it stays failed, and is no longer without outputs."""
     late = f"the outputs could not be stored when the run ended; they were at {service.clock():%Y-%m-%dT%H:%M:%SZ}"
     reason = shorten("\n".join(filter(None, (late, outcome.failure_reason))))
     if document.failure_code is None:  # such as of a job that was cancelled

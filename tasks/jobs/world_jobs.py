@@ -1,4 +1,4 @@
-"""What world generation jobs and world export jobs have in common: how they are cancelled, and how they end."""
+"""Common parts of world generation jobs and world export jobs: cancellation and end."""
 
 from collections.abc import Callable
 from contextlib import suppress

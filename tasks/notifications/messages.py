@@ -1,4 +1,4 @@
-"""What a notification says, and when one is sent: pure functions of a run and of the one before it."""
+"""Notifications, their text and whether one is sent: pure functions of a run and of the one before it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ _WORDS: Mapping[CaseOutcome, str] = {
 
 @dataclass(frozen=True)
 class Message:
-    """What is sent."""
+    """A message as it is sent."""
 
     title: str
     body: str

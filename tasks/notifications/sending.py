@@ -108,7 +108,7 @@ def _named(place: int) -> str:
 
 @contextmanager
 def _complaints() -> Iterator[list[str]]:
-    """What apprise complains of in this thread, inside the block; other threads send to other channels."""
+    """Collects apprise's complaints in this thread, inside the block; other threads send to other channels."""
     said: list[str] = []
     handler = logging.Handler(logging.WARNING)
     handler.addFilter(lambda record: record.thread == threading.get_ident())

@@ -193,7 +193,7 @@ class ResultTable:
 
     @cached_property
     def _jobs(self) -> dict[tuple[str, str], slice]:
-        """Where the rows of each job are, by its step and its id; requests that became no job are numbered in steps."""
+        """Rows of each job, by its step and its id; requests that became no job are numbered in steps."""
         codes, labels = self.codes("job")
         in_steps, steps = self.codes("step")
         is_first = np.diff(codes, prepend=-1).astype(bool) | np.diff(in_steps, prepend=-1).astype(bool)

@@ -133,5 +133,5 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """What says whether those who use a store have been told to stop."""
+    """Answer to whether those who use a store have been told to stop."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

@@ -1,4 +1,4 @@
-"""What every operation works with: settings, catalog, object store, clock, chance.
+"""The service that every operation works with: settings, catalog, object store, clock, chance.
 
 A `Service` is opened once per process and passed along explicitly. Flow functions that Prefect
 itself calls (in a worker, from a schedule) find it through `Service.current`.
@@ -43,7 +43,7 @@ class Progress:
     counts: Mapping[str, int]
     total: int
     waits_for: Wait | None = None
-    """What the machine has too little of for the next part to begin; `None`: nothing."""
+    """The resource that the next part waits for; `None`: it waits for none."""
 
     trials: TrialCounts | None = None
     """The trials of all parts; `None`: there are none."""
@@ -81,10 +81,10 @@ class Service:
     catalog: Catalog
     store: ObjectStore
     roles: Roles | None = None
-    """What roles stand for that requests name; `None`: all jobs act with this process's own credentials."""
+    """Credentials of the roles that requests name; `None`: all jobs act with this process's own credentials."""
 
     backend: Backend | None = None
-    """Who starts the job workers of batches; `None`: they run where they are carried out."""
+    """Backend that starts the job workers of batches; `None`: jobs run in the process that carries out the batch."""
 
     clock: Callable[[], datetime] = _utc_now
     chance: random.Random = field(default_factory=random.SystemRandom)

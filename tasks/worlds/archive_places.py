@@ -1,4 +1,4 @@
-"""Where the archives of world export jobs are stored; apart from the exporter, which needs MuJoCo."""
+"""Places of the archives of world export jobs; apart from the exporter, which needs MuJoCo."""
 
 from ...schemas.documents.world_export_jobs import WorldExportJobDocument
 from ..catalog import Resource

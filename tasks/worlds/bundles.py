@@ -23,7 +23,7 @@ _WAIT_S = 0.05
 
 
 def bundle_label(bundle: StoredPlace) -> str:
-    """What worlds of one stored bundle are found by.
+    """Label by which the worlds of one stored bundle are found.
 
     Args:
         bundle: where it is.

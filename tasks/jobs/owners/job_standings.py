@@ -12,7 +12,7 @@ from .needed_environments import environment_here
 
 
 def standing_of(job: Resource, service: Service) -> JobStanding | None:
-    """Who carries out a job.
+    """Returns who carries out a job.
 
     Args:
         job: the job or batch.
@@ -25,7 +25,7 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
 
 
 def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobStanding]:
-    """Who carries out some jobs, by ARN; jobs that no process has begun with are left out.
+    """Returns who carries out some jobs, by ARN; jobs that no process has begun with are left out.
 
     Args:
         jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.

@@ -62,7 +62,7 @@ def _may_stop(settings: "Settings") -> bool:
 
 
 def _users(settings: "Settings") -> list[str]:
-    """Who uses the local server now, in words; nothing where it does not run or does not answer."""
+    """Returns who uses the local server now, in words; nothing where it does not run or does not answer."""
     from ....prefect_server.local_server import client_variables, server_status
 
     without_profile = {"PREFECT_PROFILES_PATH": os.devnull}
