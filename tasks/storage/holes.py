@@ -31,13 +31,14 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
 
     Args:
         descriptor: the file.
-        stopped: asked before each piece, of which none has more than 1 MiB.
+        stopped: asked at the beginning, and before each piece, of which none has more than 1 MiB.
         what: the file, for messages.
 
     Raises:
         TransferStoppedError: `stopped` said so.
         OSError: it cannot be read.
     """
+    _go_on(stopped, what)  # also before an empty file: there may be very many
     offset = 0
     while True:
         data = _data_from(descriptor, offset)
