@@ -24,8 +24,10 @@ from ..tasks.execution.dead_flow_runs import (
     ensure_automation,
     sweep,
     tell_ends,
+    tell_of_dead,
 )
 from ..tasks.execution.prefect_settings import asking_once
+from ..tasks.nights.broken_off import broken_off_runs
 from ..tasks.operations.registry import flow_names, registry
 from .leftover_limits import remove_leftover_limits
 from .recorded_ends import RecordedEnds
@@ -79,6 +81,8 @@ def _close_until_end(
     connect: Callable[[], SyncPrefectClient], settings: Settings, make_automation: bool = False
 ) -> None:
     pause, is_told = threading.Event(), False
+    told: set[tuple[str, int]] = set()
+    is_ours = make_automation
     while True:
         try:
             with connect() as client:
@@ -93,6 +97,8 @@ def _close_until_end(
                     looked_at_s = time.time()
                     tell_ends(client, _watched_flows(), ends.end_of)
                     sweep(client, flow_names())
+                    if is_ours:
+                        tell_of_broken_off(client, settings, told)
                     if time.monotonic() - answers_since > UNHEARD_S:
                         close_unheard(client, _watched_flows(), end_of=ends.end_of)
                     if time.monotonic() - limits_at_s > _LIMITS_S:
@@ -104,6 +110,26 @@ def _close_until_end(
                 _logger.warning("dead runs are not closed: %s: %s", type(error).__name__, error)
                 is_told = True
             pause.wait(_RETRY_S)
+
+
+def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[tuple[str, int]]) -> None:
+    """Says at flow runs of a home whose process died, before the run had ended, what finishes the run.
+
+    Args:
+        client: the server's client.
+        settings: of the home.
+        told: what was said before; gets what is said now.
+    """
+    for run in broken_off_runs(settings):
+        key = (run.run_id, len(run.order.interruptions))
+        if run.order.flow_run is None or key in told:
+            continue
+        told.add(key)
+        limits = f", and {'; '.join(run.limits)}" if run.limits else ""
+        next_one = "robomaker serve or a Prefect worker finishes it as soon as one is there, or: "
+        who = "this finishes it: " if run.limits else next_one
+        words = f"its process died{limits}; {who}{run.place}{run.command}"
+        tell_of_dead(run.order.flow_run, words, client)
 
 
 def _sweep_once(settings: Settings) -> None:

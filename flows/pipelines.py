@@ -13,26 +13,18 @@ from contextvars import ContextVar
 from datetime import datetime
 from pathlib import Path
 from typing import Any
-from uuid import UUID
 
 import httpx
 from prefect import flow
 from prefect.logging import get_run_logger
 from prefect.runtime import deployment, flow_run
+from prefect.states import Cancelled
 
-from ..schemas.reports.forecast import ForecastCheck
 from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded, StepProgress, StepStarted
-from ..schemas.reports.report import RunState
-from ..schemas.reports.run_record import EXIT_CODES, JobRecord, RerunOf, RunRecord, StepRecord, new_run_id
-from ..schemas.reports.run_states import (
-    BAD_ENDS,
-    FlowResult,
-    is_bad,
-    result_of,
-    run_state,
-)
+from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
+from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
-from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, step_of, with_client_token
+from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
 from ..schemas.specs.resolving import resolve_input
@@ -59,8 +51,12 @@ from ..tasks.inspection.pipeline_parts import (
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.standings import why_not_completed
 from ..tasks.jobs.owners.own_orders import OwnOrder
+from ..tasks.nights.ending import RunFacts, finish_run
+from ..tasks.nights.kept_answers import KeptAnswers
+from ..tasks.nights.open_runs import OpenRun
+from ..tasks.nights.orders import keep_order, ordered_spec, taken_run, tell_of_left
+from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.long_waits import LongWaits
-from ..tasks.notifications.notices import notify_of
 from ..tasks.operations.applications.records import existing_application
 from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
@@ -83,7 +79,7 @@ def run_spec(
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
     cut: Cut | None = None,
-    run_id: str | None = None,
+    open_run: OpenRun | None = None,
     permit: Permit | None = None,
 ) -> RunRecord:
     """Runs a checked specification as a flow in this process.
@@ -97,7 +93,7 @@ def run_spec(
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
         cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
-        run_id: the run's id, from `new_run_id`; `None`: it gets one.
+        open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
 
     Returns:
@@ -109,16 +105,17 @@ def run_spec(
     service, listener = Service.open(settings), LongWaits(checked.name, settings, listener)
     await_store(service, lambda text: listener(Note(text)))
     run = PipelineRun(
-        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, run_id=run_id,
+        checked, service, listener, spec_path, command, reuse=reuse, rerun_of=rerun_of, cut=cut, open_run=open_run,
         permit=permit,
     )  # fmt: skip
     check_preconditions(checked, run.service)
-    if not (reuse or rerun_of or cut):
+    if not (reuse or rerun_of or cut or run.interruptions):
         check_disk(checked, run.service)
     token = _current.set(run)
     try:
         with without_heartbeat():
-            state = RunPipeline(spec=spec_path, return_state=True)
+            continues = run.run_id if run.interruptions else None
+            state = RunPipeline(spec=spec_path, continues=continues, return_state=True)
         if isinstance(state.data, KeyboardInterrupt):
             raise state.data
     except KeyboardInterrupt as interruption:
@@ -138,11 +135,19 @@ def run_spec(
 def _run_name() -> str:
     """The name of a flow run of a pipeline: the file that it runs, or that the text it runs came from."""
     given = flow_run.parameters
+    if continued := given.get("continues"):
+        return f"{continued}, continued"
     return str(given.get("spec") or given.get("origin") or _NO_FILE)
 
 
 @flow(name="RunPipeline", flow_run_name=_run_name)
-def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = _NO_FILE, reuse: bool = False) -> Any:
+def RunPipeline(
+    spec: str | None = None,
+    text: str | None = None,
+    origin: str = _NO_FILE,
+    reuse: bool = False,
+    continues: str | None = None,
+) -> Any:
     """Runs a specification: a file, or the text that a deployment keeps.
 
     Args:
@@ -150,12 +155,22 @@ def RunPipeline(spec: str | None = None, text: str | None = None, origin: str = 
         text: the specification itself, as `robomaker deploy` keeps it.
         origin: where the text came from.
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
+        continues: id of a run whose process died; it is finished, and nothing else is run.
     """
-    if _current.get() is None and (skipped := skipped_night(Settings.from_environment(os.environ))) is not None:
-        return skipped
-    if (pipeline := _current.get()) is None:
+    pipeline = _current.get()
+    if pipeline is None:
+        settings = Settings.from_environment(os.environ)
+        if (skipped := skipped_night(settings)) is not None:
+            return skipped
+        taken = None if continues is None else taken_run(settings, continues)
+        if isinstance(taken, str):
+            return Cancelled(name="Skipped", message=taken)
         with beginning_run():
-            pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
+            if taken is not None:
+                pipeline = PipelineRun.of_order(taken)
+            else:
+                TakingUp(settings, tell=tell_of_left).start()
+                pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
     service = pipeline.service
     with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
         pipeline.run()
@@ -174,7 +189,7 @@ class PipelineRun:
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
         cut: makes the requests smaller, for a probe; `None`: they are carried out whole.
-        run_id: the run's id, from `new_run_id`; `None`: it gets one.
+        open_run: the run, where its order is kept already; `None`: it gets an id and a folder.
         permit: decides on each request; `None`: all are carried out.
     """
 
@@ -189,26 +204,43 @@ class PipelineRun:
         reuse: bool = False,
         rerun_of: RerunOf | None = None,
         cut: Cut | None = None,
-        run_id: str | None = None,
+        open_run: OpenRun | None = None,
         permit: Permit | None = None,
     ) -> None:
         self._checked = checked
         self._cut = cut
-        self._permit = permit or permit_all
-        self._rerun_of = rerun_of
-        self._command = list(command) or ["robomaker", "run", spec_path]
         self._listener = listener
-        self._spec_path = spec_path
-        self._started_at = service.clock()
-        self.run_id = run_id or new_run_id(checked.name, self._started_at)
+        order = open_run.order if open_run is not None else None
+        started_at = (order.started_at if order else None) or service.clock()
+        self.run_id = order.run_id if order else new_run_id(checked.name, started_at)
         self._service = service.ordered_by(self.run_id, reuse=reuse)
-        self._folder = service.folder("runs", self.run_id)
-        # When it begins: later the folder may have moved on to another commit.
-        self._source = commit_of(Path(spec_path))
+        self._open = open_run
+        self._facts = RunFacts(
+            run_id=self.run_id,
+            checked=checked,
+            spec_path=spec_path,
+            command=list(command) or ["robomaker", "run", spec_path],
+            started_at=started_at,
+            # When it begins: later the folder may have moved on to another commit.
+            source=order.source if order and order.interruptions else commit_of(Path(spec_path)),
+            rerun_of=rerun_of,
+            is_probe=cut is not None,
+            folder=service.folder("runs", self.run_id),
+        )
+        self._answers = KeptAnswers(self._facts.folder, permit or permit_all)
         self._steps: list[StepRecord] = []
         self._outputs: dict[str, dict[str, Any]] = {}
         self._record: RunRecord | None = None
-        self._is_canceled = False
+        self._is_canceled = open_run is not None and open_run.is_cancelled
+
+    @classmethod
+    def of_order(cls, run: OpenRun) -> "PipelineRun":
+        """A run whose process died, which this flow run finishes."""
+        service, order = once_catalog_answers(Service.current), run.order
+        return cls(
+            ordered_spec(order), service, _log, order.spec_path, order.command, reuse=order.reuse,
+            rerun_of=order.rerun_of, open_run=run,
+        )  # fmt: skip
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
@@ -238,18 +270,48 @@ class PipelineRun:
     def run(self) -> RunRecord:
         """Runs all steps; a failed one keeps the later ones from starting."""
         failed = False
+        self._keep_order()
         try:
             for name in self._checked.order:
-                if failed or self._is_canceled:
+                # Of a run that is cancelled what another process had begun is ended, and told.
+                if failed or (self._is_canceled and not self._answers.has(name)):
                     self._steps.append(self._skipped(name))
                 else:
                     failed = not self._run_step(name)
         except BaseException:
             self._is_canceled = True  # so that nothing waits for the catalog any more
+            self._note_cancelled()
             raise
         finally:
             self._record = self._finish()
+            if self._open is not None:
+                self._open.end()
         return self._record
+
+    @property
+    def interruptions(self) -> Sequence[Interruption]:
+        """When its processes died."""
+        return self._open.order.interruptions if self._open is not None else ()
+
+    def _keep_order(self) -> None:
+        """Keeps what another process needs to finish the run if this one dies; a probe is not worth it."""
+        if self._facts.is_probe:
+            return
+        self._open = keep_order(
+            self._facts,
+            self._service,
+            self._open,
+            flow_run=flow_run.id,
+            deployment=deployment.id,
+            outlasting=self._outlasting,
+            listener=self._listener,
+        )
+        self._is_canceled = self._is_canceled or (self._open is not None and self._open.is_cancelled)
+
+    def _note_cancelled(self) -> None:
+        """Has the process that finishes the run, if this one is killed now, end it instead."""
+        if self._open is not None:
+            self._open.cancel()
 
     @property
     def service(self) -> Service:
@@ -278,6 +340,7 @@ class PipelineRun:
             ServiceUnavailableException: the catalog does not answer, so that it has to be called again.
         """
         self._is_canceled = True
+        self._note_cancelled()
         for output in list(self._outputs.values()):
             if arn := output.get("arn"):
                 with suppress(ResourceNotFoundException):  # it was removed meanwhile
@@ -376,9 +439,9 @@ class PipelineRun:
         request = with_client_token(step.operation, part.request, f"{self.run_id}/{part.name(name)}")
         if entry.run_job is None:
             answer = lambda: existing_application(step, request, service) or entry.answer(request, service)  # noqa: E731
-            return self._permit(step, part.request, lambda: self._outlasting(answer))
+            return self._answers(step, part.request, lambda: self._outlasting(answer))
         with OwnOrder(service) as own:
-            output = self._permit(
+            output = self._answers(
                 step, part.request, lambda: self._outlasting(lambda: entry.ordered(request, own.through, service))
             )
             own.keep(output["arn"])
@@ -403,85 +466,16 @@ class PipelineRun:
 
     def _finish(self) -> RunRecord:
         """Writes the report and the record, whatever happened."""
-        from ..tasks.inspection.reports import installed_versions
-        from ..tasks.inspection.run_records import write_record
-
-        ended_at, versions = self._service.clock(), installed_versions()
-        forecast = self._outlasting(lambda: self._forecast(ended_at))
-        jobs, report_path = self._report(ended_at, versions, forecast)
-        state = self._state(jobs) if report_path else "broken"
-        record = RunRecord(
-            run_id=self.run_id,
-            name=self._checked.name,
-            spec_path=self._spec_path,
-            command=self._command,
-            state=state,
-            exit_code=EXIT_CODES[state],
-            started_at=self._started_at,
-            ended_at=ended_at,
-            steps=self._steps,
-            jobs=jobs,
-            versions=versions,
-            report_path=report_path,
-            rerun_of=self._rerun_of,
-            reuse=self._service.reuses,
-            probe=self._cut is not None,
-            forecast=forecast,
-            run_dir=self._folder,
-            source=self._source,
-            flow_run=UUID(flow_run.id) if flow_run.id else None,
+        return finish_run(
+            self._facts,
+            self._steps,
+            self._service,
+            self._listener,
+            is_canceled=self._is_canceled,
+            interruptions=self.interruptions,
+            flow_run=flow_run.id,
+            outlasting=self._outlasting,
         )
-        (self._folder / "spec.yaml").write_text(self._checked.text_for_others)
-        write_record(record)
-        notify_of(record, self._service, self._listener)
-        return record
-
-    def _forecast(self, ended_at: datetime) -> ForecastCheck | None:
-        """How the run compares to its forecast; one that may run less than was forecast does not."""
-        from ..tasks.inspection.kept_forecasts import check_forecast
-
-        if self._cut or self._rerun_of or self._service.reuses or self._is_canceled:
-            return None
-        return check_forecast(self._checked, self._service.settings, self._steps, self._started_at, ended_at)
-
-    def _report(
-        self, ended_at: datetime, versions: dict[str, str], forecast: ForecastCheck | None
-    ) -> tuple[list[JobRecord], Path | None]:
-        """Writes the report; without one there still is a record."""
-        from ..tasks.inspection.reports import publish_report
-
-        try:
-            return self._outlasting(
-                lambda: publish_report(
-                    self._service,
-                    name=self._checked.name,
-                    run_id=self.run_id,
-                    command=self._command,
-                    steps=self._steps,
-                    started_at=self._started_at,
-                    ended_at=ended_at,
-                    versions=versions,
-                    folder=self._folder,
-                    state_of=self._state,
-                    source=self._source,
-                    rerun_of=self._rerun_of,
-                    probe=self._cut is not None,
-                    forecast=forecast,
-                )
-            )
-        except Exception as error:
-            _logger.exception("the report could not be written")
-            self._listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
-            return [], None
-
-    def _state(self, jobs: list[JobRecord]) -> RunState:
-        """How the run ended as a whole."""
-        statuses = [step.status for step in self._steps]
-        was_cut = self._is_canceled and "Skipped" in statuses
-        recorded = {step.name for step in self._steps}
-        seen_to = recorded | {step_of(name) for name in recorded}
-        is_whole = seen_to.issuperset(self._checked.order) and not was_cut
-        return run_state(statuses, jobs, is_whole=is_whole)
 
 
 _current: ContextVar[PipelineRun | None] = ContextVar("robomaker_pipeline", default=None)

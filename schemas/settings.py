@@ -32,8 +32,10 @@
 | `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
 | `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
+| `ROBOMAKER_FINISH_WITHIN_HOURS` | hours in which a run whose process died is finished by another; `0`: none | 24 |
 | `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
 | `ROBOMAKER_NOTIFY_WHEN` | some of `failure`, `recovery`, `change`, `always`, with commas | `failure,recovery` |
+| `ROBOMAKER_PING_URL` | address that is called when a run begins and ends, for services that miss calls | none |
 | `ROBOMAKER_LOG_FORMAT` | `json`: logs of `robomaker serve` and of job workers are lines of JSON | `text` |
 | `PREFECT_API_URL` | Prefect server to use | a local one, started when needed |
 """
@@ -78,6 +80,8 @@ DEFAULT_MAX_WORLDS_PER_JOB = 50
 """Limit of the original service, in worlds per generation job."""
 DEFAULT_MAX_LATE_HOURS = 6
 """A night begins before people come to work, or not at all."""
+DEFAULT_FINISH_WITHIN_HOURS = 24
+"""A night is finished before the next one is over; one of last week says nothing any more."""
 DEFAULT_STORE_PATIENCE_MIN = 30
 """A server that is updated is back by then, and so is one whose disk a person cleans up."""
 DEFAULT_ROBOT_POLL_S = 30
@@ -201,11 +205,24 @@ class Settings(Model):
     max_late_hours: int = Field(
         default=DEFAULT_MAX_LATE_HOURS, ge=1, description="How late a scheduled run may begin; a later one is skipped."
     )
+    finish_within_hours: int = Field(
+        default=DEFAULT_FINISH_WITHIN_HOURS,
+        ge=0,
+        description="How long after its process died a run is finished by another process, in hours; 0: not at all.",
+    )
     notify: tuple[str, ...] = Field(
         default=(), repr=False, description="Addresses of apprise that are told how runs ended; they may hold secrets."
     )
     notify_when: frozenset[NotifyWhen] = Field(
         default=frozenset({"failure", "recovery"}), description="Runs that these addresses are told of."
+    )
+
+    ping_url: str | None = Field(
+        default=None,
+        repr=False,
+        pattern=r"^https?://[^/\s]+(/\S*)?$",
+        description="Address that is called when a run begins and ends, `{name}` in it being the specification's; it "
+        "may hold secrets. None: nothing is called.",
     )
 
     @classmethod
@@ -245,6 +262,7 @@ class Settings(Model):
             "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
             "robot_poll_s": _number(environ, "ROBOMAKER_ROBOT_POLL_S", DEFAULT_ROBOT_POLL_S, 1, MAX_ROBOT_POLL_S),
             "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
+            "finish_within_hours": _number(environ, "ROBOMAKER_FINISH_WITHIN_HOURS", DEFAULT_FINISH_WITHIN_HOURS, 0),
             "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
             "jobs_create_jobs": _switch(environ, "ROBOMAKER_JOBS_CREATE_JOBS"),
             "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),
@@ -258,7 +276,7 @@ class Settings(Model):
         if shown := environ.get("ROBOMAKER_SANDBOX_SHOW"):
             values["sandbox_show"] = _absolute_paths("ROBOMAKER_SANDBOX_SHOW", shown)
         for name in (
-            *("region", "account", "bucket", "backend", "robots_url", "robot_folder"),
+            *("region", "account", "bucket", "backend", "robots_url", "robot_folder", "ping_url"),
             *("sandbox", "sandbox_network"),
         ):
             if value := environ.get(f"ROBOMAKER_{name.upper()}"):

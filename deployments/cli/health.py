@@ -9,12 +9,14 @@ import sys
 import uuid
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Literal
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
-from ..prefect_server.local_server import server_status
+from ...tasks.nights.missed import has_schedules
+from ..prefect_server.local_server import client_variables, server_status
 from .prefect_server import described
 
 Health = Literal["ok", "warning", "broken"]
@@ -27,6 +29,8 @@ physics = mujoco.Physics.from_xml_string(f'<mujoco><worldbody>{ball}</worldbody>
 physics.step(10)
 assert physics.data.qpos[2] < 0, f"a ball did not fall: {physics.data.qpos}"
 """
+_MOST_MISSED = 7
+"""Nights that are named: those of a week."""
 _SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqlalchemy", "boto3")
 
 
@@ -65,7 +69,10 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "left behind": lambda: check_left_behind(without_roles),
         "kept outputs": lambda: check_kept_outputs(without_roles),
         "left jobs": lambda: check_left_jobs(settings, without_roles),
+        "broken-off runs": lambda: check_broken_off(settings),
     }
+    if has_schedules(settings.home):
+        checks["nights"] = lambda: check_nights(settings)
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
     if (settings.home / "robots" / "trust" / "root.json").exists():
@@ -371,6 +378,48 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
     found = [f"{job.arn} was {standing.in_words()}" for job, standing in left]
     commands = [f"on {standing.machine}: {standing.command}" for _, standing in left]
     return Finding("left jobs", "warning", "\n".join(found), "\n".join(commands))
+
+
+def check_broken_off(settings: Settings) -> Finding:
+    """Whether processes of runs died before their runs had ended, and what finishes these."""
+    from ...tasks.nights.broken_off import broken_off_runs
+
+    found = broken_off_runs(settings)
+    if not found:
+        return Finding("broken-off runs", "ok", "every run that began has ended, or has a process that carries it out")
+    left = [run for run in found if run.why_left]
+    remedies = [f"{run.place}{run.command}" for run in left]
+    if len(left) < len(found):
+        remedies.append("start robomaker serve or a Prefect worker, which finishes them")
+    return Finding("broken-off runs", "warning", "\n".join(run.in_words() for run in found), "\n".join(remedies))
+
+
+def check_nights(settings: Settings) -> Finding:
+    """Whether the nights of the last week happened, and whether the next ones can."""
+    from ...tasks.nights.missed import schedules_of
+
+    status = server_status(settings)
+    if not status.running:
+        return Finding("nights", "broken", "the Prefect server does not run: no night begins", "robomaker server start")
+    os.environ.update(client_variables(str(status.api_url), settings))
+    from ..missed_nights import look_for_missed_nights, without_worker
+
+    look_for_missed_nights(settings)
+    week = datetime.now(UTC) - timedelta(days=7)
+    found = [
+        f"{each.name}: {night.in_words()}"
+        for each in schedules_of(settings.home)
+        for night in each.missed
+        if night.due_at > week
+    ]
+    paused = [f"{each.name}: its schedule is paused" for each in schedules_of(settings.home) if each.paused_since]
+    pools = without_worker(settings)
+    waits = [f"{name}: no Prefect worker of the pool {pool} is running" for name, pool in pools]
+    if found or paused or waits:
+        remedies = [f"prefect worker start --pool {pool}" for pool in dict.fromkeys(pool for _, pool in pools)]
+        remedies += ["prefect deployment schedule ls RunPipeline/NAME, then resume"] if paused else []
+        return Finding("nights", "warning", "\n".join([*waits, *paused, *found[-_MOST_MISSED:]]), "\n".join(remedies))
+    return Finding("nights", "ok", "all nights of the last week happened, and a Prefect worker waits for the next")
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:

@@ -4,11 +4,17 @@ import logging
 import sys
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.settings import Settings
 from .output.answers import print_answer
 from .signals import interrupted_by_signals
+
+if TYPE_CHECKING:
+    from ...tasks.nights.open_runs import OpenRun
+    from ...tasks.service.service import Service
 
 _logger = logging.getLogger(__name__)
 
@@ -30,15 +36,21 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     api_url = use_server(settings)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES
+    from ...tasks.nights.orders import tell_of_left
+    from ...tasks.nights.taking_up import TakingUp
     from ...tasks.operations.registry import registry
     from ..dead_run_sweeper import close_dead_runs_once
 
     _warn_on_stderr()
     outage = wait_for_server_once(api_url, settings, _logger.warning)
     close_dead_runs_once(settings)
+    run = _run_of(arn, service)
+    TakingUp(settings, tell=tell_of_left).start()
     try:
         with interrupted_by_signals(), service.activated():
             answer, result = lookup.perform(operation, arn)
+            if run is not None:
+                _finish(run, settings)
     except KeyboardInterrupt:
         with suppress(OSError):  # the terminal that hung up is gone
             print_answer(registry()[operation].described(arn, service), form)
@@ -46,6 +58,40 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     tell_after_outage(outage, settings)
     print_answer(answer, form)
     return EXIT_CODES[result.state]
+
+
+def _run_of(arn: str, service: "Service") -> "OpenRun | None":
+    """Takes the run that ordered a job, if its process has died: who performs the job finishes the run."""
+    from ...tasks.nights.broken_off import broken_off
+    from ...tasks.nights.open_runs import OpenRun
+
+    job = service.catalog.get(arn)
+    documents = {"simulation-job": SimulationJobDocument, "simulation-job-batch": SimulationJobBatchDocument}
+    run_id = documents[job.kind].of(job).spec_run if job.kind in documents else None
+    folder = service.settings.home / "runs" / str(run_id)
+    found = broken_off(folder, service.settings) if run_id else None
+    return OpenRun.claim(folder) if found is not None and found.order.key_id is None else None
+
+
+def _finish(run: "OpenRun", settings: Settings) -> None:
+    """Finishes a run, and says so on standard error."""
+    from ...flows.pipelines import run_spec
+    from ...schemas.reports.progress import Note
+    from ...tasks.nights.orders import ordered_spec
+
+    order = run.order
+    sys.stderr.write(f"robomaker: the run {order.run_id} had broken off, and is finished now\n")
+    record = run_spec(
+        ordered_spec(order),
+        settings,
+        lambda event: _logger.warning("%s", event.text) if isinstance(event, Note) else None,
+        spec_path=order.spec_path,
+        command=order.command,
+        reuse=order.reuse,
+        rerun_of=order.rerun_of,
+        open_run=run,
+    )
+    sys.stderr.write(f"robomaker: the run {record.run_id}: {record.state}; report: {record.report_path}\n")
 
 
 def order(operation: str, request: Mapping[str, Any], settings: Settings, form: str) -> int:

@@ -6,7 +6,9 @@ import shutil
 import sys
 from collections.abc import Sequence
 from contextlib import nullcontext, suppress
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...schemas.reports.progress import Note
 from ...schemas.reports.run_record import RerunOf, RunRecord
@@ -14,6 +16,9 @@ from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
 from .output.browser import open_file, wanted
 from .signals import interrupted_by_signals
+
+if TYPE_CHECKING:
+    from ...tasks.nights.open_runs import OpenRun
 
 
 def carry_out(
@@ -26,6 +31,7 @@ def carry_out(
     spec_path: str,
     reuse: bool = False,
     rerun_of: RerunOf | None = None,
+    open_run: "OpenRun | None" = None,
 ) -> int:
     """Runs a specification, shows how it goes, and prints what came of it.
 
@@ -38,6 +44,7 @@ def carry_out(
         spec_path: the file that the specification is from.
         reuse: whether worlds and results that are there already are taken over.
         rerun_of: of which run it is the rerun; `None`: of none.
+        open_run: the run, where another process began it.
 
     Returns:
         The exit code, which says how the run ended.
@@ -50,14 +57,20 @@ def carry_out(
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import run_spec
         from ...tasks.inspection.pipeline_parts import RunInterrupted
+        from ...tasks.nights.orders import tell_of_left
+        from ...tasks.nights.taking_up import TakingUp
         from ..dead_run_sweeper import close_dead_runs_once
+        from ..missed_nights import look_for_missed_nights
 
         outage = wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
         close_dead_runs_once(settings)
+        look_for_missed = partial(look_for_missed_nights, settings)
+        TakingUp(settings, tell=tell_of_left, look_for_missed=look_for_missed).start()
         try:
             record = run_spec(
-                spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of
-            )
+                spec, settings, listener, spec_path=spec_path, command=command, reuse=reuse, rerun_of=rerun_of,
+                open_run=open_run,
+            )  # fmt: skip
         except RunInterrupted as interruption:
             interrupted, record = interruption, interruption.record
         else:

@@ -8,8 +8,9 @@ import signal
 import socket
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError
@@ -22,6 +23,9 @@ from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
 from .output.browser import open_address
 from .prefect_server import pages, use_server
+
+if TYPE_CHECKING:
+    from ...tasks.nights.broken_off import BrokenOff
 
 
 def serve(arguments: argparse.Namespace) -> int:
@@ -86,6 +90,7 @@ def _run_server(
     variables: Mapping[str, str] | None,
 ) -> None:
     # Imported late, while the worker already starts.
+    from ...tasks.nights.taking_up import TakingUp
     from ...tasks.service.service import Service
     from ..console.console import Console
     from ..console.rendering import HOME
@@ -124,8 +129,9 @@ def _run_server(
         facts = {"url": url, "console_url": f"{url}{HOME}", "pid": os.getpid(), **about}
         _announce(facts, settings, signed=access_keys is not None, form=arguments.output)
         note_console(settings.home, url)
-        if spec_runs is not None and (taken_up := spec_runs.take_up_all()):
-            logging.getLogger("robomaker.endpoint").warning("runs that broke off go on: %s", ", ".join(taken_up))
+        if variables is not None:
+            look_for_missed = partial(_look_for_missed, settings)
+            TakingUp(settings, variables, tell=_tell_of_left, look_for_missed=look_for_missed).start()
         if arguments.open:
             open_address(facts["console_url"])
 
@@ -141,6 +147,20 @@ def _run_server(
         )
     finally:
         forget_console(settings.home)
+
+
+def _tell_of_left(run: "BrokenOff") -> None:
+    # Imports Prefect, which this process does not need otherwise.
+    from ...tasks.nights.orders import tell_of_left
+
+    tell_of_left(run)
+
+
+def _look_for_missed(settings: Settings) -> None:
+    # Imports Prefect; called only where there are schedules.
+    from ..missed_nights import look_for_missed_nights
+
+    look_for_missed_nights(settings)
 
 
 def _variables_of_jobs(arguments: argparse.Namespace) -> dict[str, str]:

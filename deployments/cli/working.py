@@ -8,6 +8,7 @@ import threading
 
 from ...schemas.settings import Settings
 from ...tasks.jobs.batch_workers import BatchWorker
+from ...tasks.nights.taking_up import TakingUp
 from ...tasks.service.catalog_wait import once_catalog_answers
 from ...tasks.service.service import Service
 from ..log_lines import log_formatter
@@ -28,6 +29,7 @@ def work(batch: str, *, end_with_input: bool) -> int:
     handler.setFormatter(log_formatter(os.environ, "%(asctime)s %(message)s", "%H:%M:%S"))
     logging.basicConfig(level=logging.INFO, handlers=[handler])
     settings = Settings.from_environment(os.environ)
+    TakingUp(settings).start()
     if end_with_input:
         threading.Thread(target=_interrupt_at_end_of_input, daemon=True).start()
     try:

@@ -10,7 +10,7 @@ A run goes on when the page is closed, and when the server ends. Server and run 
 folder only, so that any server of the data home shows the run and ends it. A run whose process was killed goes on in a
 new one, from what is in its folder: the order, and what its steps were answered.
 
-May import: `schemas`, `deployments.endpoint`, `tasks.catalog`, `tasks.inspection`, `tasks.operations`, `tasks.service`.
+May import: `schemas`, `deployments.endpoint`, `tasks.catalog`, `tasks.nights`, `tasks.operations`, `tasks.service`.
 """
 
-__all__ = ["kept_answers", "orders", "rights", "spec_runs", "specifications", "standing"]
+__all__ = ["rights", "spec_runs", "specifications", "standing"]

@@ -10,8 +10,8 @@ from ...schemas.reports.progress import FINISHED, Note, ProgressEvent, StepEnded
 from ...schemas.runs.machine_waits import IN_WORDS
 from ...schemas.wire.base import Model
 
-STANDING, LOCK, CANCEL, LOG, ORDER = "standing.json", "running.lock", "cancel", "process.log", "order.json"
-"""Files in the folder of an ordered run."""
+STANDING = "standing.json"
+"""In the folder of an ordered run."""
 
 _EVERY_S = 0.3
 

@@ -6,6 +6,7 @@ from typing import Literal
 
 from pydantic import Field
 
+from ..missed_nights import MissedNight
 from ..wire.base import Model
 from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
 from .inputs import SourceCommit
@@ -22,6 +23,7 @@ class Night(Model):
     jobs: int = Field(description="How many jobs it has.")
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="Its trials; those that broke are not judged.")
+    interruptions: int = Field(default=0, description="How many of its processes died before others finished it.")
     source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
     changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
     report_path: Path | None = Field(default=None, description="Its HTML report.")
@@ -54,6 +56,10 @@ class History(Model):
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     name: str = Field(description="Name of the specification.")
     nights: list[Night] = Field(description="Its runs, the oldest first.")
+    missed: list[MissedNight] = Field(
+        default=[],
+        description="Nights that did not happen or are not finished since the first of them, in their order.",
+    )
     left_out: int = Field(default=0, description="Older runs that were not looked at.")
     since_last: SinceLastRun = Field(description="Differences of the last run from the one before.")
     cells: list[CellHistory] = Field(description="Its jobs, those that fail or are unsteady first.")

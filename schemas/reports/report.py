@@ -100,6 +100,7 @@ class Report(Model):
     worlds: list[ReportedWorld] = Field(description="Worlds made or driven in.")
     jobs: list[ReportedJob] = Field(description="Simulation jobs, in request order.")
     command: str = Field(description="The command that runs it again.")
+    interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
     forecast: ForecastCheck | None = Field(
         default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."

@@ -1,5 +1,6 @@
 """The record of one run of a specification: `run.json` in its run folder, and what `robomaker run -o json` prints."""
 
+from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal
@@ -108,6 +109,14 @@ class JobRecord(Model):
     )
 
 
+class Interruption(Model):
+    """The death of a run's process, after which another one finished the run."""
+
+    lost: JobOwner | None = Field(description="The process that died; absent: it is not known.")
+    lost_at: datetime = Field(description="When it last noted that it lived, UTC.")
+    continued_at: datetime = Field(description="When another process took the run, UTC.")
+
+
 class RunRecord(Model):
     """One run of a specification."""
 
@@ -140,7 +149,26 @@ class RunRecord(Model):
     flow_run: UUID | None = Field(
         default=None, description="Prefect's flow run that wrote this record; absent: none did, or it is not known."
     )
+    interruptions: list[Interruption] = Field(
+        default=[], description="When its processes died, so that others finished it; mostly none did."
+    )
     run_dir: Path = Field(description="Folder of this run: this record, the specification, the report.")
+
+
+def interrupted_briefly(count: int) -> str:
+    """`interrupted once`; empty for a run whose processes lived."""
+    times = {1: "once", 2: "twice"}.get(count, f"{count} times")
+    return f"interrupted {times}" if count else ""
+
+
+def interrupted_in_words(interruptions: Sequence[Interruption]) -> str:
+    """Says when the processes of a run died, and when others took it up; empty: none did."""
+    each = [
+        f"{item.lost or 'its process'} died at about {item.lost_at:%Y-%m-%d %H:%M:%S}, and another process took the "
+        f"run up at {item.continued_at:%H:%M:%S} UTC"
+        for item in interruptions
+    ]
+    return f"{interrupted_briefly(len(interruptions))}: {'; '.join(each)}" if interruptions else ""
 
 
 def new_run_id(name: str, at: datetime) -> str:

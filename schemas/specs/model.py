@@ -123,6 +123,9 @@ class CheckedSpec:
     order: tuple[str, ...]
     """Names of the steps; each comes after those it needs."""
 
+    seed: int | None = None
+    """The seed in place of those in the file; `None`: those count."""
+
     @property
     def text_for_others(self) -> str:
         """The file's content without secrets; where launch variables are some, it is JSON, which is YAML, too."""
@@ -176,7 +179,7 @@ def variable_of(construct: MappingNode) -> str:
 def with_seed(spec: CheckedSpec, seed: int) -> CheckedSpec:
     """The specification with another seed wherever its operations take one, in requests of a batch too."""
     steps = {name: replace(step, input=_seeded(step, seed)) for name, step in spec.steps.items()}
-    return replace(spec, steps=steps)
+    return replace(spec, steps=steps, seed=seed)
 
 
 def _seeded(step: CheckedStep, seed: int) -> Node:

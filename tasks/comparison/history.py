@@ -142,6 +142,7 @@ def _night(run: NightRun, before: NightRun | None) -> Night:
         jobs=len(run.jobs),
         trials=len(run.results),
         success=rates.of_table("", run.results),
+        interruptions=run.interruptions,
         source=run.source,
         changed=changed_nights(before, run) if before else [],
         report_path=run.report_path,

@@ -43,6 +43,8 @@ class NightRun:
     report_path: Path | None = None
     results_path: Path | None = None
     """The table of its results; None: each job is one trial."""
+    interruptions: int = 0
+    """How many of its processes died."""
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":
@@ -57,6 +59,7 @@ class NightRun:
             source=record.source,
             report_path=record.report_path,
             results_path=record.run_dir / RESULTS_FILE,
+            interruptions=len(record.interruptions),
         )
 
     @property

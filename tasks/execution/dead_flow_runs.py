@@ -10,11 +10,13 @@ how runs ended, and gives them that state; `close_unheard` asks before it closes
 
 import logging
 from collections.abc import Callable, Collection, Iterable
+from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, TypeAlias
 from uuid import UUID
 
+import httpx
 from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import (
     FlowFilter,
@@ -36,7 +38,10 @@ from prefect.events.actions import ChangeFlowRunState
 from prefect.events.filters import EventFilter, EventNameFilter, EventOccurredFilter, EventResourceFilter
 from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
 from prefect.events.schemas.events import ResourceSpecification
+from prefect.exceptions import ObjectNotFound, PrefectException
 from prefect.states import Completed, Crashed, Running
+
+from .prefect_settings import asking_once
 
 EndOf: TypeAlias = Callable[[FlowRun], State[Any] | None]
 """Says how a flow run has come to its end, by what its own process wrote down; `None`: it is not known."""
@@ -273,6 +278,31 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
     for task in client.read_task_runs(task_run_filter=TaskRunFilter(state=crashed), flow_run_filter=in_runs):
         if task.state and task.state.message == _TASK_OF_DEAD:
             client.set_task_run_state(task.id, again, force=True)
+
+
+def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = None) -> bool:
+    """Says at a flow run whose process has died what becomes of its work; a failure to do so is only logged.
+
+    Args:
+        flow_run: its id.
+        words: what finishes it, or how a person does.
+        client: the server's client; `None`: of the server that Prefect's settings name.
+
+    Returns:
+        Whether somebody has cancelled it, so that its work is to end.
+    """
+    try:
+        with asking_once() if client is None else nullcontext(client) as asked:
+            state = asked.read_flow_run(UUID(flow_run)).state
+            if state is not None and (state.is_cancelled() or state.is_cancelling()):
+                return True
+            if state is None or not state.is_final() or state.is_crashed():
+                asked.set_flow_run_state(UUID(flow_run), Crashed(message=words), force=True)
+    except ObjectNotFound:
+        _logger.debug("the flow run %s was deleted", flow_run)
+    except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+        _logger.warning("Prefect is not told what becomes of the flow run %s: %s", flow_run, error)
+    return False
 
 
 def _automation() -> AutomationCore:

@@ -51,7 +51,7 @@ def role_of(main: str, words: Sequence[str]) -> str:
     if "prefect_robomaker.deployments.worker" in main:
         return "robomaker serve"
     if "prefect_robomaker.deployments.cli.ordered_run" in main:
-        return "a run of the console"
+        return "a continued run" if "continued" in words else "a run of the console"
     if main.startswith("prefect."):
         return "a run of a Prefect worker"
     if main.startswith("prefect_robomaker.deployments.cli") or (words and Path(words[0]).name == "robomaker"):

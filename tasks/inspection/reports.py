@@ -16,7 +16,14 @@ from ...schemas.job_owners import JobOwner
 from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, RunState
-from ...schemas.reports.run_record import JobRecord, RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_record import (
+    Interruption,
+    JobRecord,
+    RerunOf,
+    RunRecord,
+    StepRecord,
+    interrupted_in_words,
+)
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
@@ -67,6 +74,7 @@ def publish_report(
     rerun_of: RerunOf | None = None,
     probe: bool = False,
     forecast: ForecastCheck | None = None,
+    interruptions: Sequence[Interruption] = (),
 ) -> tuple[list[JobRecord], Path]:
     """Writes the report of a run and shows its main parts in Prefect's UI.
 
@@ -93,6 +101,7 @@ def publish_report(
         forecast=forecast,
         versions=dict(versions),
         since_last=None if rerun_of or probe else since_last(run, folder.parent),
+        interrupted=interrupted_in_words(interruptions),
     )
     return records, _publish(report, records, results, folder)
 
@@ -145,6 +154,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
         rerun_of=_rerun_in_words(record.rerun_of),
         forecast=record.forecast,
         versions=dict(record.versions),
+        interrupted=interrupted_in_words(record.interruptions),
     )
 
 

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
@@ -63,6 +63,13 @@ def alive(pids: set[int]) -> set[int]:
     return {pid for pid in pids if Path(f"/proc/{pid}/cwd").exists()}
 
 
+def kill_tree(pid: int) -> None:
+    """Kills a process and all that it has started, directly or not, as the end of a machine does."""
+    for each in (pid, *descendants(pid)):
+        with suppress(ProcessLookupError):
+            os.kill(each, signal.SIGKILL)
+
+
 @contextmanager
 def started(command: list[str], environ: Mapping[str, str], **options: object) -> Iterator[subprocess.Popen[str]]:
     """A process with a group of its own, all of which is killed at the end."""
@@ -76,12 +83,12 @@ def started(command: list[str], environ: Mapping[str, str], **options: object) -
 
 
 @contextmanager
-def process_worker(pool: str, environ: Mapping[str, str], log: Path) -> Iterator[None]:
+def process_worker(pool: str, environ: Mapping[str, str], log: Path) -> Iterator[subprocess.Popen[str]]:
     """A Prefect process worker; what it writes, and its flow runs, goes to a log."""
     command = [sys.executable, "-m", "prefect", "worker", "start", "--pool", pool, "--type", "process"]
     with log.open("w") as output, started(command, environ, stdout=output, stderr=subprocess.STDOUT) as worker:
         try:
-            yield
+            yield worker
         finally:
             # Asked first: it stops its flow runs, which have groups of their own.
             worker.send_signal(signal.SIGINT)

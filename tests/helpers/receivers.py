@@ -27,6 +27,9 @@ class Webhook:
     """Answers only when it is set."""
 
     got: list[dict[str, Any]] = field(default_factory=list)
+    """What was sent; plain text as `text`."""
+
+    paths: list[str] = field(default_factory=list)
 
 
 @dataclass
@@ -45,7 +48,9 @@ def webhook() -> Iterator[Webhook]:
     class Handler(BaseHTTPRequestHandler):
         def do_POST(self) -> None:
             content = self.rfile.read(int(self.headers["Content-Length"]))
-            hook.got.append(json.loads(content))
+            is_text = not self.headers["Content-Type"].endswith("json")
+            hook.paths.append(self.path)
+            hook.got.append({"text": content.decode()} if is_text else json.loads(content))
             if hook.wait is not None:
                 hook.wait.wait(200)
             self.send_response(hook.status)

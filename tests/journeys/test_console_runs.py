@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.spec_runs.orders import Order
 from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
 from prefect_robomaker.deployments.spec_runs.standing import Standing, StepStanding
 from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.schemas.run_orders import Order
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.slow, pytest.mark.deep]
@@ -72,4 +72,4 @@ def test_a_run_whose_process_is_killed_goes_on_where_it_was(
     assert statuses() == ["Completed"] * 3
     assert service.catalog.get(before[-1].arn) == before[-1]  # the first was not run again
     assert len(service.catalog.list("simulation-job-batch").resources) == 1
-    assert not {"order.json", "answers.json", "running.lock"} & {path.name for path in folder.iterdir()}
+    assert not {"order.json", "answers.jsonl", "running.lock"} & {path.name for path in folder.iterdir()}

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from helpers.processes import wait_for
 from helpers.receivers import Webhook
 from helpers.small_flat import BODY, ROLE
 
@@ -113,6 +114,23 @@ def test_nobody_is_told_unless_asked_and_apprise_is_not_loaded(run: Run, webhook
     code = "import sys; import prefect_robomaker.tasks.notifications.notices; print('apprise' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.strip() == "False"
+
+
+def test_an_address_is_called_when_a_night_begins_and_ends(
+    run: Run, webhook: Webhook, events: list[ProgressEvent]
+) -> None:
+    chosen = {"notify": (), "ping_url": f"http://{webhook.address}/secret/{{name}}/"}
+    good = run(QUICK, **chosen)
+    wait_for(lambda: len(webhook.paths) == 2, "both calls")
+    assert sorted(webhook.paths) == ["/secret/nightly/", "/secret/nightly/start"]
+    assert {"text": f"{good.run_id}: succeeded"} in webhook.got
+
+    webhook.status = 503
+    assert run({"missing": MISSING}, name="every-hour", **chosen).state == "broken"
+    wait_for(lambda: len(webhook.paths) == 4, "both calls")
+    assert sorted(webhook.paths[2:]) == ["/secret/every-hour/fail", "/secret/every-hour/start"]
+    notes = [event.text for event in events if isinstance(event, Note) and "ROBOMAKER_PING_URL" in event.text]
+    assert notes == ["the address of ROBOMAKER_PING_URL was not told fail: status 503"]
 
 
 @pytest.mark.deep

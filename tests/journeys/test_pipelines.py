@@ -19,6 +19,7 @@ from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException, W
 from prefect_robomaker.tasks.inspection import reports
 from prefect_robomaker.tasks.inspection.pipeline_parts import RunInterrupted
 from prefect_robomaker.tasks.inspection.reports import rebuild_report
+from prefect_robomaker.tasks.nights.ending import state_of_run
 from prefect_robomaker.tasks.operations.registry import Operation
 from prefect_robomaker.tasks.operations.step_operations import step_registry
 from prefect_robomaker.tasks.service.service import Service
@@ -320,9 +321,8 @@ def ended(status: str, **members: Any) -> JobRecord:
         ("Failed", [], "broken"),
     ],
 )
-def test_the_worst_end_is_the_runs_end(service: Service, step: str, jobs: list[JobRecord], state: str) -> None:
+def test_the_worst_end_is_the_runs_end(step: str, jobs: list[JobRecord], state: str) -> None:
     checked = load_spec(json.dumps({"version": 1, "name": "one", "steps": {"template": TEMPLATE}}), "one.yaml")
-    pipeline = PipelineRun(checked, service, lambda _: None, "one.yaml")
-    pipeline._steps.append(StepRecord(name="template", operation="CreateWorldTemplate", status=step))
+    steps = [StepRecord(name="template", operation="CreateWorldTemplate", status=step)]
 
-    assert pipeline._state(jobs) == state
+    assert state_of_run(checked, steps, jobs, is_canceled=False) == state

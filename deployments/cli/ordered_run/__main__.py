@@ -1,8 +1,10 @@
 """The process of an ordered run, `python -m prefect_robomaker.deployments.cli.ordered_run LOCK`; its input: the order.
 
-The lock on the file LOCK is held for as long as this process lives; that is how servers know that the run goes on.
+The lock on the file LOCK is held for as long as this process lives; that is how others know that the run goes on. A
+second word says that the run broke off before, and is finished now.
 """
 
+import logging
 import os
 import signal
 import sys
@@ -10,15 +12,14 @@ import threading
 import time
 from pathlib import Path
 
-from ....schemas.reports.progress import Note
+from ....schemas.reports.progress import Note, ProgressEvent, ProgressListener, StepEnded
+from ....schemas.run_orders import Order
 from ....schemas.settings import Settings
-from ....schemas.specs.check import load_spec
 from ....schemas.wire.errors import ConfigurationError, RobomakerError, SpecError
+from ....tasks.nights.open_runs import CANCEL, OpenRun
 from ...endpoint.calling.access_keys import AccessKey, read_access_keys
 from ...endpoint.calling.audit_log import AuditLog
-from ...spec_runs.kept_answers import ANSWERS, KeptAnswers
-from ...spec_runs.orders import Order
-from ...spec_runs.standing import CANCEL, LOCK, ORDER, StandingFile, read_standing
+from ...spec_runs.standing import StandingFile, read_standing
 from ..prefect_server import use_server, wait_for_server_once
 from ..signals import interrupted_by_signals
 
@@ -27,56 +28,76 @@ NICENESS = 5
 
 _LOOK_S = 0.5
 
+_logger = logging.getLogger("prefect_robomaker.deployments.cli.ordered_run")
+
 
 def main() -> None:
     """Carries out the order."""
-    os.set_inheritable(int(sys.argv[1]), False)
+    lock = int(sys.argv[1])
+    os.set_inheritable(lock, False)
     os.nice(NICENESS)
     order = Order.model_validate_json(sys.stdin.buffer.read())
     settings = Settings.from_environment(os.environ)
     folder = settings.home / "runs" / order.run_id
+    run = OpenRun.inherited(folder, order, lock)
     standing = read_standing(folder)
-    if standing is None:
-        raise ConfigurationError(f"{folder} is the folder of no run that was ordered")
-    listener = StandingFile(folder, standing)
+    listener = StandingFile(folder, standing) if standing is not None else None
+    told = listener or _log
+    problem = ""
     try:
         with interrupted_by_signals():
-            threading.Thread(target=_watch, args=(folder / CANCEL,), daemon=True).start()
-            _carry_out(order, settings, listener)
+            if not run.is_cancelled:  # else the run sees so itself, and tells how its jobs ended
+                threading.Thread(target=_watch, args=(folder / CANCEL,), daemon=True).start()
+            _carry_out(run, settings, told)
     except SpecError as error:
-        listener.broke("\n".join(map(str, error.problems)))
+        problem = "\n".join(map(str, error.problems))
     except RobomakerError as error:
-        listener.broke(str(error))
+        problem = str(error)
     except KeyboardInterrupt:
-        listener.broke("it was cancelled")  # of one that had begun there is a record, which says so, too
+        problem = "it was cancelled"  # of one that had begun there is a record, which says so, too
     finally:
-        listener.write()
-        for name in (ANSWERS, ORDER, LOCK):  # without the last it is not taken up again
-            (folder / name).unlink(missing_ok=True)
+        if listener is not None:
+            if problem:
+                listener.broke(problem)
+            listener.write()
+        elif problem:
+            _logger.error("%s", problem)
+        # A night that could not be finished now, as its Prefect server does not answer, is tried again.
+        if listener is not None or run.is_cancelled:
+            run.end()
 
 
-def _carry_out(order: Order, settings: Settings, listener: StandingFile) -> None:
+def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> None:
     api_url = use_server(settings)
     # Imported when it is known which server of Prefect's is used.
     from ....flows.pipelines import run_spec
+    from ....tasks.nights.orders import ordered_spec
     from ....tasks.service.service import Service
     from ...spec_runs.rights import Permits
 
+    order = run.order
     wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
     service = Service.open(settings)
     audit_log = AuditLog(order.audit_log, service.clock) if order.audit_log else None
     run_spec(
-        load_spec(order.text, order.filename),
+        ordered_spec(order),
         settings,
         listener,
         spec_path=order.spec_path,
         command=order.command,
+        reuse=order.reuse,
         rerun_of=order.rerun_of,
-        run_id=order.run_id,
-        permit=KeptAnswers(
-            settings.home / "runs" / order.run_id, Permits(_key(order, settings), order.address, audit_log, service)
-        ),
+        permit=Permits(_key(order, settings), order.address, audit_log, service),
+        open_run=run,
     )
+
+
+def _log(event: ProgressEvent) -> None:
+    """Notes what happens in the file with the process's output."""
+    if isinstance(event, StepEnded):
+        _logger.warning("step %s: %s %s", event.step, event.status, event.detail)
+    elif isinstance(event, Note):
+        _logger.warning("%s", event.text)
 
 
 def _key(order: Order, settings: Settings) -> AccessKey | None:

@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from ....schemas.missed_nights import MissedNight
 from ....schemas.reports.changes import CellChange, RequirementChange
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, Night
-from ....schemas.reports.run_record import RunRecord
+from ....schemas.reports.run_record import RunRecord, interrupted_briefly
 from ....tasks.comparison.nights import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
 from ....tasks.reporting import wording
@@ -83,7 +84,7 @@ def history_lines(history: History, page: Path) -> list[str]:
     if unsteady:
         lines.append(f"  unsteady      {len(unsteady)}")
         lines += [f"    {cell.cell.title}" for cell in unsteady[:_MOST_JOBS]]
-    lines += ["", *_nights(history.nights), "", f"  page     {page}"]
+    lines += ["", *_nights(history.nights, history.missed), "", f"  page     {page}"]
     return lines
 
 
@@ -177,14 +178,19 @@ def _metric(change: MetricChange) -> str:
     return f"{values}, {_signed(change.difference)} (interval {interval}, {_counted(change.pairs, 'pair')})"
 
 
-def _nights(nights: Sequence[Night]) -> list[str]:
+def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]:
     shown = list(nights[: -_MOST_NIGHTS - 1 : -1])
     lines = [f"  {'started (UTC)':<17} {'rate':>5}  {'interval':<10} passed failed broken  changed"]
+    gaps = [night for night in missed if night.due_at >= shown[-1].started_at]
     for night in shown:
+        while gaps and gaps[-1].due_at > night.started_at:
+            gap = gaps.pop()
+            lines.append(f"  {wording.minute(gap.due_at):<17} {gap.kind}: {gap.reason}")
         share = night.success
         rate = "–" if share.rate is None else f"{share.rate:.0%}"
         interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
-        changed = ", ".join(map(change_in_words, night.changed))
+        told = [interrupted_briefly(night.interruptions), *map(change_in_words, night.changed)]
+        changed = ", ".join(filter(None, told))
         counts = f"{share.passed:>6} {share.failed:>6} {share.errors:>6}"
         lines.append(f"  {wording.minute(night.started_at):<17} {rate:>5}  {interval:<10} {counts}  {changed}".rstrip())
     if len(nights) > len(shown):

@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Sequence
 from typing import TextIO
 
-from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord
+from ....schemas.reports.run_record import JobRecord, RunRecord, StepRecord, interrupted_in_words
 from ....schemas.reports.run_states import counts_in_words
 from .answers import Cell, print_lines
 from .durations import duration
@@ -47,12 +47,7 @@ def summary_lines(
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]
-    if rerun := record.rerun_of:
-        lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
-    if check := record.forecast:
-        lines.append([(f"forecast {duration(check.forecast_s)}, took {took} ({check.difference})", "")])
-    if reused := [job for job in record.jobs if job.reused_from]:
-        lines.append([(f"{len(reused)} of {len(record.jobs)} results taken over from earlier runs", "")])
+    lines += _origin_lines(record, took)
     if failed := [step for step in record.steps if step.error]:
         lines += [[], *(_step_line(step) for step in failed)]
     if record.jobs:
@@ -69,6 +64,20 @@ def summary_lines(
     if server:
         lines.append(_place("prefect", server))
     lines.append(_place("again", shlex.join(command)))
+    return lines
+
+
+def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
+    """What the run is a rerun of, what interrupted it, how it compares to its forecast, and what it took over."""
+    lines: list[list[Cell]] = []
+    if rerun := record.rerun_of:
+        lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])
+    if interrupted := interrupted_in_words(record.interruptions):
+        lines.append([(interrupted, "")])
+    if check := record.forecast:
+        lines.append([(f"forecast {duration(check.forecast_s)}, took {took} ({check.difference})", "")])
+    if reused := [job for job in record.jobs if job.reused_from]:
+        lines.append([(f"{len(reused)} of {len(record.jobs)} results taken over from earlier runs", "")])
     return lines
 
 

@@ -5,6 +5,7 @@ that confine and place its simulations. Where catalog and store are does not: wh
 """
 
 import os
+import re
 import socket
 import sys
 from collections.abc import Mapping, Sequence
@@ -20,15 +21,18 @@ _SIMULATION = (
     *("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb"),
     *("max_output_gb", "max_output_files"),
 )
-_SETTINGS: Mapping[str, Sequence[str]] = {
+SETTINGS: Mapping[str, Sequence[str]] = {
     "CreateSimulationJob": _SIMULATION,
     "StartSimulationJobBatch": (*_SIMULATION, "backend"),
     "CreateWorldGenerationJob": ("max_worlds_per_job",),
 }
 """The settings that decide how jobs go, by the operation that orders them."""
 
-_OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
+OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
 """Variables of simulations that are no settings."""
+
+_OF_PREFECT_RUN = re.compile(r"tmp\w+prefect")
+"""What `tempfile` makes of the suffix that Prefect's workers give it."""
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
@@ -41,16 +45,16 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
     """
     requests = _simulations(operation, request)
     packages = imported_packages(requests, CurrentApplications(service))
-    names = list(_SETTINGS.get(operation, ()))
+    names = list(SETTINGS.get(operation, ()))
     if any(each.get("iamRole") for each in requests):
         names.append("roles_file")
-    variables = {_variable(name): _written(getattr(service.settings, name)) for name in names}
+    variables = {variable(name): written(getattr(service.settings, name)) for name in names}
     if requests:
-        variables |= {name: os.environ.get(name, "") for name in _OTHER_VARIABLES}
+        variables |= {name: os.environ.get(name, "") for name in OTHER_VARIABLES}
     return NeededEnvironment(
         machine=socket.gethostname(),
         python=sys.prefix,
-        python_path=None if packages is None else _python_path(os.environ),
+        python_path=None if packages is None else python_path(os.environ),
         variables=variables,
         packages=packages or {},
     )
@@ -64,15 +68,15 @@ def environment_here(needed: NeededEnvironment, settings: Settings, environ: Map
         settings: of this process.
         environ: its environment variables.
     """
-    settings_of = {_variable(name): name for name in type(settings).model_fields}
+    settings_of = {variable(name): name for name in type(settings).model_fields}
     variables = {
-        name: _written(getattr(settings, settings_of[name])) if name in settings_of else environ.get(name, "")
+        name: written(getattr(settings, settings_of[name])) if name in settings_of else environ.get(name, "")
         for name in needed.variables
     }
     return NeededEnvironment(
         machine=socket.gethostname(),
         python=sys.prefix,
-        python_path=_python_path(environ),
+        python_path=python_path(environ),
         variables=variables,
         packages={name: package_content(name) for name in needed.packages},
     )
@@ -85,17 +89,22 @@ def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str
     return [request] if operation == "CreateSimulationJob" else []
 
 
-def _variable(setting: str) -> str:
+def variable(setting: str) -> str:
+    """The environment variable of a setting."""
     return f"ROBOMAKER_{setting.upper()}"
 
 
-def _written(value: object) -> str:
+def written(value: object) -> str:
     """A setting as its variable is written; nothing: the variable is not set."""
     if value is None:
         return ""
     return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
 
 
-def _python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
-    """The folders of PYTHONPATH, absolute."""
-    return tuple(str(Path(path).absolute()) for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
+def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
+    """The folders of PYTHONPATH, absolute, without the one that a Prefect worker makes for each run and removes.
+
+    No other run has that folder. What a run imported from it is a package, and missed as such.
+    """
+    folders = (Path(path).absolute() for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
+    return tuple(str(folder) for folder in folders if not _OF_PREFECT_RUN.fullmatch(folder.name))

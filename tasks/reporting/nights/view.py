@@ -8,6 +8,7 @@ from pathlib import Path
 from markupsafe import Markup
 
 from ....schemas.reports.history import CellHistory, History, Night, SharesByNight
+from ....schemas.reports.run_record import interrupted_briefly
 from .. import wording
 from ..outcomes import Outcome
 from .changes import change_in_words
@@ -26,6 +27,8 @@ class NightView:
     """Address of its report from the page; empty where there is none."""
     outcome: Outcome
     changed: str
+    interrupted: str
+    """How often its processes died; empty: none did."""
 
 
 @dataclass(frozen=True)
@@ -120,7 +123,8 @@ def _view_night(night: Night, folder: Path) -> NightView:
         link = Path(os.path.relpath(night.report_path, folder)).as_posix()
     states = {"succeeded": Outcome.PASSED, "failed": Outcome.FAILED, "broken": Outcome.BROKEN}
     outcome = states.get(night.state, Outcome.CANCELED if night.state == "canceled" else Outcome.UNFINISHED)
-    return NightView(night, link, outcome, ", ".join(map(change_in_words, night.changed)))
+    changed = ", ".join(map(change_in_words, night.changed))
+    return NightView(night, link, outcome, changed, interrupted_briefly(night.interruptions))
 
 
 def _title(view: NightView) -> str:

@@ -8,14 +8,14 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.spec_runs import spec_runs
-from prefect_robomaker.deployments.spec_runs.kept_answers import KeptAnswers
-from prefect_robomaker.deployments.spec_runs.orders import Order
 from prefect_robomaker.deployments.spec_runs.spec_runs import MOST_AT_ONCE, SpecRuns
 from prefect_robomaker.deployments.spec_runs.standing import Standing, StandingFile, StepStanding, read_standing
 from prefect_robomaker.schemas.reports.progress import Note, StepEnded, StepProgress, StepStarted
+from prefect_robomaker.schemas.run_orders import Order
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ThrottlingException
+from prefect_robomaker.tasks.nights import taking_up
+from prefect_robomaker.tasks.nights.kept_answers import KeptAnswers
 
 STANDING = Standing(name="one", steps=[StepStanding(name="drive", operation="StartSimulationJobBatch")])
 
@@ -35,7 +35,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         f"cancel = pathlib.Path({str(tmp_path)!r}, 'runs', order['run_id'], 'cancel')\n"
         "while not cancel.exists(): time.sleep(0.01)\n"
     )
-    monkeypatch.setattr(spec_runs, "_PROGRAM", "stand_in")
+    monkeypatch.setattr(taking_up, "PROGRAM", "stand_in")
 
 
 def test_a_run_goes_on_until_its_process_has_ended(tmp_path: Path, program: None) -> None:
@@ -122,7 +122,7 @@ def test_a_step_is_carried_out_once_whichever_process_asks(tmp_path: Path) -> No
     answers(second, {"n": 1}, lambda: {"at": datetime(2026, 1, 1, tzinfo=UTC)})
     assert KeptAnswers(tmp_path, permit)(second, {"n": 1}, refuse) == {"at": "2026-01-01 00:00:00+00:00"}
     assert made == ["a 1", "a 2", "b 1", "b 1"]
-    assert (tmp_path / "answers.json").stat().st_mode & 0o077 == 0
+    assert (tmp_path / "answers.jsonl").stat().st_mode & 0o077 == 0
 
 
 def test_progress_is_in_the_folder(tmp_path: Path) -> None:

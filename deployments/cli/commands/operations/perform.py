@@ -1,9 +1,9 @@
-"""Carry a stored job or batch to its end."""
+"""Carry a stored job or batch to its end, or finish a run whose process died."""
 
 import argparse
 import os
 
-from .....schemas.wire.errors import InvalidParameterException
+from .....schemas.wire.errors import ConfigurationError, InvalidParameterException
 from ...arguments import add_output
 
 _OPERATIONS = {
@@ -17,7 +17,7 @@ _OPERATIONS = {
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
-    parser.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it")
+    parser.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it, or the id of the run")
     add_output(parser, "json", "yaml")
 
 
@@ -27,7 +27,43 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.wire.arns import ResourceArn
     from ...job import perform
 
+    if not arguments.arn.startswith("arn:"):
+        return _finish(arguments)
     kind = ResourceArn.parse(arguments.arn).kind
     if kind not in _OPERATIONS:
         raise InvalidParameterException(f"{arguments.arn} names a {kind}; jobs and batches can be performed")
     return perform(_OPERATIONS[kind], arguments.arn, Settings.from_environment(os.environ), arguments.output)
+
+
+def _finish(arguments: argparse.Namespace) -> int:
+    """Finishes a run whose process died, whatever environment it was ordered in: the person here decides."""
+    from .....schemas.settings import Settings
+    from .....tasks.nights.broken_off import broken_off
+    from .....tasks.nights.open_runs import OpenRun
+    from ...pipelines import carry_out
+
+    settings = Settings.from_environment(os.environ)
+    folder = settings.home / "runs" / arguments.arn
+    found = broken_off(folder, settings) if folder.name == arguments.arn else None
+    if found is not None and found.order.key_id is not None:
+        raise ConfigurationError(f"{found.run_id} was ordered in the console; `robomaker serve` finishes it")
+    run = OpenRun.claim(folder) if found is not None else None
+    if run is None:
+        raise ConfigurationError(
+            f"{arguments.arn!r} is no ARN, and no run of this name in {folder.parent} has broken off: it has ended, "
+            "goes on, or never was; `robomaker doctor` names those that did"
+        )
+    from .....tasks.nights.orders import ordered_spec
+
+    order = run.order
+    return carry_out(
+        ordered_spec(order),
+        settings,
+        argparse.Namespace(output=arguments.output, open=False),
+        order.command,
+        report=None,
+        spec_path=order.spec_path,
+        reuse=order.reuse,
+        rerun_of=order.rerun_of,
+        open_run=run,
+    )

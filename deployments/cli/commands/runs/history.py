@@ -34,13 +34,16 @@ def execute(arguments: argparse.Namespace) -> int:
 
     if arguments.runs < 1:
         raise ConfigurationError(f"--runs is {arguments.runs}; it has to be a number from 1")
-    home = Settings.from_environment(os.environ).home
+    settings = Settings.from_environment(os.environ)
+    home = settings.home
     # A name is no path, whatever it is.
     page = output_file(arguments.to, "--to") or home / "history" / f"{Path(arguments.name).name}.html"
 
     from .....tasks.comparison.history import history_of
     from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import find_records
+    from .....tasks.nights.broken_off import unfinished_nights
+    from .....tasks.nights.missed import missed_nights
     from .....tasks.reporting import write_history
 
     found = find_records(home / "runs", arguments.name, arguments.runs)
@@ -49,6 +52,10 @@ def execute(arguments: argparse.Namespace) -> int:
     if not found.records:
         raise ConfigurationError(_nothing(arguments.name, home / "runs", found))
     history = history_of(arguments.name, [NightRun.of(record) for record in found.records], found.left_out)
+    first = found.records[0].started_at
+    gaps = [*missed_nights(home, arguments.name), *unfinished_nights(settings, arguments.name)]
+    missed = sorted((night for night in gaps if night.due_at >= first), key=lambda night: night.due_at)
+    history = history.model_copy(update={"missed": missed})
     path = write_history(history, page)
     if arguments.output == "json":
         sys.stdout.write(history.model_dump_json(indent=2, exclude_none=True) + "\n")

@@ -12,7 +12,9 @@ from packaging.requirements import Requirement
 
 from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.deployments.cli.version_conflicts import CONFLICTS, Conflict, conflicts_among
+from prefect_robomaker.schemas.run_orders import Order
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
 
 def test_a_healthy_machine(robomaker, home: Path) -> None:
@@ -20,7 +22,16 @@ def test_a_healthy_machine(robomaker, home: Path) -> None:
     document = json.loads(ended.out)
     healths = {finding["subject"]: finding["health"] for finding in document["findings"]}
     subjects = ["python", "packages", "physics", "data home", "catalog", "object store", "roles", "prefect server"]
-    subjects += ["video", "extras", "containers", "sandbox", "left behind", "kept outputs", "left jobs"]
+    subjects += [
+        "video",
+        "extras",
+        "containers",
+        "sandbox",
+        "left behind",
+        "kept outputs",
+        "left jobs",
+        "broken-off runs",
+    ]
     assert list(healths) == subjects
     assert "broken" not in healths.values(), ended.out
     assert ended.code == 0
@@ -174,3 +185,17 @@ def test_a_backend_that_there_is_not_is_refused_before_anything_is_looked_at(rob
     assert refused.code == 2
     assert "slurm:somewhere" in refused.err
     assert "dask" in refused.err
+
+
+def test_a_run_whose_process_died_is_named_with_what_finishes_it(settings: Settings) -> None:
+    folder = settings.home / "runs" / "night-20261127T020000000"
+    folder.mkdir(parents=True)
+    order = Order(run_id=folder.name, text="", filename="", spec_path="", command=["true"])
+    OpenRun.begin(folder, order).pass_on()  # as when its process dies
+    finding = health.check_broken_off(settings)
+    assert finding.health == "warning"
+    assert f"{folder.name}: a Python program" in finding.found
+    assert finding.remedy == "start robomaker serve or a Prefect worker, which finishes them"
+
+    finding = health.check_broken_off(settings.model_copy(update={"finish_within_hours": 0}))
+    assert finding.remedy == f"robomaker perform {folder.name}"

@@ -1,0 +1,117 @@
+"""Looks in Prefect for nights that were due and did not happen, keeps them in the data home, and tells of them."""
+
+import logging
+from collections.abc import Mapping
+from datetime import UTC, datetime, timedelta
+from uuid import UUID
+
+from prefect.client.orchestration import SyncPrefectClient
+from prefect.client.schemas.filters import (
+    DeploymentFilter,
+    DeploymentFilterId,
+    FlowRunFilter,
+    FlowRunFilterExpectedStartTime,
+)
+from prefect.client.schemas.objects import WorkPoolStatus
+from prefect.client.schemas.sorting import FlowRunSort
+from prefect.exceptions import ObjectNotFound
+
+from ..schemas.missed_nights import NightSchedule
+from ..schemas.settings import Settings
+from ..tasks.execution.prefect_settings import asking_once
+from ..tasks.nights.missed import (
+    DueRun,
+    booted_at,
+    forget_schedule,
+    judged,
+    message_of_missed,
+    only_one,
+    schedules_of,
+    store_schedule,
+    tell_of_missed,
+)
+
+_PAGE = 200
+"""The most that Prefect gives at once: of a night each day it is more than half a year."""
+
+_logger = logging.getLogger(__name__)
+
+
+def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> None:
+    """Judges the nights that were due since the last look, and tells of those that did not happen, once.
+
+    Args:
+        settings: of this process.
+        now: the time; `None`: that of the clock.
+    """
+    with only_one(settings.home) as may_look:
+        if not may_look:
+            return
+        with asking_once() as client:
+            for schedule in schedules_of(settings.home):
+                found = looked_at(schedule, settings, client, now or datetime.now(UTC))
+                if found is None:
+                    forget_schedule(settings.home, schedule)
+                elif found != schedule:
+                    store_schedule(settings.home, found)
+                    _tell(schedule, found, settings)
+
+
+def without_worker(settings: Settings) -> list[tuple[str, str]]:
+    """The specifications that have a schedule and no Prefect worker to carry it out, with the names of the pools."""
+    found: list[tuple[str, str]] = []
+    with asking_once() as client:
+        for schedule in schedules_of(settings.home):
+            try:
+                pool = client.read_deployment(UUID(schedule.deployment)).work_pool_name
+            except ObjectNotFound:
+                continue
+            if pool is not None and client.read_work_pool(pool).status is not WorkPoolStatus.READY:
+                found.append((schedule.name, pool))
+    return found
+
+
+def looked_at(
+    schedule: NightSchedule, settings: Settings, client: SyncPrefectClient, now: datetime
+) -> NightSchedule | None:
+    """What is known of a schedule now; `None`: its deployment was deleted, or has no schedule any more."""
+    try:
+        deployment = client.read_deployment(UUID(schedule.deployment))
+    except ObjectNotFound:
+        return None
+    if not deployment.schedules:
+        return None
+    return judged(
+        schedule,
+        _runs(schedule, client),
+        is_paused=bool(deployment.paused) or not any(each.active for each in deployment.schedules),
+        now=now,
+        max_late=timedelta(hours=settings.max_late_hours),
+        booted_at=booted_at(),
+    )
+
+
+def _runs(schedule: NightSchedule, client: SyncPrefectClient) -> Mapping[datetime, DueRun]:
+    """The runs for times of the schedule since the last look, and the next ones."""
+    since = FlowRunFilterExpectedStartTime.model_validate({"after_": schedule.checked_until})
+    found = client.read_flow_runs(
+        deployment_filter=DeploymentFilter(id=DeploymentFilterId(any_=[UUID(schedule.deployment)])),
+        flow_run_filter=FlowRunFilter(expected_start_time=since),
+        sort=FlowRunSort.EXPECTED_START_TIME_ASC,
+        limit=_PAGE,
+    )
+    return {
+        run.expected_start_time.astimezone(UTC): DueRun(
+            run.state.type.value, run.state.name or "", run.state.message or "", run.start_time is not None
+        )
+        for run in found
+        if run.auto_scheduled and run.expected_start_time is not None and run.state is not None
+    }
+
+
+def _tell(before: NightSchedule, found: NightSchedule, settings: Settings) -> None:
+    if (message := message_of_missed(before, found)) is None:
+        return
+    _logger.warning("%s", message.title)
+    for problem in tell_of_missed(settings, message):
+        _logger.warning("not notified: %s", problem)

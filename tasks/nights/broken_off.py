@@ -1,0 +1,141 @@
+"""Runs whose processes have died before they had ended: which there are, and what becomes of each."""
+
+import os
+import socket
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from ...schemas.missed_nights import MissedNight
+from ...schemas.run_orders import Order
+from ...schemas.settings import Settings
+from ..inspection.run_records import RECORD_NAME
+from ..jobs.owners.needed_environments import environment_here
+from .open_runs import LOCK, has_broken_off, read_order
+
+MOST_INTERRUPTIONS = 10
+"""A run that has lost so many processes may be what kills them, and is left to a person."""
+
+MOST_QUICK_DEATHS = 3
+"""So is one of which so many, one after the other, died soon after they had taken it; restarts of services are not so
+many, nor so soon."""
+
+_SOON_S = 600.0
+_NEXT = "the next process that may run jobs finishes it"
+
+_SILENCE_S = 120.0
+"""How long the process on another machine has to be silent: a network file system may not tell of its lock."""
+
+
+@dataclass(frozen=True)
+class BrokenOff:
+    """A run whose process has died."""
+
+    order: Order
+    folder: Path
+    died_at: datetime
+    """When its process last noted that it lived."""
+    limits: tuple[str, ...]
+    """Why no process finishes it by itself, in words; empty: one does."""
+    differences: tuple[str, ...]
+    """What this process has otherwise than the run needs; empty: nothing."""
+    command: str
+    """What finishes it as it was ordered."""
+
+    @property
+    def why_left(self) -> str:
+        """Why this process does not finish it, in words; empty: it does."""
+        needs = f"it needs another environment than this process has: {'; '.join(self.differences)}"
+        return "; ".join([*self.limits, *([needs] if self.differences else [])])
+
+    @property
+    def run_id(self) -> str:
+        """The run's id."""
+        return self.order.run_id
+
+    @property
+    def place(self) -> str:
+        """Where to type the command: `on vm: `; empty: anywhere."""
+        return f"on {self.order.needed.machine}: " if self.order.needed else ""
+
+    def in_words(self) -> str:
+        """A sentence or two."""
+        owner = self.order.owner or "its process"
+        died = f"{self.run_id}: {owner} died at about {self.died_at:%Y-%m-%d %H:%M} UTC, before the run had ended"
+        return f"{died}; {self.why_left or _NEXT}"
+
+
+def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[BrokenOff]:
+    """The runs of a home that broke off, the oldest first.
+
+    Args:
+        settings: of this process, with which each run's needs are compared.
+        now: the time; `None`: that of the clock.
+    """
+    folders = (path.parent for path in (settings.home / "runs").glob(f"*/{LOCK}"))
+    found = [run for folder in folders if (run := broken_off(folder, settings, now)) is not None]
+    return sorted(found, key=lambda run: run.run_id.rpartition("-")[2])
+
+
+def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
+    """The runs of a specification that broke off, as its history shows them.
+
+    Args:
+        settings: of this process.
+        name: name of the specification.
+    """
+    return [
+        MissedNight(
+            due_at=run.order.started_at,
+            reason=f"its process died; {f'{run.place}{run.command}' if run.why_left else _NEXT}",
+            has_begun=True,
+        )
+        for run in broken_off_runs(settings)
+        if run.order.name == name and run.order.started_at is not None
+    ]
+
+
+def broken_off(folder: Path, settings: Settings, now: datetime | None = None) -> BrokenOff | None:
+    """The run of a folder, if it broke off; see `broken_off_runs`."""
+    if not has_broken_off(folder) or (order := read_order(folder)) is None:
+        return None
+    if (folder / RECORD_NAME).is_file():
+        return None  # it had ended, and was killed while it cleaned up
+    try:
+        died_at = datetime.fromtimestamp((folder / LOCK).stat().st_mtime, UTC)
+    except OSError:
+        return None  # it was taken up and has ended meanwhile
+    now = now or datetime.now(UTC)
+    is_elsewhere = order.owner is not None and order.owner.machine != socket.gethostname()
+    if is_elsewhere and (now - died_at).total_seconds() < _SILENCE_S:
+        return None
+    here = environment_here(order.needed, settings, os.environ) if order.needed else None
+    return BrokenOff(
+        order=order,
+        folder=folder,
+        died_at=died_at,
+        limits=tuple(_limits(order, died_at, settings, now)),
+        differences=tuple(order.needed.differences(here)) if order.needed and here else (),
+        command=order.needed.command(order.run_id, here) if order.needed else f"robomaker perform {order.run_id}",
+    )
+
+
+def _limits(order: Order, died_at: datetime, settings: Settings, now: datetime) -> Iterator[str]:
+    if not settings.finish_within_hours:
+        yield "runs are not finished by themselves (ROBOMAKER_FINISH_WITHIN_HOURS is 0)"
+    elif now - died_at > timedelta(hours=settings.finish_within_hours):
+        hours = (now - died_at).total_seconds() / 3600
+        limit = f"runs are finished within {settings.finish_within_hours} h (ROBOMAKER_FINISH_WITHIN_HOURS)"
+        yield f"that is {hours:.0f} h ago, and {limit}"
+    if _quick_deaths(order, died_at) >= MOST_QUICK_DEATHS or len(order.interruptions) >= MOST_INTERRUPTIONS:
+        yield f"it has lost {len(order.interruptions) + 1} processes, so that it may be what kills them"
+
+
+def _quick_deaths(order: Order, died_at: datetime) -> int:
+    """How many of the last processes died soon after they had taken the run."""
+    deaths = [*(each.lost_at for each in order.interruptions[1:]), died_at]
+    lives = [
+        (death - each.continued_at).total_seconds() for each, death in zip(order.interruptions, deaths, strict=False)
+    ]
+    return next((count for count, life_s in enumerate(reversed(lives)) if life_s > _SOON_S), len(lives))

@@ -1,0 +1,184 @@
+"""The end of a run: its state, report and record, and the message about it."""
+
+import logging
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol, TypeVar
+from uuid import UUID
+
+from ...schemas.reports.forecast import ForecastCheck
+from ...schemas.reports.inputs import SourceCommit
+from ...schemas.reports.progress import Note, ProgressListener
+from ...schemas.reports.report import RunState
+from ...schemas.reports.run_record import EXIT_CODES, Interruption, JobRecord, RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_states import run_state
+from ...schemas.specs.batch_splitting import step_of
+from ...schemas.specs.model import CheckedSpec
+from ..notifications.notices import notify_of
+from ..service.service import Service
+from .pings import ping_end
+
+_logger = logging.getLogger(__name__)
+
+Result = TypeVar("Result")
+
+
+class Outlasting(Protocol):
+    """Calls something again until the catalog answers."""
+
+    def __call__(self, call: Callable[[], Result], /) -> Result:
+        """Returns what the call returns."""
+        ...
+
+
+@dataclass(frozen=True)
+class RunFacts:
+    """What is known of a run from its beginning."""
+
+    run_id: str
+    checked: CheckedSpec
+    spec_path: str
+    command: Sequence[str]
+    started_at: datetime
+    source: SourceCommit | None
+    rerun_of: RerunOf | None
+    is_probe: bool
+    folder: Path
+
+
+def finish_run(
+    facts: RunFacts,
+    steps: list[StepRecord],
+    service: Service,
+    listener: ProgressListener,
+    *,
+    is_canceled: bool,
+    interruptions: Sequence[Interruption],
+    flow_run: str | None,
+    outlasting: Outlasting,
+) -> RunRecord:
+    """Writes the report and the record of a run, whatever happened, and tells of it.
+
+    Args:
+        facts: what is known of it from its beginning.
+        steps: how its steps ended.
+        service: where it is stored.
+        listener: told what went wrong here.
+        is_canceled: whether somebody ended it.
+        interruptions: when its processes died.
+        flow_run: id of the flow run that ends it.
+        outlasting: waits for the catalog.
+    """
+    # Slow to import, and not needed before.
+    from ..inspection.reports import installed_versions
+    from ..inspection.run_records import write_record
+
+    ended_at, versions = service.clock(), installed_versions()
+
+    def state_of(jobs: list[JobRecord]) -> RunState:
+        return state_of_run(facts.checked, steps, jobs, is_canceled=is_canceled)
+
+    # A forecast is of a run that nothing interrupts.
+    comparable = not (is_canceled or interruptions)
+    forecast = outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None
+    jobs, report_path = _report(
+        facts, steps, service, listener, ended_at, versions, forecast, state_of, interruptions, outlasting
+    )
+    state = state_of(jobs) if report_path else "broken"
+    record = RunRecord(
+        run_id=facts.run_id,
+        name=facts.checked.name,
+        spec_path=facts.spec_path,
+        command=list(facts.command),
+        state=state,
+        exit_code=EXIT_CODES[state],
+        started_at=facts.started_at,
+        ended_at=ended_at,
+        steps=steps,
+        jobs=jobs,
+        versions=versions,
+        report_path=report_path,
+        rerun_of=facts.rerun_of,
+        reuse=service.reuses,
+        probe=facts.is_probe,
+        forecast=forecast,
+        interruptions=list(interruptions),
+        run_dir=facts.folder,
+        source=facts.source,
+        flow_run=UUID(flow_run) if flow_run else None,
+    )
+    (facts.folder / "spec.yaml").write_text(facts.checked.text_for_others)
+    write_record(record)
+    notify_of(record, service, listener)
+    if is_pinged(facts):
+        ping_end(service.settings.ping_url, record, lambda text: listener(Note(text)))
+    return record
+
+
+def is_pinged(facts: RunFacts) -> bool:
+    """Whether a run is a night: a rerun of some jobs or a probe does not say that the night happened."""
+    return facts.rerun_of is None and not facts.is_probe
+
+
+def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
+    """How the run compares to its forecast; one that may run less than was forecast does not."""
+    from ..inspection.kept_forecasts import check_forecast
+
+    if facts.is_probe or facts.rerun_of or service.reuses:
+        return None
+    return check_forecast(facts.checked, service.settings, steps, facts.started_at, ended_at)
+
+
+def _report(
+    facts: RunFacts,
+    steps: list[StepRecord],
+    service: Service,
+    listener: ProgressListener,
+    ended_at: datetime,
+    versions: dict[str, str],
+    forecast: ForecastCheck | None,
+    state_of: Callable[[list[JobRecord]], RunState],
+    interruptions: Sequence[Interruption],
+    outlasting: Outlasting,
+) -> tuple[list[JobRecord], Path | None]:
+    """Writes the report; without one there still is a record."""
+    from ..inspection.reports import publish_report
+
+    try:
+        return outlasting(
+            lambda: publish_report(
+                service,
+                name=facts.checked.name,
+                run_id=facts.run_id,
+                command=facts.command,
+                steps=steps,
+                started_at=facts.started_at,
+                ended_at=ended_at,
+                versions=versions,
+                folder=facts.folder,
+                state_of=state_of,
+                source=facts.source,
+                rerun_of=facts.rerun_of,
+                probe=facts.is_probe,
+                forecast=forecast,
+                interruptions=interruptions,
+            )
+        )
+    except Exception as error:
+        _logger.exception("the report could not be written")
+        listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
+        return [], None
+
+
+def state_of_run(
+    checked: CheckedSpec, steps: list[StepRecord], jobs: list[JobRecord], *, is_canceled: bool
+) -> RunState:
+    """How the run ended as a whole."""
+    statuses = [step.status for step in steps]
+    was_cut = is_canceled and "Skipped" in statuses
+    recorded = {step.name for step in steps}
+    seen_to = recorded | {step_of(name) for name in recorded}
+    is_whole = seen_to.issuperset(checked.order) and not was_cut
+    return run_state(statuses, jobs, is_whole=is_whole)

@@ -1,0 +1,82 @@
+"""The environment that a run needs: recorded when it begins, compared before another process finishes it.
+
+Its steps are not resolved yet when it begins, so its specification is read for what they will import.
+"""
+
+import os
+import socket
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from ...schemas.job_owners import NeededEnvironment
+from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.text import plain
+from ...schemas.wire.errors import RobomakerError
+from ...schemas.wire.json_values import is_list, is_mapping
+from ..jobs.owners.needed_environments import OTHER_VARIABLES, SETTINGS, python_path, variable, written
+from ..service.service import Service
+from ..simulations.planning.applications import python_package
+from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
+
+_MADE = ("CreateRobotApplication", "CreateSimulationApplication")
+_BUILT_IN = "built in"
+
+
+def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment:
+    """The part of this process's environment that a run ordered now needs.
+
+    Args:
+        spec: the run's specification.
+        service: where its applications are, and the settings that hold.
+    """
+    inputs = {name: plain(step.input) for name, step in spec.steps.items()}
+    operations = {step.operation for step in spec.steps.values()}
+    names = [each for operation in sorted(operations) for each in SETTINGS.get(operation, ())]
+    found = list(_mappings(inputs))
+    if any(each.get("iamRole") for each in found):
+        names.append("roles_file")
+    variables = {variable(name): written(getattr(service.settings, name)) for name in dict.fromkeys(names)}
+    if operations & {"CreateSimulationJob", "StartSimulationJobBatch"}:
+        variables |= {name: os.environ.get(name, "") for name in OTHER_VARIABLES}
+    packages = _packages(found, service)
+    return NeededEnvironment(
+        machine=socket.gethostname(),
+        python=sys.prefix,
+        python_path=None if packages is None else python_path(os.environ),
+        variables=variables,
+        packages=packages or {},
+    )
+
+
+def _packages(found: list[Mapping[str, Any]], service: Service) -> dict[str, str] | None:
+    """The packages that the run imports; `None`: nothing but what is built in."""
+    packages: dict[str, str] = {}
+    imports_own = False
+    for each in found:
+        uri = each.get("uri")
+        module = python_package(uri) if isinstance(uri, str) else None
+        if module and (content := package_content(module)) != _BUILT_IN:
+            packages[module.partition(".")[0]] = content
+        imports_own = imports_own or bool(each.get("sources"))
+    # Applications that are there already; those that the run makes are not.
+    roles = ("robotApplications", "simulationApplications")
+    requests = [each for each in found if any(is_list(each.get(role)) for role in roles)]
+    try:
+        known = imported_packages(requests, CurrentApplications(service))
+    except (RobomakerError, LookupError, TypeError, AttributeError):  # what is written there is checked by its step
+        known = {}
+    if known is None and not packages and not imports_own:
+        return None
+    return {**(known or {}), **packages}
+
+
+def _mappings(value: Any) -> Iterator[Mapping[str, Any]]:
+    """All mappings in a value, however deep."""
+    if is_mapping(value):
+        yield value
+        for inner in value.values():
+            yield from _mappings(inner)
+    elif is_list(value):
+        for inner in value:
+            yield from _mappings(inner)

@@ -1,0 +1,68 @@
+"""The answers of a run's steps, kept in its folder: a run that another process finishes asks for nothing twice."""
+
+import json
+import os
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from ...schemas.specs.model import CheckedStep
+from ..inspection.pipeline_parts import Permit
+from ..operations.step_operations import step_registry
+
+ANSWERS = "answers.jsonl"
+"""In the folder of a run, until the run has ended; a line for each answer."""
+
+
+class KeptAnswers:
+    """Carries out each request of a run once, also when its process dies and another goes on.
+
+    A process that dies in the moment between an answer and its line leaves an application that the next one makes
+    again; all else has the client token of its step.
+
+    Args:
+        folder: the run's.
+        permit: carries requests out.
+    """
+
+    def __init__(self, folder: Path, permit: Permit) -> None:
+        self._path = folder / ANSWERS
+        self._permit = permit
+        self._kept: dict[str, dict[str, Any]] = {}
+        self._answered = Counter[str]()
+        with suppress(OSError):
+            for line in self._path.read_text(encoding="utf-8").splitlines():
+                with suppress(ValueError):  # the last one may be torn
+                    self._kept |= json.loads(line)
+
+    def has(self, step: str) -> bool:
+        """Whether the next request of a step was answered before."""
+        return self._place(step) in self._kept
+
+    def __call__(
+        self, step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Carries out a step's request, or tells what it was answered before."""
+        place = self._place(step.name)
+        if place not in self._kept:
+            answer = self._permit(step, request, carry_out)
+            # Of a job the rest is in the catalog, and may be a megabyte for each batch of a campaign.
+            is_job = step_registry()[step.operation].run_job is not None
+            self._write(place, {"arn": answer["arn"]} if is_job else answer)
+            self._kept[place] = answer
+        self._answered[step.name] += 1
+        return self._kept[place]
+
+    def _place(self, step: str) -> str:
+        # A step of many requests asks in parts, always in the same order, and again where one was not answered.
+        return f"{step} {self._answered[step] + 1}"
+
+    def _write(self, place: str, answer: dict[str, Any]) -> None:
+        with os.fdopen(os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600), "r+b") as file:
+            size = file.seek(0, os.SEEK_END)
+            is_torn = size > 0 and os.pread(file.fileno(), 1, size - 1) != b"\n"
+            file.write(b"\n" * is_torn + json.dumps({place: answer}, default=str).encode() + b"\n")
+            file.flush()
+            os.fsync(file.fileno())

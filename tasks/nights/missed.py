@@ -1,0 +1,217 @@
+"""Nights that did not happen: which of those that were due, why, and the message about them.
+
+Prefect has a run for each time of a schedule, days before it is due. So what it said of the next ones is kept: of a
+schedule that is paused meanwhile it has no runs any more.
+"""
+
+import fcntl
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ...schemas.missed_nights import MissedNight, NightSchedule
+from ...schemas.settings import Settings
+from ..notifications.messages import Message
+from ..notifications.sending import send
+
+_FOLDER, _LOCK = "nights", "lock"
+_MOST_MISSED = 100
+"""How many of a schedule are kept: as many as a history shows nights."""
+
+PAUSED = "its schedule was paused"
+_NO_WORKER = "no Prefect worker was running"
+_TOLD_IF = frozenset({"failure", "change", "always"})
+
+
+@dataclass(frozen=True)
+class DueRun:
+    """The run that Prefect has for a time of a schedule."""
+
+    state: str
+    """The type of its state: `SCHEDULED`, `COMPLETED`."""
+    state_name: str
+    message: str
+    has_begun: bool
+
+
+def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None:
+    """Notes that runs of a deployment have this data home, so that its nights are looked after.
+
+    Args:
+        home: the data home.
+        deployment: id of the deployment.
+        name: name of its specification.
+        now: the time.
+    """
+    if not (home / _FOLDER / f"{deployment}.json").exists():
+        with suppress(OSError):
+            store_schedule(home, NightSchedule(deployment=deployment, name=name, checked_until=now))
+
+
+def schedules_of(home: Path) -> list[NightSchedule]:
+    """The schedules whose nights are looked after, those of one specification beside each other."""
+    found: list[NightSchedule] = []
+    for path in (home / _FOLDER).glob("*.json"):
+        with suppress(OSError, ValidationError):
+            found.append(NightSchedule.model_validate_json(path.read_bytes()))
+    return sorted(found, key=lambda each: (each.name, each.deployment))
+
+
+def store_schedule(home: Path, schedule: NightSchedule) -> None:
+    """Writes what is known of a schedule; readers find the old or the new, whole."""
+    folder = home / _FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    part = folder / f".{schedule.deployment}.part"
+    part.write_text(schedule.model_dump_json(indent=2))
+    part.replace(folder / f"{schedule.deployment}.json")
+
+
+def forget_schedule(home: Path, schedule: NightSchedule) -> None:
+    """Forgets a schedule whose deployment was deleted."""
+    (home / _FOLDER / f"{schedule.deployment}.json").unlink(missing_ok=True)
+
+
+def missed_nights(home: Path, name: str) -> list[MissedNight]:
+    """The nights of a specification that did not happen, the oldest first."""
+    found = [night for each in schedules_of(home) if each.name == name for night in each.missed]
+    return sorted(found, key=lambda night: night.due_at)
+
+
+@contextmanager
+def only_one(home: Path) -> Iterator[bool]:
+    """Says, inside the block, whether this process may look; one at a time does, so that each night is told once."""
+    folder = home / _FOLDER
+    if not folder.is_dir():
+        yield False
+        return
+    with (folder / _LOCK).open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            yield False
+        else:
+            yield True
+
+
+def judged(
+    schedule: NightSchedule,
+    runs: Mapping[datetime, DueRun],
+    *,
+    is_paused: bool,
+    now: datetime,
+    max_late: timedelta,
+    booted_at: datetime | None,
+) -> NightSchedule:
+    """Judges the nights that were due since the last look; later than that they would not begin any more.
+
+    Args:
+        schedule: what is known of it.
+        runs: those that Prefect has for times of the schedule since `checked_until`, also for times to come.
+        is_paused: whether Prefect begins none now.
+        now: the time.
+        max_late: how late a night may begin.
+        booted_at: when this machine was started; `None`: not known.
+
+    Returns:
+        What is known of it now.
+    """
+    until = now - max_late
+    if until <= schedule.checked_until:
+        due: list[datetime] = []
+    else:
+        due = sorted(at for at in {*schedule.expected, *runs} if schedule.checked_until < at <= until)
+    was_paused = is_paused or schedule.paused_since is not None
+    missed = [
+        MissedNight(due_at=at, reason=reason)
+        for at in due
+        if (reason := _why_missed(at, runs.get(at), was_paused=was_paused, booted_at=booted_at))
+    ]
+    waits = {*(at for at in schedule.expected if until < at <= now), *(at for at in runs if until < at)}
+    return schedule.model_copy(
+        update={
+            "checked_until": max(until, schedule.checked_until),
+            # Of a paused schedule Prefect has none any more; what it said before is when nights are due.
+            "expected": sorted(waits | {at for at in schedule.expected if is_paused and at > now}),
+            "paused_since": (schedule.paused_since or now) if is_paused else None,
+            "missed": [*schedule.missed, *missed][-_MOST_MISSED:],
+        }
+    )
+
+
+def _why_missed(at: datetime, run: DueRun | None, *, was_paused: bool, booted_at: datetime | None) -> str:
+    """Why a night did not happen, in words; empty: it did."""
+    was_off = f"this machine was off, until {booted_at:%Y-%m-%d %H:%M} UTC" if booted_at and booted_at > at else ""
+    if run is None:
+        return PAUSED if was_paused else was_off or "Prefect has no run for it: its schedule or its server was changed"
+    if run.state_name == "Skipped" or run.state in ("SCHEDULED", "PENDING"):
+        is_behind = run.state_name == "AwaitingConcurrencySlot"
+        return "the run before it had its place" if is_behind else was_off or _NO_WORKER
+    if run.has_begun:
+        return ""
+    if run.state in ("CANCELLED", "CANCELLING"):
+        return "its run was cancelled in Prefect before it began"
+    first = next(iter(run.message.splitlines()), "")
+    return f"its run {run.state_name.lower()} before it began: {first}" if run.state in ("CRASHED", "FAILED") else ""
+
+
+def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | None:
+    """The message about nights that did not happen.
+
+    Args:
+        before: what was known of the schedule.
+        found: what is known of it now.
+
+    Returns:
+        The message; `None`: there is nothing new to tell. Of a schedule that stays paused the first night is told.
+    """
+    known = {night.due_at for night in before.missed}
+    told: list[MissedNight] = []
+    last = before.missed[-1] if before.missed else None
+    for night in found.missed:
+        if night.due_at not in known:
+            if not (night.reason == PAUSED and last is not None and _is_of_pause(last, before)):
+                told.append(night)
+            last = night
+    if not told:
+        return None
+    name = found.name
+    lines = [night.in_words() for night in told]
+    more = f" and {len(lines) - 1} more" if len(lines) > 1 else ""
+    look = f"`robomaker history {name}` has them all; `robomaker doctor` says what is missing now"
+    return Message(f"{name}: {lines[-1]}{more}", "\n".join([*lines, "", look]), good=False)
+
+
+def _is_of_pause(night: MissedNight, schedule: NightSchedule) -> bool:
+    """Whether a night was missed since the schedule is paused."""
+    return night.reason == PAUSED and schedule.paused_since is not None and night.due_at >= schedule.paused_since
+
+
+def tell_of_missed(settings: Settings, message: Message) -> list[str]:
+    """Sends the message, if somebody is told of nights that end badly.
+
+    Returns:
+        What is wrong with channels that did not take it.
+    """
+    if settings.notify and settings.notify_when & _TOLD_IF:
+        return send(settings.notify, message, {})
+    return []
+
+
+def booted_at() -> datetime | None:
+    """When this machine was started; `None`: not known."""
+    with suppress(OSError, ValueError):
+        for line in Path("/proc/stat").read_text().splitlines():
+            if line.startswith("btime "):
+                return datetime.fromtimestamp(int(line.split()[1]), UTC)
+    return None
+
+
+def has_schedules(home: Path) -> bool:
+    """Whether there is any schedule to look after, without reading it."""
+    with suppress(OSError):
+        return any(path.suffix == ".json" for path in (home / _FOLDER).iterdir())
+    return False

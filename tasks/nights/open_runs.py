@@ -1,0 +1,194 @@
+"""A run that has not ended, in its folder: its order, and the lock that its process holds for as long as it lives.
+
+The system lets go of the lock when the process dies, however it does; a process that only sleeps or is stopped keeps
+it. So a run that goes on is never taken for dead, and two processes never carry out the same run.
+"""
+
+import fcntl
+import logging
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+from pydantic import ValidationError
+
+from ...schemas.job_owners import JobOwner
+from ...schemas.reports.run_record import Interruption
+from ...schemas.run_orders import Order
+from ..execution.held_leases import new_owner
+from ..inspection.run_records import RECORD_NAME
+from .kept_answers import ANSWERS
+
+ORDER, LOCK, CANCEL, LOG = "order.json", "running.lock", "cancel", "process.log"
+"""Files in the folder of a run: the order, the lock, what asks the run to end, and what its process says."""
+
+BEAT_S = 10.0
+"""How often a run's process notes that it lives."""
+
+_logger = logging.getLogger(__name__)
+
+
+class OpenRun:
+    """A run that this process carries out.
+
+    Args:
+        folder: the run's.
+        order: what was ordered.
+        lock: the locked file, which is not closed before the process ends or the run has ended.
+    """
+
+    def __init__(self, folder: Path, order: Order, lock: int) -> None:
+        self.folder = folder
+        self.order = order
+        self._lock = lock
+        self._ended = threading.Event()
+
+    @classmethod
+    def begin(cls, folder: Path, order: Order) -> Self:
+        """Keeps the order of a run that begins in this process."""
+        lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_CREAT, 0o600)
+        fcntl.flock(lock, fcntl.LOCK_EX)  # waits a moment where another process just looks whether it goes on
+        run = cls(folder, order, lock)
+        run.change(owner=own_name())
+        return run
+
+    @classmethod
+    def inherited(cls, folder: Path, order: Order, lock: int) -> Self:
+        """Goes on with a run whose lock the process that started this one has passed on."""
+        run = cls(folder, order, lock)
+        run.change(owner=own_name())
+        return run
+
+    @classmethod
+    def claim(cls, folder: Path) -> Self | None:
+        """Takes a run whose process has died; its order says so from now on.
+
+        Returns:
+            The run; `None`: it has ended, goes on, or another process has just taken it.
+        """
+        try:
+            lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW)
+        except OSError:
+            return None
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            order = read_order(folder)
+        except BlockingIOError:
+            order = None
+        if order is None:
+            os.close(lock)
+            return None
+        if (folder / RECORD_NAME).is_file():  # it had ended, but for this
+            run = cls(folder, order, lock)
+            run.end()
+            return None
+        lost_at = datetime.fromtimestamp(os.fstat(lock).st_mtime, UTC)
+        interruption = Interruption(lost=order.owner, lost_at=lost_at, continued_at=datetime.now(UTC))
+        run = cls(folder, order, lock)
+        # Written before anything else is tried: what kills each process that takes the run is so not tried for ever.
+        run.change(interruptions=[*order.interruptions, interruption], owner=own_name())
+        return run
+
+    @property
+    def lock(self) -> int:
+        """The locked file, to be passed on to a process that carries the run out."""
+        return self._lock
+
+    @property
+    def is_cancelled(self) -> bool:
+        """Whether somebody has asked for its end."""
+        return (self.folder / CANCEL).exists()
+
+    def cancel(self) -> None:
+        """Notes that the run is to end, for the process that finishes it if this one is killed meanwhile."""
+        with suppress(OSError):
+            (self.folder / CANCEL).touch()
+
+    def change(self, **members: Any) -> None:
+        """Changes the order, which others find whole, before or after."""
+        self.order = self.order.model_copy(update=members)
+        part = self.folder / f".{ORDER}.part"
+        # The specification may hold secrets.
+        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
+            file.write(self.order.model_dump_json())
+            file.flush()
+            os.fsync(file.fileno())  # a machine that loses its power must not leave half of it
+        part.replace(self.folder / ORDER)
+
+    def live(self) -> None:
+        """Notes again and again that this process lives, until the run has ended.
+
+        It says when a run died, and is all that machines see whose network file system knows no locks.
+        """
+
+        def note() -> None:
+            while not self._ended.wait(BEAT_S):
+                with suppress(OSError):
+                    os.utime(self._lock)
+
+        threading.Thread(target=note, name=f"life of {self.order.run_id}", daemon=True).start()
+
+    def pass_on(self) -> None:
+        """Closes the lock here; a process that was started with it holds it."""
+        os.close(self._lock)
+
+    def end(self) -> None:
+        """Removes what is kept of a run that has not ended."""
+        if self._ended.is_set():
+            return
+        self._ended.set()
+        for name in (ANSWERS, ORDER, CANCEL, LOCK):  # without the last it is not taken up again
+            with suppress(OSError):
+                (self.folder / name).unlink(missing_ok=True)
+        os.close(self._lock)
+
+
+def own_name() -> JobOwner:
+    """The name of this process as the one that carries a run out."""
+    return JobOwner.of_lease(new_owner())
+
+
+def read_order(folder: Path) -> Order | None:
+    """The order of a run that has not ended; `None`: there is none, or it cannot be read."""
+    try:
+        return Order.model_validate_json((folder / ORDER).read_bytes())
+    except OSError:
+        return None
+    except ValidationError as error:
+        _logger.warning("%s cannot be read, so that its run is left: %s", folder / ORDER, error.errors()[0]["msg"])
+        return None
+
+
+def is_going(folder: Path) -> bool:
+    """Whether the process of a run is there."""
+    try:
+        with lock_of(folder) as lock:
+            fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        pass
+    return False
+
+
+def has_broken_off(folder: Path) -> bool:
+    """Whether the process of a run died before the run had ended."""
+    return (folder / LOCK).is_file() and (folder / ORDER).is_file() and not is_going(folder)
+
+
+@contextmanager
+def lock_of(folder: Path, flags: int = 0) -> Iterator[int]:
+    """Opens the file of a run's lock inside the block.
+
+    Raises:
+        OSError: there is none.
+    """
+    lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | flags, 0o600)
+    try:
+        yield lock
+    finally:
+        os.close(lock)

@@ -1,0 +1,124 @@
+"""Keeping the order of a run, taking the order of one that broke off, and the specification made of it again."""
+
+import logging
+from dataclasses import replace
+
+from ...schemas.reports.progress import Note, ProgressListener
+from ...schemas.run_orders import Order
+from ...schemas.settings import Settings
+from ...schemas.specs.check import load_spec
+from ...schemas.specs.model import CheckedSpec, with_seed
+from ..execution.dead_flow_runs import tell_of_dead
+from ..service.service import Service
+from .broken_off import BrokenOff, broken_off
+from .ending import Outlasting, RunFacts, is_pinged
+from .environments import environment_of_run
+from .missed import note_schedule
+from .open_runs import OpenRun
+from .pings import ping_start
+
+_logger = logging.getLogger(__name__)
+
+
+def keep_order(
+    facts: RunFacts,
+    service: Service,
+    open_run: OpenRun | None,
+    *,
+    flow_run: str | None,
+    deployment: str | None,
+    outlasting: Outlasting,
+    listener: ProgressListener,
+) -> OpenRun | None:
+    """Keeps what another process needs to finish a run if this one dies.
+
+    Args:
+        facts: what is known of the run from its beginning.
+        service: where it is stored.
+        open_run: the run, if its order is kept already.
+        flow_run: id of its flow run.
+        deployment: id of the Prefect deployment that this is a run of.
+        outlasting: waits for the catalog.
+        listener: told what went wrong here.
+
+    Returns:
+        The run; `None`: its order cannot be kept, and it goes on without.
+    """
+    known = {"flow_run": flow_run and str(flow_run), "started_at": facts.started_at, "source": facts.source}
+    deployment = deployment and str(deployment)
+    if deployment is not None:
+        note_schedule(service.settings.home, deployment, facts.checked.name, service.clock())
+    if is_pinged(facts) and not (open_run is not None and open_run.order.interruptions):
+        ping_start(service.settings.ping_url, facts.checked.name, facts.run_id)
+    try:
+        if open_run is not None:
+            order = open_run.order
+            if order.interruptions and order.flow_run:
+                name = f"{facts.run_id}, continued"
+                if tell_of_dead(order.flow_run, f"its process died; the flow run {name}, finishes it"):
+                    open_run.cancel()
+            open_run.change(**known, deployment=deployment or order.deployment)
+            open_run.live()
+            return open_run
+        checked = facts.checked
+        order = Order(
+            run_id=facts.run_id,
+            text=checked.text,
+            filename=checked.filename,
+            name=checked.name,
+            seed=checked.seed,
+            spec_path=facts.spec_path,
+            command=list(facts.command),
+            rerun_of=facts.rerun_of,
+            reuse=service.reuses,
+            needed=outlasting(lambda: environment_of_run(checked, service)),
+            deployment=deployment,
+        )
+        begun = OpenRun.begin(facts.folder, order.model_copy(update=known))
+        begun.live()
+        return begun
+    except OSError as error:
+        listener(Note(f"no other process could finish this run, since its order cannot be kept: {error}"))
+        return open_run
+
+
+def ordered_spec(order: Order) -> CheckedSpec:
+    """The specification that was ordered.
+
+    Raises:
+        SpecError: this release finds problems in it.
+    """
+    spec = load_spec(order.text, order.filename)
+    if order.name is not None:
+        spec = replace(spec, name=order.name)
+    return spec if order.seed is None else with_seed(spec, order.seed)
+
+
+def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
+    """Takes a run that broke off, so that this process finishes it.
+
+    Args:
+        settings: of this process.
+        run_id: the run's id.
+
+    Returns:
+        The run, or why it is left.
+    """
+    folder = settings.home / "runs" / run_id
+    found = broken_off(folder, settings) if folder.name == run_id else None
+    if found is not None and found.why_left:
+        tell_of_left(found)
+        return _left_in_words(found)
+    claimed = OpenRun.claim(folder) if found is not None else None
+    return claimed or f"skipped: no run {run_id} here has broken off; it has ended, or another process carries it out"
+
+
+def _left_in_words(run: BrokenOff) -> str:
+    """Says what finishes a run that processes like this one leave."""
+    return f"its process died, and {run.why_left}; this finishes it: {run.place}{run.command}"
+
+
+def tell_of_left(run: BrokenOff) -> None:
+    """Says in Prefect, at the flow run that died, what finishes it."""
+    if run.order.flow_run is not None:
+        tell_of_dead(run.order.flow_run, _left_in_words(run))

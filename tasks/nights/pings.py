@@ -1,0 +1,73 @@
+"""Calling an address when a night begins and ends, as services expect that notice when nothing calls any more.
+
+`ADDRESS/start` is called when a night begins, `ADDRESS` when it ended well, `ADDRESS/fail` when it did not: what
+healthchecks.io and those that followed it take. A message can only come from a machine that is on.
+"""
+
+import logging
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Callable
+from urllib.parse import quote, urlsplit, urlunsplit
+
+from ...schemas.reports.run_record import RunRecord
+
+NAME = "{name}"
+"""In the address it stands for the name of the specification."""
+
+_TIMEOUT_S = 10.0
+"""A night does not wait longer for somebody who only listens."""
+
+_logger = logging.getLogger(__name__)
+
+Complain = Callable[[str], None]
+
+
+def ping_start(address: str | None, name: str, run_id: str) -> None:
+    """Says that a night begins; returns at once.
+
+    Args:
+        address: of the setting; `None`: there is none.
+        name: name of the specification.
+        run_id: id of the run.
+    """
+    if address is not None:
+        target = (address, name, "start", run_id, _logger.warning)
+        threading.Thread(target=_ping, args=target, name="ping", daemon=True).start()
+
+
+def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None:
+    """Says how a night ended.
+
+    Args:
+        address: of the setting; `None`: there is none.
+        record: the run.
+        complain: told that nothing answers there.
+    """
+    if address is not None:
+        last = "" if record.state == "succeeded" else "fail"
+        _ping(address, record.name, last, f"{record.run_id}: {record.state}", complain)
+
+
+def ping_address(address: str, name: str, last: str) -> str:
+    """The address that is called.
+
+    Args:
+        address: of the setting.
+        name: name of the specification.
+        last: the last part of the path; empty: none.
+    """
+    parts = urlsplit(address.replace(NAME, quote(name)))
+    return urlunsplit(parts._replace(path=f"{parts.path.rstrip('/')}/{last}")) if last else urlunsplit(parts)
+
+
+def _ping(address: str, name: str, last: str, words: str, complain: Complain) -> None:
+    try:
+        url, plain = ping_address(address, name, last), {"Content-Type": "text/plain; charset=utf-8"}
+        request = urllib.request.Request(url, words.encode(), plain, method="POST")  # noqa: S310
+        with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 - the setting allows http(s) only
+            answer.read(1)
+    except Exception as error:  # whatever breaks, a call is not worth a night; the path may be a secret
+        why = f"status {error.code}" if isinstance(error, urllib.error.HTTPError) else type(error).__name__
+        complain(f"the address of ROBOMAKER_PING_URL was not told {last or 'success'}: {why}")

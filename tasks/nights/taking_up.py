@@ -1,0 +1,185 @@
+"""Finishing runs that broke off, beside other work: each in a process of its own, which outlives this one.
+
+Every process of the home that may run jobs does this: `robomaker serve`, Prefect workers, the runs of those, and
+`robomaker run`, `perform` and `work`. The lock of a run decides which of them takes it.
+"""
+
+import logging
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+from ...schemas.run_orders import Order
+from ...schemas.settings import Settings
+from .broken_off import BrokenOff, broken_off_runs
+from .missed import has_schedules
+from .open_runs import LOG, OpenRun, is_going
+
+PROGRAM = "prefect_robomaker.deployments.cli.ordered_run"
+CONTINUED = "continued"
+"""Second word of the program for a run that broke off, by which people know the process."""
+
+EVERY_S = 5.0
+"""How often runs that broke off are looked for: a glance at the folders of runs."""
+
+_MISSED_EVERY_S = 60.0
+"""How often nights that did not happen are looked for: two requests to Prefect for each schedule."""
+
+_FIRST_ITS_WORKER_S = 20.0
+"""How long the run of a deployment is left to its Prefect worker, which has the variables that it needs."""
+
+_PAUSES_S = (60.0, 600.0)
+"""How long after it was taken up a run is taken up again that died anew: what it lacked may be there then."""
+
+_PREFECTS = "PREFECT__"
+"""How variables begin that tell a process which flow run it carries out."""
+
+_MOST_AT_ONCE = 4
+"""Each is a process of some 200 MB; their jobs share the machine with all others."""
+
+_logger = logging.getLogger(__name__)
+
+OrderFlowRun = Callable[[Order], bool]
+"""Has a Prefect worker finish the run of a deployment; returns whether it will."""
+
+Tell = Callable[[BrokenOff], None]
+"""Tells people, in Prefect, what finishes a run that is left."""
+
+
+class TakingUp:
+    """Looks for runs that broke off, and has them finished.
+
+    Args:
+        settings: of this process.
+        variables: environment variables for the processes that finish runs, besides those of this one.
+        order_flow_run: has a Prefect worker finish the run of a deployment; `None`: this process cannot.
+        tell: told of each run that is left, once; `None`: it is only logged.
+        look_for_missed: looks for nights that did not happen; called once a minute, if any schedule is looked after.
+    """
+
+    def __init__(
+        self,
+        settings: Settings,
+        variables: Mapping[str, str] | None = None,
+        order_flow_run: OrderFlowRun | None = None,
+        tell: Tell | None = None,
+        look_for_missed: Callable[[], None] | None = None,
+    ) -> None:
+        self._settings = settings
+        self._variables = variables or {}
+        self._order_flow_run = order_flow_run
+        self._tell = tell
+        self._look_for_missed = look_for_missed
+        self._seen_at: dict[tuple[str, int], float] = {}
+        self._told: set[tuple[str, str]] = set()
+        self._ordered: set[tuple[str, int]] = set()
+        self._started: dict[str, Path] = {}
+
+    def start(self) -> None:
+        """Looks again and again, in a thread that ends with this process."""
+        threading.Thread(target=self._look_until_end, name="broken-off runs", daemon=True).start()
+
+    def look(self) -> list[str]:
+        """Looks once.
+
+        Returns:
+            Ids of the runs that are being finished from now on.
+        """
+        return [run.run_id for run in broken_off_runs(self._settings) if self._take(run)]
+
+    def _look_until_end(self) -> None:
+        missed, looked_at = self._look_for_missed, 0.0
+        told: set[str] = set()
+        while True:
+            _try(self.look, "runs that broke off", told)
+            is_due = not looked_at or time.monotonic() - looked_at > _MISSED_EVERY_S
+            if missed is not None and is_due and has_schedules(self._settings.home):
+                looked_at = time.monotonic()
+                _try(missed, "nights that did not happen", told)
+            time.sleep(EVERY_S)
+
+    def _take(self, run: BrokenOff) -> bool:
+        if run.order.key_id is not None and self._settings.access_keys_file is None:
+            return False  # a server that knows the visitor's key finishes it
+        key = (run.run_id, len(run.order.interruptions))
+        seen_at = self._seen_at.setdefault(key, time.monotonic())
+        if run.order.deployment is not None:
+            if key in self._ordered:
+                return False  # it waits for its Prefect worker
+            if not run.limits and self._order_flow_run is not None and self._order_flow_run(run.order):
+                self._ordered.add(key)
+                _logger.warning("%s broke off; its Prefect worker finishes it", run.run_id)
+                return True
+            if time.monotonic() - seen_at < _FIRST_ITS_WORKER_S:
+                return False
+        if run.why_left:
+            self._leave(run)
+            return False
+        if _is_too_soon(run):
+            return False
+        self._started = {run_id: folder for run_id, folder in self._started.items() if is_going(folder)}
+        if len(self._started) >= _MOST_AT_ONCE:
+            return False
+        if (claimed := OpenRun.claim(run.folder)) is None:
+            return False
+        start_process(claimed, self._variables, CONTINUED)
+        self._started[run.run_id] = run.folder
+        _logger.warning("%s broke off, and is finished now", run.run_id)
+        return True
+
+    def _leave(self, run: BrokenOff) -> None:
+        if (run.run_id, run.why_left) in self._told:
+            return
+        self._told.add((run.run_id, run.why_left))
+        _logger.warning("%s; go on with it %s%s", run.in_words(), run.place, run.command)
+        if self._tell is not None:
+            self._tell(run)
+
+
+def _try(look: Callable[[], object], what: str, told: set[str]) -> None:
+    """Looks once; whatever breaks a look, there may be something to find later, and the trouble is told once."""
+    try:
+        look()
+        told.discard(what)
+    except Exception as error:
+        if what not in told:
+            _logger.warning("%s are not looked for: %s: %s", what, type(error).__name__, error)
+            told.add(what)
+
+
+def _is_too_soon(run: BrokenOff) -> bool:
+    tried = run.order.interruptions
+    if not tried:
+        return False
+    pause_s = _PAUSES_S[min(len(tried), len(_PAUSES_S)) - 1]
+    return (datetime.now(UTC) - tried[-1].continued_at).total_seconds() < pause_s
+
+
+def start_process(run: OpenRun, variables: Mapping[str, str], *words: str) -> None:
+    """Starts the process of a run, which has its lock from now on.
+
+    Args:
+        run: the run.
+        variables: environment variables besides those of this process.
+        words: more words of its command line.
+    """
+    with (run.folder / LOG).open("ab") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", PROGRAM, str(run.lock), *words],
+            pass_fds=[run.lock],
+            # Not that of the flow run which this process may carry out.
+            env={**{name: value for name, value in os.environ.items() if not name.startswith(_PREFECTS)}, **variables},
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=log,
+            start_new_session=True,  # Ctrl-C in a terminal is for the program there alone
+        )
+    order = run.order.model_dump_json().encode()
+    run.pass_on()
+    # A thread: the process reads its input only when it is ready, and has to be waited for when it ends.
+    threading.Thread(target=process.communicate, args=(order,), daemon=True).start()

@@ -1,0 +1,105 @@
+"""Nights that Prefect had and that did not happen: the data home knows them, and tells of them once."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from helpers.command_here import Command
+from helpers.night_records import make_night, store_night
+from helpers.processes import wait_for
+from helpers.receivers import Webhook
+
+from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.nights.missed import missed_nights, note_schedule, schedules_of
+from prefect_robomaker.tasks.nights.open_runs import OpenRun
+
+DAY = timedelta(days=1)
+
+
+@pytest.fixture
+def deployment(prefect_server: str, tmp_path: Any) -> Any:
+    """A deployment whose schedule begins a night each day, in a pool without a worker."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.actions import DeploymentScheduleCreate, WorkPoolCreate
+    from prefect.client.schemas.schedules import CronSchedule
+
+    del prefect_server
+    with get_client(sync_client=True) as client:
+        client.create_work_pool(WorkPoolCreate(name=tmp_path.name, type="process"))
+        each_night = DeploymentScheduleCreate(schedule=CronSchedule(cron="0 2 * * *"), active=True)
+        yield client.create_deployment(
+            flow_id=client.create_flow_from_name("RunPipeline"),
+            name=tmp_path.name,
+            work_pool_name=tmp_path.name,
+            entrypoint="prefect_robomaker.flows.pipelines:RunPipeline",
+            schedules=[each_night],
+        )
+
+
+def test_missed_nights_are_kept_and_told_once(
+    deployment: Any, robomaker_at_server: Command, home: Any, webhook: Webhook, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from prefect.client.orchestration import get_client
+
+    from prefect_robomaker.deployments.missed_nights import look_for_missed_nights
+
+    settings = Settings.from_environment(
+        {"ROBOMAKER_HOME": str(home), "ROBOMAKER_NOTIFY": f"json://{webhook.address}/hook"}
+    )
+    now = datetime.now(UTC)
+    note_schedule(home, str(deployment), "nightly", now)
+
+    def look(days: float) -> Any:
+        look_for_missed_nights(settings, now + days * DAY)
+        return schedules_of(home)[0]
+
+    # The server makes the runs of a schedule some seconds after it was told of it.
+    first = wait_for(lambda: (found := look(0.0)).expected and found, "the server to know the next nights")
+    assert len(first.expected) >= 3
+    assert first.missed == []
+
+    two = look(2.0)
+    assert [night.reason for night in two.missed[:1]] == ["no Prefect worker was running"]
+    assert len(webhook.got) == 1
+    assert "no night on" in webhook.got[0]["title"]
+    assert "no Prefect worker was running" in webhook.got[0]["title"]
+    assert look(2.0) == two
+    assert len(webhook.got) == 1
+
+    with get_client(sync_client=True) as client:
+        client.pause_deployment(deployment)
+        assert look(2.01).paused_since is not None
+        assert look(3.5).missed[-1].reason == "its schedule was paused"
+        assert len(webhook.got) == 2
+        look(4.5)
+        assert len(webhook.got) == 2  # somebody paused it: that is told once
+
+    # History and doctor have them, and what is not finished.
+    folder = home / "runs" / "nightly-20261127T020000000"
+    folder.mkdir(parents=True)
+    order = Order(
+        run_id=folder.name, text="", filename="", spec_path="", command=["true"], name="nightly", started_at=now
+    )
+    OpenRun.begin(folder, order).pass_on()  # as when its process dies
+    store_night(make_night("P", name="nightly", runs=home / "runs"))
+    told = robomaker_at_server("history", "nightly")
+    assert told.code == 0, told.err
+    assert f"no night: {two.missed[0].reason}" in told.out
+    assert "not finished: its process died; the next process that may run jobs finishes it" in told.out
+    page = (home / "history" / "nightly.html").read_text()
+    assert "Nights that did not happen or are not finished" in page
+    as_json = json.loads(robomaker_at_server("history", "nightly", "-o", "json").out)
+    assert [each["has_begun"] for each in as_json["missed"]].count(False) == len(missed_nights(home, "nightly"))
+
+    doctor = json.loads(robomaker_at_server("doctor", "-o", "json").out)
+    [finding] = [each for each in doctor["findings"] if each["subject"] == "nights"]
+    assert finding["health"] == "warning"
+    assert "no Prefect worker of the pool" in finding["found"]
+    assert "its schedule is paused" in finding["found"]
+
+    with get_client(sync_client=True) as client:
+        client.delete_deployment(deployment)
+    look_for_missed_nights(settings)
+    assert schedules_of(home) == []
