@@ -74,7 +74,7 @@ def without_worker(settings: Settings) -> list[tuple[str, str]]:
 def looked_at(
     schedule: NightSchedule, settings: Settings, client: SyncPrefectClient, now: datetime
 ) -> NightSchedule | None:
-    """What is known of a schedule now; `None`: its deployment was deleted, or has no schedule any more."""
+    """Returns a schedule as it is now; `None`: its deployment was deleted, or has no schedule any more."""
     try:
         deployment = client.read_deployment(UUID(schedule.deployment))
     except ObjectNotFound:

@@ -11,7 +11,7 @@ from ...schemas.runs.machine_waits import IN_WORDS
 from ...schemas.wire.base import Model
 
 STANDING = "standing.json"
-"""In the folder of an ordered run."""
+"""File in the folder of an ordered run."""
 
 _EVERY_S = 0.3
 

@@ -39,9 +39,9 @@ class BrokenOff:
     limits: tuple[str, ...]
     """Why no process finishes it by itself, in words; empty: one does."""
     differences: tuple[str, ...]
-    """What this process has otherwise than the run needs; empty: nothing."""
+    """Differences of this process from what the run needs; empty: none."""
     command: str
-    """What finishes it as it was ordered."""
+    """The command that finishes it as it was ordered."""
 
     @property
     def why_left(self) -> str:
@@ -56,7 +56,7 @@ class BrokenOff:
 
     @property
     def place(self) -> str:
-        """Where to type the command: `on vm: `; empty: anywhere."""
+        """The machine to type the command on: `on vm: `; empty: any."""
         return f"on {self.order.needed.machine}: " if self.order.needed else ""
 
     def in_words(self) -> str:

@@ -35,7 +35,7 @@ class Outlasting(Protocol):
 
 @dataclass(frozen=True)
 class RunFacts:
-    """What is known of a run from its beginning."""
+    """Facts of a run that are known from its beginning."""
 
     run_id: str
     checked: CheckedSpec

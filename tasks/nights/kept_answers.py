@@ -13,7 +13,7 @@ from ..inspection.pipeline_parts import Permit
 from ..operations.step_operations import step_registry
 
 ANSWERS = "answers.jsonl"
-"""In the folder of a run, until the run has ended; a line for each answer."""
+"""File in the folder of a run, until the run has ended; it has a line for each answer."""
 
 
 class KeptAnswers:

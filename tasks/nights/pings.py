@@ -14,7 +14,7 @@ from urllib.parse import quote, urlsplit, urlunsplit
 from ...schemas.reports.run_record import RunRecord
 
 NAME = "{name}"
-"""In the address it stands for the name of the specification."""
+"""Placeholder in the address for the name of the specification."""
 
 _TIMEOUT_S = 10.0
 """A night does not wait longer for somebody who only listens."""

@@ -68,7 +68,7 @@ def summary_lines(
 
 
 def _origin_lines(record: RunRecord, took: str) -> list[list[Cell]]:
-    """What the run is a rerun of, what interrupted it, how it compares to its forecast, and what it took over."""
+    """Says which run it is a rerun of, what interrupted it, how it compares to its forecast, and what it took over."""
     lines: list[list[Cell]] = []
     if rerun := record.rerun_of:
         lines.append([(f"rerun of {rerun.run_id} ({rerun.selection})", "")])

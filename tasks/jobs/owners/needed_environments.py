@@ -32,7 +32,7 @@ OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
 """Variables of simulations that are no settings."""
 
 _OF_PREFECT_RUN = re.compile(r"tmp\w+prefect")
-"""What `tempfile` makes of the suffix that Prefect's workers give it."""
+"""Names that `tempfile` makes of the suffix that Prefect's workers give it."""
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
