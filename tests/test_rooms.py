@@ -1,7 +1,8 @@
-"""Rooms: each folder says what lives there and what it may import, and others use only what it shows."""
+"""Rooms: each folder says what lives there, and imports what `rooms.toml` allows."""
 
 import ast
 import re
+import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from functools import cache
@@ -53,15 +54,6 @@ def imports(module: str) -> set[str]:
     return found
 
 
-@cache
-def shown(room: str) -> set[str]:
-    """What a room's `__all__` names."""
-    for node in ast.parse(text_of(room)).body:
-        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and node.targets[0].id == "__all__":
-            return set(ast.literal_eval(node.value))
-    return set()
-
-
 def says(room: str) -> str:
     """A room's docstring in one line."""
     return re.sub(r"\s+", " ", ast.get_docstring(ast.parse(text_of(room))) or "")
@@ -76,39 +68,20 @@ def test_no_room_is_a_warehouse() -> None:
     assert {room: count for room, count in modules.items() if count > MOST_MODULES} == {}
 
 
-def test_each_room_imports_what_its_docstring_allows() -> None:
-    wrong: list[str] = []
-    for room in (room for room in ROOMS if room.startswith(("schemas.", "tasks."))):
-        stated = re.search(r"May import: ([^.]*(?:\.[a-z_][^.]*)*)\.(?: |$)", says(room))
-        if not stated:
-            wrong.append(f"{room}: its docstring has no line `May import: …`")
-            continue
-        named = re.findall("`([^`]+)`", stated.group(1))
-        allowed = [room + name if name.startswith(".") else name for name in named]
-        used = {room_of(imported) for module in MODULES if room_of(module) == room for imported in imports(module)} - {
-            room
-        }
-        wrong += [
+def test_each_room_imports_what_the_contract_allows() -> None:
+    contract: dict[str, list[str]] = tomllib.loads((ROOT / "tests" / "rooms.toml").read_text())
+    held = {room for room in ROOMS if room.startswith(("schemas.", "tasks."))}
+    assert set(contract) == held
+    wrong: set[str] = set()
+    for room, allowed in contract.items():
+        used = {room_of(imported) for module in MODULES if room_of(module) == room for imported in imports(module)}
+        wrong |= {
             f"{room} imports {name}"
-            for name in sorted(used)
+            for name in used - {room}
             if not any(name == each or name.startswith(f"{each}.") for each in allowed)
-        ]
+        }
 
-    assert wrong == []
-
-
-def test_rooms_use_only_what_other_rooms_show() -> None:
-    hidden = {
-        f"{module} uses {imported}"
-        for module in MODULES
-        for imported in imports(module)
-        if imported not in ROOMS
-        and room_of(module) != room_of(imported)
-        and room_of(imported).startswith(("schemas.", "tasks."))
-        and imported.rpartition(".")[2] not in shown(room_of(imported))
-    }
-
-    assert hidden == set()
+    assert wrong == set()
 
 
 def test_names_of_modules_in_texts_are_those_of_modules() -> None:

@@ -9,8 +9,4 @@ request ── guard (Host, Origin) ── who is it (sessions) ── a page (o
 
 Pages are rendered here, with the templates, style and script of reports; nothing is fetched from another server. A
 page is a module named after its subject; `console.py` lists their addresses.
-
-May import: `deployments.endpoint`, `deployments.web_guard`, and the rooms of `tasks` that read.
 """
-
-__all__ = ["console"]

@@ -5,5 +5,3 @@ it runs, `job_variables` what its runs get from a work pool, `forms` what forms 
 server, `pool_templates` makes job templates of work pools. May import: `schemas`, `tasks`, `flows`. Only `forms`,
 `schedules`, `registration` and `pool_templates` import Prefect.
 """
-
-__all__ = ["deployables", "forms", "job_variables", "needs", "pool_templates", "registration", "schedules"]

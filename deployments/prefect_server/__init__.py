@@ -11,9 +11,4 @@ robomaker, Prefect workers ── local_server (finds, starts, stops)
 Every request needs the auth string of the home, which is in a file that only its owner can read. Commands, job workers
 and what they start have it in `PREFECT_API_AUTH_STRING`; a browser gets it from the login page, for a token that works
 once.
-
-May import: `schemas`, `tasks.service.home`, `deployments.web_guard`, `prefect`, `uvicorn`, `starlette`. `local_server`,
-`secret` and `login_link` import neither `prefect` nor `uvicorn`: commands use them before they answer.
 """
-
-__all__ = ["beside", "local_server", "login_link", "secret"]

@@ -7,8 +7,4 @@ request ── which robot and resource (addresses) ── whose token (OpenOrde
 
 It is an ASGI application without a framework: ten thousand robots that have nothing to do poll twice a minute. It
 knows no catalog; `tasks.fleet.ddi` has orders and documents, and what mounts it passes the rest in.
-
-May import: `schemas.wire`, `tasks.fleet.ddi`, `starlette`'s types and the standard library.
 """
-
-__all__ = ["agents", "door", "downloads"]

@@ -9,8 +9,4 @@ console ── rights (may the key do all this?) ── SpecRuns ── process:
 A run goes on when the page is closed, and when the server ends. Server and run know each other by files in the run's
 folder only, so that any server of the data home shows the run and ends it. A run whose process was killed goes on in a
 new one, from what is in its folder: the order, and what its steps were answered.
-
-May import: `schemas`, `deployments.endpoint`, `tasks.catalog`, `tasks.nights`, `tasks.operations`, `tasks.service`.
 """
-
-__all__ = ["rights", "spec_runs", "specifications", "standing"]

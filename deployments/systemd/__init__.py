@@ -2,5 +2,3 @@
 
 `installation` fills in where the programs are; the units have no secrets, which are in a file of the user's own.
 """
-
-__all__ = ["installation"]

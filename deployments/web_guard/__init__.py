@@ -5,8 +5,4 @@ headers alone, whether a page sent it that is not the server's own. `guard.py` i
 one that refuses such requests, also those that open a WebSocket.
 
 A program that is no browser can send what it likes, so this is no login.
-
-May import: `starlette`'s types and the standard library.
 """
-
-__all__ = ["decision", "guard"]

@@ -1,4 +1,3 @@
-# pyright: reportUnsupportedDunderAll=false
 """Documents: what the catalog keeps of each kind of resource, typed and versioned.
 
 ```
@@ -8,20 +7,4 @@ catalog.transition(job.arn, "complete", document_changes=WorldGenerationProgress
 
 A `Document` is the whole; the `Changes` it inherits from have the members that change later, and set only those that
 are given. Members are stored under camelCase names.
-
-May import: `schemas.runs`, `schemas.wire`.
 """
-
-__all__ = [
-    "applications",
-    "base",
-    "fleets",
-    "kinds",
-    "reuse_inputs",
-    "simulation_job_batches",
-    "simulation_jobs",
-    "world_export_jobs",
-    "world_generation_jobs",
-    "world_templates",
-    "worlds",
-]

@@ -11,9 +11,4 @@
 A job worker is the command `robomaker work BATCH`. It is started once on each machine, not once for each job: to start
 a flow run takes seconds, to claim a job milliseconds. A backend knows nothing of jobs, and carries no secrets: each
 machine has its own settings, which lead to the same catalog and object store.
-
-May import: `schemas`. Only `pool_runs` imports Prefect, when a batch runs in a work pool.
 """
-
-# pyright: reportUnsupportedDunderAll=false
-__all__ = ["backend", "node", "opening"]

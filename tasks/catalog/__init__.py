@@ -9,8 +9,6 @@ if catalog.claim(job.arn, owner, lease_s=30):
 
 It runs on SQLite, one file that many processes of one machine share, and on PostgreSQL (tested with
 15, and with psycopg from the extra `postgresql`) for several machines.
-
-May import: `schemas`.
 """
 
 from .catalog import Catalog, Stored

@@ -6,8 +6,4 @@ print(comparison.answer, comparison.why)
 ```
 
 Only `statistics` and `power` import scipy, for `decisions`, which only `better_or_worse` imports; the rest is quick.
-
-May import: `schemas`, `tasks.reporting`, `tasks.results`.
 """
-
-__all__ = ["better_or_worse", "history", "nights", "pairing"]

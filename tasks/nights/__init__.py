@@ -6,10 +6,4 @@ run's folder    order.json        all that another process needs; gone when the 
                 running.lock      locked for as long as the run's process lives
 any process of the home that may run jobs ── TakingUp ── finds folders with an order whose lock is free
 ```
-
-May import: `schemas`, `tasks.execution`, `tasks.inspection`, `tasks.jobs.owners`, `tasks.notifications`,
-`tasks.operations`, `tasks.service`, `tasks.simulations.planning`.
 """
-
-# pyright: reportUnsupportedDunderAll=false
-__all__ = ["broken_off", "ending", "kept_answers", "missed", "open_runs", "orders", "taking_up"]

@@ -1,8 +1,4 @@
-"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers.
-
-May import: `schemas`, `tasks.results`, `tasks.reporting.drawings`, `tasks.reporting.nights`,
-`tasks.reporting.rollouts`.
-"""
+"""Reports of pipeline runs: one HTML file that needs no network and no program but a browser; and their numbers."""
 
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive
@@ -34,7 +30,6 @@ __all__ = [
     "draw_drive",
     "draw_open_plan",
     "junit_xml",
-    "outcomes",
     "page_environment",
     "page_styles",
     "render_deployment",
@@ -46,7 +41,6 @@ __all__ = [
     "view_report",
     "view_rollout",
     "view_worlds",
-    "wording",
     "write_deployment",
     "write_history",
     "write_report",

@@ -4,8 +4,4 @@
 results = ResultTable.read(folder / RESULTS_FILE)
 print(rates.of_table("all trials", results).rate)
 ```
-
-May import: `schemas`.
 """
-
-__all__ = ["columns", "intervals", "rates", "table"]

@@ -1,4 +1,1 @@
-"""The processes that run one simulation job.
-
-May import: nothing of this package.
-"""
+"""The processes that run one simulation job."""

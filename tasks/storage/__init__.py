@@ -1,8 +1,4 @@
-# pyright: reportUnsupportedDunderAll=false
-"""Object stores: a directory or an S3 endpoint, one layout.
-
-May import: `schemas`, `.s3`.
-"""
+"""Object stores: a directory or an S3 endpoint, one layout."""
 
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
@@ -16,20 +12,10 @@ __all__ = [
     "ArchiveLimits",
     "ObjectInfo",
     "ObjectStore",
-    "aws_sessions",
-    "base",
-    "checksums",
-    "directory",
-    "failures",
     "fetch",
     "finish_thinning",
-    "folders",
-    "holes",
-    "naming",
     "open_store",
-    "opening",
     "pack_tar_gz",
-    "parallel",
     "publish",
     "read_manifest",
     "removed_before",

@@ -58,10 +58,10 @@ CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
 """Catchers of each sabotage by kind of requirement: the requirement itself, or a watcher of physics and steps."""
 
 FAILS_THE_JOB: Mapping[str, tuple[str, ...]] = {
-    "nan": ("mjWARN_BADCTRL", "the action is [nan, nan]; it has to be finite"),
+    "nan": ("the action [nan, nan] has numbers that are not finite", "the action is [nan, nan]; it has to be finite"),
     "gone": ("without connecting to the simulation",),
 }
-"""Sabotages for which a job may be `Failed` instead: dm_control's physics or the robot's client may refuse them."""
+"""Sabotages for which a job may be `Failed` instead: the loop or the robot's client may refuse them."""
 
 
 def asked() -> list[dict[str, Any]]:

@@ -6,9 +6,4 @@ again ── what failed of a run or a batch  ───────────�
 worlds_form ── rooms ── the plan (previews) ────────────────> CreateWorldTemplate, CreateWorldGenerationJob
 going ── the page of a run that goes on, and its end on demand
 ```
-
-May import: `deployments.endpoint`, `deployments.spec_runs`, the console's own modules, and the rooms of
-`tasks` that read.
 """
-
-__all__ = ["again", "forms", "going", "start", "worlds_draft", "worlds_form"]

@@ -1,4 +1,1 @@
-"""Caches of the data that console pages read from large resources.
-
-May import: `schemas`, `tasks.catalog`, `deployments.console`.
-"""
+"""Caches of the data that console pages read from large resources."""

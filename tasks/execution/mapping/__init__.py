@@ -1,7 +1,1 @@
-"""One task run for a whole `map`, for any flow of Prefect.
-
-May import: `schemas.wire`.
-"""
-
-# pyright: reportUnsupportedDunderAll=false
-__all__ = ["items", "runner"]
+"""One task run for a whole `map`, for any flow of Prefect."""

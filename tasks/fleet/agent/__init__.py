@@ -1,4 +1,3 @@
-# pyright: reportUnsupportedDunderAll=false
 """The agent of robots: installs what the fleet's TUF repository vouches for, keeps it running, goes back if it fails.
 
 ```
@@ -9,17 +8,4 @@ server (DDI) ──> loop ──> states: state, event -> state ──> journal,
 
 This folder is also the package `robomaker_agent` of the wheel `robomaker-agent`: it imports nothing outside itself but
 the standard library, `tuf` and `securesystemslib`, and runs on Python 3.9.
-
-May import: `.child`, `.programs`.
 """
-
-__all__ = [
-    "command_line",
-    "deployment",
-    "errors",
-    "failure_codes",
-    "journal",
-    "server",
-    "settings",
-    "states",
-]

@@ -1,10 +1,5 @@
-# pyright: reportUnsupportedDunderAll=false
 """Proof that a version passed its simulations: what a batch tested, as a signed in-toto statement.
 
 `tested_batches` judges a batch, `statements` says what it tested, `envelopes` signs that, `required_batches` holds a
 deployment back until it is there, and `checks` verifies it afterwards. Needs the extra `fleet`.
-
-May import: `schemas`, `tasks.catalog`, `tasks.fleet`, `tasks.service`.
 """
-
-__all__ = ["attestation_keys", "checks", "envelopes", "required_batches", "statements", "tested_batches"]

@@ -7,8 +7,4 @@ robot's JSON ──> Feedback, Attributes ──> reports
 
 `OpenOrders` is the state in memory; who fills it keeps it in the catalog besides. Nothing here opens a file or a
 connection.
-
-May import: `schemas.wire`, `schemas.operations`.
 """
-
-__all__ = ["documents", "feedback", "open_orders", "orders", "reports", "tokens"]

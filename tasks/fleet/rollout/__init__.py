@@ -1,4 +1,3 @@
-# pyright: reportUnsupportedDunderAll=false
 """The rollout of a deployment to a fleet, as a state machine: events in, orders and cancellations out.
 
 ```
@@ -11,8 +10,4 @@ rollout = ledger.rollout()                  # to be stored
 ```
 
 There are no clocks, stores or robots in here: time comes in as an argument, in seconds since the epoch.
-
-May import: `schemas.operations`, `schemas.rollouts`, `schemas.wire`.
 """
-
-__all__ = ["counts", "estimates", "ledger", "statuses", "thresholds", "waits", "waves", "windows"]

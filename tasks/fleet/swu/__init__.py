@@ -2,8 +2,4 @@
 
 A `.swu` is a cpio archive: `sw-description`, which names the other files with their SHA-256, its detached signature,
 and the files. `wrapping.py` makes one, the rest its parts. Needs the extra `fleet`.
-
-May import: `schemas.wire`.
 """
-
-__all__ = ["description", "signing", "wrapping"]

@@ -1,6 +1,1 @@
-"""The page of a specification's history, and words about what changed since when.
-
-May import: `schemas`, `tasks.reporting`.
-"""
-
-__all__ = ["changes", "view"]
+"""The page of a specification's history, and words about what changed since when."""

@@ -1,4 +1,1 @@
-"""Applications that come with this package.
-
-May import: `.scout`.
-"""
+"""Applications that come with this package."""

@@ -1,7 +1,1 @@
-"""Applications that are container images: engines, command lines, outputs, cleanup.
-
-May import: `schemas`, `tasks.catalog`, `tasks.runtime.agents`, `tasks.simulations.environment`,
-`tasks.simulations.outputs`, `tasks.simulations.ros`.
-"""
-
-__all__ = ["cleanup", "engines", "outputs", "plans"]
+"""Applications that are container images: engines, command lines, outputs, cleanup."""

@@ -1,7 +1,1 @@
-"""Floor plans that people drew: reading them, and the worlds they become.
-
-May import: `schemas`, `tasks.worldforge`, `tasks.worldforge.doors`, `tasks.worldforge.floorplans`,
-`tasks.worldforge.geometry`.
-"""
-
-__all__ = ["importing", "notes"]
+"""Floor plans that people drew: reading them, and the worlds they become."""

@@ -1,6 +1,1 @@
-"""Geometry that all of WorldForge uses: boxes, poses, primitive parts, the occupancy grid.
-
-May import: `schemas`.
-"""
-
-__all__ = ["boxes", "occupancy", "parts"]
+"""Geometry that all of WorldForge uses: boxes, poses, primitive parts, the occupancy grid."""

@@ -147,7 +147,7 @@ def test_who_carried_out_the_jobs_is_told_by_machine(make_report: Any, make_job:
     jobs = [make_job(f"sim-{owner.process_id}", None, carried_out_by=owner) for owner in owners]
     taken_over = make_job("sim-9", None, carried_out_by=owners[0], reused_from="run-1")
     text = Document(render_report(make_report([], [*jobs, taken_over]))).text
-    assert "Carried out by a job worker on a: 2 jobs, a job worker on b: 1 job" in " ".join(text.split())
+    assert "Carried out bya job worker on a: 2 jobs, a job worker on b: 1 job" in " ".join(text.split())  # two cells
 
 
 def test_the_table_has_every_job_with_sortable_numbers(mixed_report: Report) -> None:

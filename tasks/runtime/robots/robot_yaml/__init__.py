@@ -1,6 +1,1 @@
-"""Robots of `robot.yaml`: reading it, the MJCF, URDF or MuJoCo Menagerie model that it names, and the robot of both.
-
-May import: `schemas`, `tasks.runtime.robots`.
-"""
-
-__all__ = ["assembly", "mapping", "menagerie", "model", "problems"]
+"""Robots of `robot.yaml`: reading it, the MJCF, URDF or MuJoCo Menagerie model that it names, and the robot of both."""

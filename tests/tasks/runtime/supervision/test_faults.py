@@ -13,6 +13,7 @@ from helpers.run_processes import never, processes_with, wait_until
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
 from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.limits.capped_logs import MAX_END_BYTES, CappedLog
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
@@ -277,7 +278,6 @@ class TestFullDisk:
         with (small_disk / "full").open("wb", buffering=0) as full:
             full.write(bytes(2 * MIB))
         plan = plan_programs(program("", argv=["true"]), output_dir=small_disk / "out")
-        outcome = launcher.run(plan, never)
-        # There is no room for a result, so what it left is not whole.
-        assert (outcome.status, outcome.failure_code, outcome.finished) == ("Failed", "InternalServiceError", False)
-        assert "No space left on device" in (outcome.failure_reason or "")
+        with pytest.raises(LaunchError, match="No space left on device") as refused:
+            launcher.run(plan, never)
+        assert refused.value.failure_code == "InternalServiceError"
