@@ -61,11 +61,15 @@ def test_a_flow_run_whose_process_died_says_what_finishes_it(settings: Settings,
         run = OpenRun.begin(folder, order)
         told: set[tuple[str, int]] = set()
         tell_of_broken_off(client, settings, told)
-        assert client.read_flow_run(flow_run).state.is_running()  # its process lives
+        state = client.read_flow_run(flow_run).state
+        assert state is not None
+        assert state.is_running()  # its process lives
 
         run.pass_on()  # as when its process dies
         tell_of_broken_off(client, settings, told)
         state = client.read_flow_run(flow_run).state
+        assert state is not None
         assert state.is_crashed()
+        assert state.message is not None
         assert state.message.startswith("its process died; robomaker serve or a Prefect worker finishes it")
         assert state.message.endswith(f"or: robomaker perform {folder.name}")

@@ -23,16 +23,9 @@ MINE = {"PYTHONPATH": str(BUNDLES / "sleeper"), "PYTHONDONTWRITEBYTECODE": "1"}
 """Variables with which the night's application is found, and without which it is not."""
 
 
-@pytest.fixture
-def environ(service: Service, prefect_server: str, tmp_path: Path) -> dict[str, str]:
-    """Environment variables that lead other processes to the test's service."""
-    return {
-        "ROBOMAKER_HOME": str(service.settings.home),
-        "PREFECT_API_URL": prefect_server,
-        "PREFECT_HOME": str(tmp_path / "prefect"),
-        "PREFECT_WORKER_QUERY_SECONDS": "1",
-        "CI": "true",
-    }
+def state_of(client: Any, flow_run: Any) -> Any:
+    """The state of a flow run in Prefect."""
+    return client.read_flow_run(flow_run).state
 
 
 def night(duration_s: float = 3.0, jobs: int = 6) -> str:
@@ -165,17 +158,19 @@ def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
             with process_worker(pool, environ, tmp_path / "other.log"):
                 record = check_finished(service, before)
                 [dead, continued] = runs_of(client, deployment)
-                wait_for(lambda: client.read_flow_run(continued.id).state.is_final(), "Prefect to know of its end")
+                wait_for(lambda: state_of(client, continued.id).is_final(), "Prefect to know of its end")
             continued = client.read_flow_run(continued.id)
             assert continued.name == f"{record.run_id}, continued"
-            assert continued.state.type.value == "COMPLETED", continued.state.message
+            state = state_of(client, continued.id)
+            assert state.type.value == "COMPLETED", state.message
 
-        dead = client.read_flow_run(dead.id)
-        assert dead.state.type.value == "CRASHED"
-        assert f"{record.run_id}, continued" in dead.state.message
+        state = state_of(client, dead.id)
+        assert state.type.value == "CRASHED"
+        assert f"{record.run_id}, continued" in (state.message or "")
 
     # History and report tell of one night with an interruption.
     [interruption] = record.interruptions
+    assert interruption.lost is not None
     assert interruption.lost.program == "a run of a Prefect worker"
     assert record.report_path is not None
     assert "interrupted once" in record.report_path.read_text()
@@ -203,7 +198,7 @@ def test_a_killed_run_whose_batch_a_person_performs_has_a_record(
 
     assert done.returncode == 0, done.stdout + done.stderr
     record = check_finished(service, before)
-    assert [each.lost.program for each in record.interruptions] == ["robomaker run"]
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["robomaker run"]
 
 
 def test_a_night_that_was_cancelled_and_killed_ends_as_cancelled(

@@ -27,17 +27,6 @@ MINE = {"PYTHONPATH": str(BUNDLES / "sleeper"), "PYTHONDONTWRITEBYTECODE": "1"}
 
 
 @pytest.fixture
-def environ(service: Service, prefect_server: str, tmp_path: Path) -> dict[str, str]:
-    """Environment variables that lead other processes to the test's service."""
-    return {
-        "ROBOMAKER_HOME": str(service.settings.home),
-        "PREFECT_API_URL": prefect_server,
-        "PREFECT_HOME": str(tmp_path / "prefect"),
-        "CI": "true",
-    }
-
-
-@pytest.fixture
 def spec(tmp_path: Path) -> Callable[..., Path]:
     """Writes a specification of a batch whose applications only the caller has."""
 

@@ -26,7 +26,7 @@ def answer(server: socket.socket) -> None:
             server.sendto(b"hi", who)
 
 
-def listening(family: int, address: object) -> socket.socket:
+def listening(family: int, address: tuple[str, int] | str) -> socket.socket:
     server = socket.socket(family)
     server.bind(address)
     server.listen()

@@ -16,18 +16,6 @@ from prefect_robomaker.schemas.settings import Settings
 
 
 @pytest.fixture
-def environ(service: Any, prefect_server: str, tmp_path: Path) -> dict[str, str]:
-    """Environment variables that lead other processes to the test's service."""
-    return {
-        "ROBOMAKER_HOME": str(service.settings.home),
-        "PREFECT_API_URL": prefect_server,
-        "PREFECT_HOME": str(tmp_path / "prefect"),
-        "PREFECT_WORKER_QUERY_SECONDS": "1",
-        "CI": "true",
-    }
-
-
-@pytest.fixture
 def spec(tmp_path: Path) -> Callable[[dict[str, Any]], Path]:
     """Writes a specification of a name of its own."""
 

@@ -33,7 +33,7 @@ def shown_by(url: str, secret: str) -> dict[str, list[str]]:
     with SyncPrefectClient(url, auth_string=secret) as client:
         found: dict[str, list[str]] = {}
         for run in client.read_flow_runs():
-            found.setdefault(run.state.name if run.state else "", []).append(run.name)
+            found.setdefault((run.state and run.state.name) or "", []).append(run.name)
         found["open tasks"] = [
             task.name for task in client.read_task_runs() if not task.state or not task.state.is_final()
         ]

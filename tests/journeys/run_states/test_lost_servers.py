@@ -94,7 +94,7 @@ def shown_by(variables: dict[str, str]) -> tuple[dict[str, str], list[str], list
         variables["PREFECT_API_URL"], auth_string=variables.get("PREFECT_API_AUTH_STRING")
     ) as client:
         flows = {run.flow_id: client.read_flow(run.flow_id).name for run in client.read_flow_runs()}
-        states = {flows[run.flow_id]: run.state.name if run.state else "" for run in client.read_flow_runs()}
+        states = {str(flows[run.flow_id]): (run.state and run.state.name) or "" for run in client.read_flow_runs()}
         tasks = [task.name for task in client.read_task_runs() if not task.state or not task.state.is_final()]
         limits = client.read_global_concurrency_limits(limit=10, offset=0)
     return states, tasks, [limit.name for limit in limits]

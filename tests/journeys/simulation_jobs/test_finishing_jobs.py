@@ -37,6 +37,9 @@ class WatchedPlace(Place):
         self._on_finish = on_finish
         self.turns = 0
 
+    def __enter__(self) -> Self:
+        return self
+
     def _note_turn(self, _: object) -> Turn:
         self.turns += 1
         return Turn({})
@@ -52,6 +55,9 @@ class WorkerHere(Backend):
 
     def __init__(self, service: Service) -> None:
         self._service = service
+
+    def check(self) -> None:
+        """Finds itself."""
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[Self]:
@@ -134,8 +140,12 @@ def test_a_job_that_is_restarted_while_it_draws_waits_for_its_place_again(servic
             restarts.pop()
             call("RestartSimulationJob", {"job": job["arn"]}, service)
 
-    with WatchedPlace(lambda: None) as place:
-        place.finish = lambda: (Place.finish(place), restart())
+    class Restarted(WatchedPlace):
+        def finish(self) -> None:
+            super().finish()
+            restart()
+
+    with Restarted(lambda: None) as place:
         perform_job(job["arn"], service, place=place)
     document = SimulationJobDocument.of(service.catalog.get(job["arn"]))
     assert (place.turns, len(document.earlier_runs), document.verdict) == (2, 1, "FAIL")
