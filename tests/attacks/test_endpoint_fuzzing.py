@@ -3,6 +3,7 @@
 import json
 import sqlite3
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -56,10 +57,13 @@ class Target:
         return requests(registry()[name].shape.request, self.known)
 
     def dump(self) -> list[str]:
-        """Everything in the catalog."""
+        """Everything in the catalog, but who held a resource last: a call that is refused may hold a fleet."""
         [version] = self.catalog.execute("PRAGMA data_version").fetchone()
         if self._dumped is None or self._dumped[0] != version:
-            self._dumped = version, list(self.catalog.iterdump())
+            with closing(sqlite3.connect(":memory:")) as copy:
+                self.catalog.backup(copy)
+                copy.execute("UPDATE resources SET last_owner = NULL, owner_since = NULL")
+                self._dumped = version, list(copy.iterdump())
         return self._dumped[1]
 
 

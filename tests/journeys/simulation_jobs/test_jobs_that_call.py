@@ -10,8 +10,10 @@ import pytest
 from helpers.endpoint_here import ServeHere
 from helpers.paths import BUNDLES
 
+from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
@@ -63,8 +65,11 @@ def test_a_job_acts_for_itself_only(
 ) -> None:
     monkeypatch.setenv("ROBOMAKER_SANDBOX", sandbox)
     monkeypatch.setenv("ROBOMAKER_SANDBOX_NETWORK", network)
+    # One of this test's own: that of the process has the confinement with which an earlier test has started it.
+    own = Launcher()
+    monkeypatch.setattr(job_runs, "launcher", lambda: own)
     request = nosy(by)
-    with serve_here(ROBOMAKER_JOBS_CREATE_JOBS=creates, ROBOMAKER_TRUSTED_PROXIES="127.0.0.1") as served:
+    with own, serve_here(ROBOMAKER_JOBS_CREATE_JOBS=creates, ROBOMAKER_TRUSTED_PROXIES="127.0.0.1") as served:
         monkeypatch.setenv("AWS_ENDPOINT_URL_ROBOMAKER", served.url)
         arn = call("CreateSimulationJob", request, service)["arn"]
         perform_job(arn, service)
