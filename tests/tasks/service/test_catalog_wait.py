@@ -47,7 +47,7 @@ def test_a_catalog_that_is_away_is_waited_for_with_patience_and_that_is_said_onc
 @NEEDS_POSTGRESQL
 def test_a_server_that_does_not_answer_is_away_and_one_that_refuses_is_not(postgres_database: str) -> None:
     with pytest.raises(CatalogAwayError, match="Connection refused"):
-        open_engine(f"postgresql+psycopg://user:secret@127.0.0.1:{free_port()}/catalog")
+        open_engine(f"postgresql+psycopg://user@127.0.0.1:{free_port()}/catalog")
     with pytest.raises(ConfigurationError, match="does not exist") as refused:
         open_engine(f"{postgres_database}-that-is-not-there")
     assert not isinstance(refused.value, CatalogAwayError)
