@@ -49,7 +49,7 @@ Surface = Callable[[random.Random], object]
 SPECS = REPOSITORY / "deployments" / "specs"
 MOST_CPU_S = 1.0
 MOST_GROWTH_KB = 500_000
-"""By which the process may grow over all inputs; most of it is modules that are imported on the way."""
+"""Growth of the process that is allowed over all inputs; most of it is modules that are imported on the way."""
 MOST_REPEATED = 4_000
 """Characters: what is longer is not repeated, so that inputs stay below the limit of a request."""
 ARN = "arn:aws:robomaker:us-east-1:000000000000"

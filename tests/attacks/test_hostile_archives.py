@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.storage import ArchiveLimits, unpack
 
 FILE, LINK, HARD, FOLDER = tarfile.REGTYPE, tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.DIRTYPE
 MOST_S = 60.0
-"""Of processor time; most take milliseconds."""
+"""Limit of processor time; most take milliseconds."""
 
 
 def tar(*members: tuple[str, bytes, str], form: int = tarfile.GNU_FORMAT, mode: int = 0o644) -> bytes:

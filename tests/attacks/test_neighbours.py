@@ -25,7 +25,7 @@ OF_PROCESSES = (
     *("session of a process", "kill order", "traffic of a process", "namespace of a process"),
 )
 BY_THE_NETWORK = {"tcp", "tcp of version 6", "udp", "abstract socket"}
-"""What a network that both share has: docs/sandbox.md says so."""
+"""Ways that a network which both share leaves open: docs/sandbox.md says so."""
 
 
 def plan(folder: Path, run_id: str, argv: list[str], **environment: str) -> RunPlan:
@@ -57,7 +57,7 @@ def process_named(*words: str) -> int:
 
 
 def remove_left(key: str) -> None:
-    """What a job leaves on the machine that has no box."""
+    """Removes what a job without a box leaves on the machine."""
     for path in (f"/dev/shm/{key}", f"/tmp/{key}", f"/tmp/{key}.sock"):
         Path(path).unlink(missing_ok=True)
     libc = ctypes.CDLL(None)

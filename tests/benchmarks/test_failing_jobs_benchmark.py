@@ -1,4 +1,4 @@
-"""What videos of failures cost a night: twenty jobs that compute for eight seconds and fail, with and without videos.
+"""Cost of videos of failures: twenty jobs that compute for eight seconds and fail, with and without videos.
 
 Measured is the time until the last job has simulated, since what is left then holds up no other job. It needs a machine
 with nothing beside it: a job computes for the processor time that it is given.

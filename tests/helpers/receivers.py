@@ -27,7 +27,7 @@ class Webhook:
     """Answers only when it is set."""
 
     got: list[dict[str, Any]] = field(default_factory=list)
-    """What was sent; plain text as `text`."""
+    """Messages that were sent; plain text as `text`."""
 
     paths: list[str] = field(default_factory=list)
 

@@ -206,7 +206,7 @@ def separated(kind: int) -> bool:
 
 
 def limited(pid: int) -> tuple[int, int]:
-    """With no file or no time left the job worker ends."""
+    """Sets a limit of the job worker: with no file or no time left it ends."""
     return resource.prlimit(pid, resource.RLIMIT_CORE, resource.prlimit(pid, resource.RLIMIT_CORE))
 
 

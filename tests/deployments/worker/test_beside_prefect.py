@@ -1,4 +1,4 @@
-"""Which processes are Prefect workers, and of which pools; the rest is in `tests/journeys/test_dead_nights.py`."""
+"""Processes that are Prefect workers, and their pools; the rest is in `tests/journeys/test_dead_nights.py`."""
 
 import pytest
 

@@ -40,7 +40,7 @@ def order(run_id: str = RUN, **members: Any) -> Order:
 
 
 def other_machine() -> NeededEnvironment:
-    """What no process has: another version of a package."""
+    """An environment that no process has: another version of a package."""
     return NeededEnvironment(machine="lab", python="/opt/lab", variables={}, packages={"helpers": "package abc"})
 
 

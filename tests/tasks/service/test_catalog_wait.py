@@ -1,4 +1,4 @@
-"""What waits for a catalog that is away when it begins, and what waiting would not mend."""
+"""A catalog that is away is waited for, and not what waiting would not mend."""
 
 import logging
 from collections.abc import Iterator

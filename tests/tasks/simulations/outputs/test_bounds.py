@@ -1,4 +1,4 @@
-"""Which outputs are stored when a run left too much: what says how it went comes first, and the rest is named."""
+"""Outputs that are stored when a run left too much: what says how it went comes first, and the rest is named."""
 
 from pathlib import Path
 
