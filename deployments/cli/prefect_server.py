@@ -38,18 +38,30 @@ def use_server(settings: Settings) -> str:
     starting = not (status.running or status.busy or status.configured_elsewhere)
     began = time.monotonic()
     if starting:
-        sys.stderr.write("Starting the local Prefect server; the first time takes about 20 s …\n")
+        sys.stderr.write("Starting the local Prefect server; the first time takes about 15 s …\n")
         sys.stderr.flush()
-    url = ensure_server(settings)
+    url = ensure_server(settings, meanwhile=lambda url: _import_runs(url, settings))
     if starting:
         sys.stderr.write(f"It runs at {url.removesuffix('/api')} and stays; `robomaker server stop` ends it.")
         sys.stderr.write(f" ({time.monotonic() - began:.0f} s)\n")
+    _use(url, settings)
+    return url
+
+
+def _use(url: str, settings: Settings) -> None:
     os.environ.update(client_variables(url, settings))
     if "PREFECT_LOGGING_LEVEL" not in os.environ:
         # Our own progress tells what happens; Prefect's lines go to its server only.
         os.environ.setdefault("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
         os.environ.setdefault("PREFECT_INTERNAL_LOGGING_LEVEL", "CRITICAL")
-    return url
+
+
+def _import_runs(url: str, settings: Settings) -> None:
+    """Imports Prefect and the code that carries out runs, which takes seconds, while a new server starts."""
+    _use(url, settings)
+    from ...flows import pipelines
+
+    del pipelines
 
 
 def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str], None]) -> "Outage":

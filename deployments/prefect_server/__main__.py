@@ -24,11 +24,11 @@ def main() -> None:
     listener.set_inheritable(False)
     settings = Settings.from_environment(os.environ)
     secret = auth_string(settings)
-    prepare_servers_database(settings, os.environ)
     from .server_environment import server_variables
 
     # Prefect reads its settings when it is imported.
     os.environ.update(server_variables(server_folder(settings), arguments.port, secret))
+    prepare_servers_database(settings, os.environ)
     from .server_process import run
 
     run(listener, secret)

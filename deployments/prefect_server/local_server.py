@@ -17,7 +17,7 @@ import subprocess
 import sys
 import time
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -59,10 +59,17 @@ class ServerStatus:
     """Whether it is there, and has not answered in time."""
 
 
-def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) -> str:
+def ensure_server(
+    settings: Settings, environ: Mapping[str, str] | None = None, meanwhile: Callable[[str], None] = lambda _: None
+) -> str:
     """Returns the API URL of the Prefect server to use, starting a local one if none is configured.
 
     One that is busy is waited for, and a local one that stays so is started again.
+
+    Args:
+        settings: the data home's.
+        environ: variables that may name a server, usually `os.environ`.
+        meanwhile: called with the URL of a server that has just been started, and does not answer yet.
 
     Raises:
         LocalServerError: the server did not answer in time.
@@ -83,7 +90,7 @@ def ensure_server(settings: Settings, environ: Mapping[str, str] | None = None) 
         return str(status.api_url)
     with _locked(settings):
         status = server_status(settings, environ)
-        return str(status.api_url) if status.running else _start(settings)
+        return str(status.api_url) if status.running else _start(settings, meanwhile)
 
 
 def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str] | None = None) -> dict[str, str]:
@@ -154,7 +161,7 @@ def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> 
     return status
 
 
-def _start(settings: Settings) -> str:
+def _start(settings: Settings, meanwhile: Callable[[str], None]) -> str:
     _stop(settings)  # one that does not answer, or that an earlier version started
     auth_string(settings)  # a secret that cannot be used is told here, not in the server's log
     folder = server_folder(settings)
@@ -174,6 +181,7 @@ def _start(settings: Settings) -> str:
             cwd=folder,
         )
     try:
+        meanwhile(api_url)
         _wait_until_healthy(process, api_url, log)
         status = ServerStatus(running=True, api_url=api_url, pid=process.pid, log=str(log))
         temporary = folder / "server.json.part"

@@ -1,14 +1,15 @@
 """Runs Prefect's server application in this process, guarded and with our pages; Prefect's settings must be set."""
 
+import asyncio
 import socket
 from contextlib import AsyncExitStack
+from importlib import import_module
 
 import uvicorn
 from prefect.server.api.server import create_app
 from prefect.settings import get_current_settings
 from starlette.types import ASGIApp
 
-from ..dead_run_sweeper import close_dead_runs_beside
 from ..web_guard.guard import Guard
 from .beside import beside
 from .login_page import LoginPage
@@ -65,7 +66,9 @@ class _Server(uvicorn.Server):
         """Starts to answer, then starts the jobs."""
         await super().startup(sockets)
         if self.started:
-            jobs = (close_dead_runs_beside, tell_when_stuck)
+            # Its modules take a second to import, which who waits for the server need not wait for.
+            sweeper = await asyncio.to_thread(import_module, "prefect_robomaker.deployments.dead_run_sweeper")
+            jobs = (sweeper.close_dead_runs_beside, tell_when_stuck)
             await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:

@@ -1,14 +1,18 @@
 """The database of the local server: what removed runs took is given back, while a server goes on and at its start."""
 
+import asyncio
 import sqlite3
 import threading
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from prefect_robomaker.deployments import prefect_database
 from prefect_robomaker.deployments.prefect_database import (
     database_file,
+    make_database,
     measure_database,
     prepare_database,
     prepare_servers_database,
@@ -101,13 +105,64 @@ def test_a_server_that_reads_and_writes_goes_on(path: Path) -> None:
     assert path.stat().st_size < 2_000_000
 
 
-def test_a_server_with_another_database_gets_no_file(settings: Settings) -> None:
+def tables(path: Path) -> dict[str, Any]:
+    """Columns, keys and indexes of each table, each in an order that does not depend on the order of the steps."""
+    with closing(sqlite3.connect(path)) as database:
+
+        def told(pragma: str, name: str) -> list[Any]:
+            return sorted((row[1:] for row in database.execute(f"PRAGMA {pragma}('{name}')")), key=repr)
+
+        found: dict[str, Any] = {
+            f"{kind} {name}": sql
+            for kind, name, sql in database.execute("SELECT type, name, sql FROM sqlite_master WHERE type != 'table'")
+        }
+        for (name,) in database.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall():
+            keys = sorted(row[2:] for row in told("foreign_key_list", name))
+            found[name] = (database.execute(f"PRAGMA table_info('{name}')").fetchall(), keys, told("index_list", name))
+        found["release"] = database.execute("SELECT version_num FROM alembic_version").fetchall()
+        return found
+
+
+@pytest.mark.deep
+def test_a_new_database_is_the_one_that_prefects_server_makes(path: Path, tmp_path: Path) -> None:
+    from prefect.server.database.dependencies import provide_database_interface
+    from prefect.settings import PREFECT_API_DATABASE_CONNECTION_URL, temporary_settings
+
+    prefects = tmp_path / "prefects.db"
+    with temporary_settings({PREFECT_API_DATABASE_CONNECTION_URL: f"sqlite+aiosqlite:///{prefects}"}):
+        make_database(path)
+        assert path.exists()
+        assert not list(tmp_path.glob("*.part*"))
+        asyncio.run(provide_database_interface().create_db())
+    assert tables(path) == tables(prefects)
+    assert prepare_database(path) is None  # which would write a database anew that cannot shrink
+    assert [file.name for file in tmp_path.glob("prefect.db*")] == ["prefect.db"]
+
+
+def test_a_database_that_cannot_be_made_is_left_to_the_server(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(unfinished: Path) -> None:
+        assert unfinished.exists()
+        raise AttributeError("_upgrade_revs")
+
+    monkeypatch.setattr(prefect_database, "_apply_steps", fail)
+    make_database(path)
+    assert list(path.parent.iterdir()) == []
+
+
+def test_a_database_that_is_there_stays_as_it_is(path: Path) -> None:
+    path.write_text("somebody's")
+    make_database(path)
+    assert path.read_text() == "somebody's"
+
+
+def test_a_server_with_another_database_gets_no_file(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     path = database_file(settings)
     path.parent.mkdir(parents=True)
     url = "postgresql+asyncpg://somebody@127.0.0.1/prefect"
 
     prepare_servers_database(settings, {"PREFECT_SERVER_DATABASE_CONNECTION_URL": url})
     assert not path.exists()
+    monkeypatch.setattr(prefect_database, "_apply_steps", lambda _: None)
     prepare_servers_database(settings, {})
     assert path.exists()
 

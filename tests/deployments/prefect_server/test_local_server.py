@@ -206,14 +206,16 @@ def test_the_secret_is_not_for_what_answers_at_the_address_of_a_dead_server(sett
 
 def test_an_interrupted_start_leaves_no_server(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[subprocess.Popen[bytes]] = []
+    imported: list[str] = []
 
-    def interrupt(process: subprocess.Popen[bytes], *arguments: object) -> None:
+    def interrupt(process: subprocess.Popen[bytes], api_url: str, _: object) -> None:
+        assert imported == [api_url], "before the server is waited for"
         started.append(process)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(local_server, "_wait_until_healthy", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        ensure_server(settings, {"PREFECT_HOME": str(settings.home)})
+        ensure_server(settings, {"PREFECT_HOME": str(settings.home)}, meanwhile=imported.append)
 
     assert started[0].returncode is not None
     assert not server_status(settings, {}).running
