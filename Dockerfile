@@ -6,7 +6,7 @@
 FROM python:3.12.11-slim-bookworm AS build
 RUN pip install --no-cache-dir "uv>=0.8,<1"
 WORKDIR /source
-COPY pyproject.toml uv.lock README.md LICENSE ./
+COPY pyproject.toml setup.py uv.lock README.md LICENSE ./
 COPY prefect_robomaker prefect_robomaker
 COPY schemas schemas
 COPY tasks tasks

@@ -1,5 +1,10 @@
 import ast
+import shutil
+import subprocess
+import sys
 import tomllib
+import zipfile
+from pathlib import Path
 
 import yaml
 from helpers.paths import REPOSITORY
@@ -8,19 +13,29 @@ from prefect_robomaker.tasks.operations.registry import registry
 
 TOP = ("prefect_robomaker", "schemas", "tasks", "flows", "deployments")
 DOOR = "prefect_robomaker"
+COPIED = (
+    *(f"{DOOR}/deployments/{name}" for name in ("compose.yaml", "kubernetes/", "machines.env")),
+    *(f"{DOOR}/tasks/fleet/agent/{name}" for name in ("Containerfile", "pyproject.toml", "robomaker-agent.service")),
+)
+"""Files that the documentation has users take from the repository."""
 
 
-def test_every_package_folder_is_declared() -> None:
-    declared = set(tomllib.loads((REPOSITORY / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"])
+def test_the_wheel_has_every_file_of_the_product(tmp_path: Path) -> None:
+    """Modules, and what they read: templates, pictures, models, specifications."""
+    source, wheels = tmp_path / "source", tmp_path / "wheels"
+    for name in (*TOP, "setup.py", "pyproject.toml", "README.md", "LICENSE"):
+        copy = shutil.copytree if (REPOSITORY / name).is_dir() else shutil.copy
+        source.mkdir(exist_ok=True)
+        copy(REPOSITORY / name, source / name)
+    program = "import sys; from setuptools.build_meta import build_wheel; build_wheel(sys.argv[1])"
+    built = subprocess.run([sys.executable, "-c", program, str(wheels)], cwd=source, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
 
-    found = {
-        ".".join((DOOR, *path.parent.relative_to(REPOSITORY).parts)) if top != DOOR else DOOR
-        for top in TOP
-        for path in (REPOSITORY / top).rglob("__init__.py")
-        if REPOSITORY / "deployments" / "specs" not in path.parents
-    }
-
-    assert declared == found
+    with zipfile.ZipFile(next(wheels.iterdir())) as wheel:
+        packed = {name for name in wheel.namelist() if ".dist-info/" not in name}
+    tracked = subprocess.run(["git", "ls-files", *TOP], cwd=REPOSITORY, capture_output=True, text=True, check=True)
+    files = {f"{DOOR}/{name.removeprefix(f'{DOOR}/')}" for name in tracked.stdout.splitlines()}
+    assert {name for name in files - packed if not name.startswith(COPIED)} == set()
 
 
 def test_no_source_file_is_longer_than_500_lines() -> None:
