@@ -1,1 +1,1 @@
-"""Every RoboMaker operation as a Prefect flow, in the module of its resource; their steps are in `steps`."""
+"""Every RoboMaker operation as a Prefect flow, in `operations`; specifications are run by the flow of `pipelines`."""

@@ -1,6 +1,5 @@
 """Finding the flow of an operation by the operation's name."""
 
-import importlib
 import logging
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -17,6 +16,7 @@ from ..tasks.execution.flow_ends import answer_of
 from ..tasks.inspection.standings import job_result
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
+from . import operations
 
 _logger = logging.getLogger(__name__)
 
@@ -31,7 +31,7 @@ def find_flow(operation: str) -> Flow[..., Any]:
     Raises:
         KeyError: there is no such operation.
     """
-    return _flow(operation, registry()[operation].name)
+    return getattr(operations, registry()[operation].name)
 
 
 def find_perform_flow(operation: str) -> Flow[..., Any]:
@@ -40,7 +40,7 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
     Raises:
         KeyError: there is no such operation.
     """
-    return _flow(operation, registry()[operation].perform_name)
+    return getattr(operations, registry()[operation].perform_name)
 
 
 def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
@@ -100,7 +100,3 @@ def _is_unreachable(error: BaseException | None) -> bool:
             return True
         error = error.__cause__ or error.__context__
     return False
-
-
-def _flow(operation: str, name: str) -> Flow[..., Any]:
-    return getattr(importlib.import_module(f".{registry()[operation].resource}", __package__), name)

@@ -1,6 +1,6 @@
-"""Flows: simulation job batches: many jobs, never more than `maxConcurrency` at once; and their job workers.
+"""The flow of the job workers that a work pool starts: a run for each machine, not for each job.
 
-One that a work pool starts is a flow run for each machine, not for each job: to start one takes seconds.
+To start a flow run takes seconds.
 """
 
 from typing import Any
@@ -10,9 +10,6 @@ from prefect.context import FlowRunContext
 from prefect.exceptions import TerminationSignal
 from prefect.states import Completed, Failed
 
-from ..schemas.operations.simulation_job_batches import BatchPolicy
-from ..schemas.operations.simulation_jobs import SimulationJobRequests
-from ..schemas.wire.common import Arn, ClientRequestToken, Filters, MaxResults, PaginationToken, TagMap
 from ..schemas.wire.errors import ConfigurationError
 from ..tasks.backends.backend import JOB_WORKER_FLOW, MISCONFIGURED
 from ..tasks.execution.flow_ends import started_by_worker
@@ -21,45 +18,6 @@ from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.jobs.batch_workers import BatchWorker
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Service
-from .steps import carry_out, operation_flow, order, perform_flow, read, record, validate
-
-
-@operation_flow
-def StartSimulationJobBatch(
-    *,
-    createSimulationJobRequests: SimulationJobRequests,
-    clientRequestToken: ClientRequestToken | None = None,
-    batchPolicy: BatchPolicy | None = None,
-    tags: TagMap | None = None,
-) -> dict[str, Any]:
-    """Runs many simulations, so many at a time."""
-    return order("StartSimulationJobBatch", locals())
-
-
-@perform_flow
-def PerformSimulationJobBatch(arn: str) -> dict[str, Any]:
-    """Carries the job of an ARN, made by StartSimulationJobBatch, to its end."""
-    return carry_out("StartSimulationJobBatch", arn)
-
-
-@operation_flow
-def DescribeSimulationJobBatch(*, batch: Arn) -> dict[str, Any]:
-    """Describes a batch: its progress, and the jobs and failures of its requests."""
-    return read("DescribeSimulationJobBatch", locals())
-
-
-@operation_flow
-def ListSimulationJobBatches(
-    *, nextToken: PaginationToken | None = None, maxResults: MaxResults | None = None, filters: Filters | None = None
-) -> dict[str, Any]:
-    """Lists simulation job batches, newest first."""
-    return read("ListSimulationJobBatches", locals())
-
-
-@operation_flow
-def CancelSimulationJobBatch(*, batch: Arn) -> dict[str, Any]:
-    """Stops a batch: its jobs end, requests that wait never become jobs."""
-    return record("CancelSimulationJobBatch", validate("CancelSimulationJobBatch", locals()))
 
 
 @flow(name=JOB_WORKER_FLOW)

@@ -1,17 +1,16 @@
-"""Tasks of operation flows, and the decorators that make functions flows.
+"""Tasks of operation flows, and how the flows use them.
 
 Prefect shows the tasks of a flow run by name. A write has `validate` and `record`; a job has the steps of its
 kind after them (`prepare`, `simulate`, `upload`; `generate-world`; `export`); a read is answered without a task.
 """
 
-import inspect
 import logging
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, ParamSpec
+from typing import Any
 
 import httpx
-from prefect import Flow, flow, task
+from prefect import task
 from prefect.cache_policies import NO_CACHE
 from prefect.client.orchestration import get_client
 from prefect.context import FlowRunContext
@@ -19,7 +18,6 @@ from prefect.exceptions import PrefectException
 from prefect.runtime import flow_run
 
 from ..schemas.job_owners import NeededEnvironment
-from ..schemas.operations.registry import OPERATIONS
 from ..schemas.wire.base import Shape
 from ..schemas.wire.errors import ServiceUnavailableException
 from ..tasks.execution.artifacts import shown_progress
@@ -33,29 +31,7 @@ from ..tasks.jobs.owners.own_orders import OwnOrder
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 
-Parameters = ParamSpec("Parameters")
-
 _logger = logging.getLogger(__name__)
-
-
-def operation_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
-    """Makes a function the flow of the operation it is named after; its parameters are the request's members."""
-    name = function.__name__
-    _describe_parameters(function, OPERATIONS[name].request)
-    # The request model checks more, and says it better, than a generic validation of parameters.
-    return flow(name=name, description=OPERATIONS[name].description, validate_parameters=False)(function)
-
-
-def _describe_parameters(function: Callable[..., Any], request: type[Shape]) -> None:
-    """Puts the descriptions of a request's members into a docstring, where Prefect's forms get them."""
-    lines = [f"    {name}: {request.model_fields[name].description}" for name in inspect.signature(function).parameters]
-    if lines:
-        function.__doc__ = "\n".join((inspect.cleandoc(function.__doc__ or ""), "", "Args:", *lines))
-
-
-def perform_flow(function: Callable[Parameters, dict[str, Any]]) -> Flow[Parameters, dict[str, Any]]:
-    """Makes a function a flow that carries the job of an ARN to its end; its runs are named after the job."""
-    return flow(name=function.__name__, flow_run_name=_job_id)(function)
 
 
 @task(name="validate", cache_policy=NO_CACHE)
@@ -151,7 +127,7 @@ def _present(members: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in members.items() if value is not None}
 
 
-def _job_id() -> str:
+def job_id() -> str:
     """The name of a flow run that carries out a job: the id at the end of the job's ARN."""
     return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
 

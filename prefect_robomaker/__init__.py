@@ -65,7 +65,7 @@ _MODULES = {
     "load_spec": "schemas.specs.check",
     "run_spec": "flows.pipelines",
     **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
-    **{name: f"flows.{module}" for module, names in operation_flows.FLOWS.items() for name in names},
+    **dict.fromkeys(operation_flows.__all__, "flows.operations"),
 }
 
 

@@ -69,9 +69,9 @@ def test_prefect_yaml_deploys_every_flow() -> None:
 
     expected = set()
     for name, entry in registry().items():
-        expected.add(f"prefect_robomaker.flows.{entry.resource}.{name}")
+        expected.add(f"prefect_robomaker.flows.operations.{name}")
         if entry.run_job:
-            expected.add(f"prefect_robomaker.flows.{entry.resource}.{entry.perform_name}")
+            expected.add(f"prefect_robomaker.flows.operations.{entry.perform_name}")
     assert entrypoints == expected
 
 

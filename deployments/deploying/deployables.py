@@ -108,7 +108,7 @@ def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, 
 def _of_operation(entry: Operation, flow: str, description: str, role: str) -> Deployable:
     return Deployable(
         flow=flow,
-        entrypoint=f"{_FLOWS}.{entry.resource}.{flow}",
+        entrypoint=f"{_FLOWS}.operations.{flow}",
         name=deployment_name(flow),
         description=description,
         tags=(TAG, role, entry.resource.replace("_", "-")),

@@ -1,7 +1,7 @@
 """The resources that operations are about: the one list from which the registries of shapes and handlers are made.
 
-A resource is a module here, with the shapes of its operations, one in `tasks/operations`, with their handlers, and
-one in `flows`; all three have its name.
+A resource is a module here, with the shapes of its operations, and one in `tasks/operations`, with their handlers;
+both have its name.
 """
 
 from collections.abc import Mapping

@@ -15,6 +15,7 @@ from ..runs.requested_trials import TRIALS_VARIABLE, trials_of
 from ..runs.trials import Trials
 from ..wire.errors import Problem, SpecError
 from ..wire.json_values import is_list, is_mapping, is_object
+from ..wire.operation_shape import READS
 from .model import CheckedSpec
 from .text import path_text
 
@@ -23,7 +24,6 @@ EXPORT = "CreateWorldExportJob"
 JOB = "CreateSimulationJob"
 BATCH = "StartSimulationJobBatch"
 _REQUESTS = "createSimulationJobRequests"
-_READS = ("Describe", "List", "Get", "BatchDescribe")
 _MAKES = frozenset(
     (
         *(GENERATION, EXPORT, JOB, BATCH, "CreateWorldTemplate"),
@@ -74,7 +74,7 @@ def check_probed(spec: CheckedSpec) -> None:
             "read, and that make applications, templates, worlds and simulation jobs",
         )
         for step in spec.steps.values()
-        if step.operation not in _MAKES and not step.operation.startswith(_READS)
+        if step.operation not in _MAKES and not step.operation.startswith(READS)
     ]
     if problems:
         raise SpecError(problems)

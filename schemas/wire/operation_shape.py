@@ -28,6 +28,9 @@ UPDATE_APPLICATION_ERRORS: tuple[ErrorClass, ...] = (INVALID, NOT_FOUND, LIMIT, 
 DELETE_APPLICATION_ERRORS: tuple[ErrorClass, ...] = (INVALID, THROTTLED, INTERNAL)
 CREATE_EXPORT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, MISMATCH, UNAVAILABLE)
 
+READS = ("Describe", "List", "Get", "BatchDescribe")
+"""Beginnings of the names of the operations that change nothing."""
+
 
 @dataclass(frozen=True)
 class OperationShape:

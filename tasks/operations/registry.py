@@ -4,7 +4,7 @@
 @operation("DescribeWorld")                      handler(request, service) -> response
         │
         ├── call("DescribeWorld", {...}, service)       a function call: milliseconds, no flow run
-        └── flows.worlds.DescribeWorld(world="arn:…")   a Prefect flow named DescribeWorld
+        └── flows.operations.DescribeWorld(world="arn:…")   a Prefect flow named DescribeWorld
 
 @operation("CreateWorldGenerationJob", perform=…)
         ├── call(…)                    the submit half: checks, stores the job as Pending, answers

@@ -147,7 +147,7 @@ def deploy(client: Any, pool: str, arn: str) -> Any:
         flow_id=flow,
         name=pool,
         work_pool_name=pool,
-        entrypoint="prefect_robomaker.flows.simulation_job_batches:PerformSimulationJobBatch",
+        entrypoint="prefect_robomaker.flows.operations:PerformSimulationJobBatch",
         pull_steps=[],
     )
     return client.create_flow_run_from_deployment(deployment, parameters={"arn": arn}).id

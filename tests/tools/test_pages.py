@@ -54,8 +54,8 @@ def test_a_section_says_where_it_is_called_what_it_takes_and_what_it_refuses() -
     page = section("CreateSimulationJob")
 
     assert "`POST /createSimulationJob`" in page
-    assert "`prefect_robomaker.flows.simulation_jobs:CreateSimulationJob`" in page
-    assert "`prefect_robomaker.flows.simulation_jobs:PerformSimulationJob`" in page
+    assert "`prefect_robomaker.flows.operations:CreateSimulationJob`" in page
+    assert "`prefect_robomaker.flows.operations:PerformSimulationJob`" in page
     assert "| `maxJobDurationInSeconds`, **required** | whole number, 1 to 1209600 |" in page
     assert "`IdempotentParameterMismatchException`" in page
     assert "**`seed`.** Extension" in page

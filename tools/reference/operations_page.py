@@ -35,7 +35,7 @@ Each operation can be called in four ways, and does the same in all of them:
 | the command line | `robomaker call DescribeWorld --input '{{"world": "arn:…"}}'`; `describe-world` is as good |
 | an SDK or the AWS CLI | `boto3.client("robomaker").describe_world(world="arn:…")`, see [Serving](serving.md) |
 | Python | `call("DescribeWorld", {{"world": "arn:…"}}, service)` of `prefect_robomaker.tasks.operations.registry` |
-| Prefect | `prefect_robomaker.flows.worlds.DescribeWorld(world="arn:…")`, a flow, see [Prefect](prefect.md) |
+| Prefect | `prefect_robomaker.DescribeWorld(world="arn:…")`, a flow, see [Prefect](prefect.md) |
 
 Operations that start a job store it as `Pending` and answer. `robomaker serve`, `robomaker call … --wait`,
 `robomaker perform ARN` and the flow carry it to its end; the flow `Perform…` does so for a job that is stored.
@@ -112,9 +112,9 @@ def _everywhere() -> str:
 
 def _operation(operation: OperationShape, tables: Tables) -> str:
     entry = registry()[operation.name]
-    flow = f"`prefect_robomaker.flows.{entry.resource}:{entry.name}`"
+    flow = f"`prefect_robomaker.flows.operations:{entry.name}`"
     if entry.run_job is not None:
-        flow += f"; `prefect_robomaker.flows.{entry.resource}:{entry.perform_name}` carries a stored job to its end"
+        flow += f"; `prefect_robomaker.flows.operations:{entry.perform_name}` carries a stored job to its end"
     parts = [
         f"### {operation.name}\n",
         operation.description + (" *The service had ended it earlier.*" if operation.deprecated else "") + "\n",

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
-from .door import operation_flows_module, with_deployments
+from .door import flows_stub, operation_flows_module, with_deployments
 from .guide import with_tables
 from .operations_page import operations_page
 from .rooms import with_rooms
@@ -30,5 +30,6 @@ def pages() -> Mapping[Path, str]:
         guide: with_tables(guide.read_text()),
         architecture: with_rooms(architecture.read_text(), root),
         root / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
+        root / "flows" / "operations.pyi": flows_stub(),
         deployments: with_deployments(deployments.read_text()),
     }

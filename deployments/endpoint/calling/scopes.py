@@ -5,13 +5,12 @@ from typing import Any
 
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
-from ....schemas.wire.operation_shape import OperationShape
+from ....schemas.wire.operation_shape import READS, OperationShape
 from ....tasks.catalog import Catalog, Resource
 from ....tasks.service.builtin_applications import is_builtin
 from ..messages import AccessDeniedException
 from .access_keys import SCOPES, AccessKey, Scope
 
-_READS = ("Describe", "List", "Get", "BatchDescribe")
 _SUBMITTED = frozenset(
     {
         "CreateSimulationJob",
@@ -33,7 +32,7 @@ _FREE_TEXT = frozenset({"tags", "worldTags", "environmentVariables", "templateBo
 
 def needed_scope(operation: str) -> Scope:
     """The least scope that an operation asks for."""
-    if operation.startswith(_READS):
+    if operation.startswith(READS):
         return "read"
     return "submit" if operation in _SUBMITTED else "administer"
 

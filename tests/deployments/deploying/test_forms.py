@@ -1,9 +1,7 @@
 """Schemas of forms: what is optional is shown at once, and the default of a choice is chosen."""
 
 from prefect_robomaker.deployments.deploying.forms import form_schema
-from prefect_robomaker.flows.robots import CreateRobot
-from prefect_robomaker.flows.simulation_job_batches import StartSimulationJobBatch
-from prefect_robomaker.flows.simulation_jobs import CreateSimulationJob
+from prefect_robomaker.flows.operations import CreateRobot, CreateSimulationJob, StartSimulationJobBatch
 
 
 def test_optional_choices_are_shown_at_once_with_their_default_chosen() -> None:

@@ -259,7 +259,7 @@ def deploy(client: Any, pool: str, arn: str) -> Any:
         flow_id=flow,
         name=pool,
         work_pool_name=pool,
-        entrypoint="prefect_robomaker.flows.simulation_jobs:PerformSimulationJob",
+        entrypoint="prefect_robomaker.flows.operations:PerformSimulationJob",
         pull_steps=[],
     )
     return client.create_flow_run_from_deployment(deployment, parameters={"arn": arn}).id

@@ -1,4 +1,3 @@
-import importlib
 import inspect
 import subprocess
 import sys
@@ -6,6 +5,7 @@ from datetime import datetime
 
 import pytest
 
+from prefect_robomaker.flows import operations
 from prefect_robomaker.flows.lookup import find_flow, find_perform_flow
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
@@ -27,9 +27,8 @@ def test_every_operation_is_a_flow_of_its_name_with_the_members_as_parameters(na
     assert set(parameters) == set(OPERATIONS[name].request.model_fields)
     required = {member for member, field in OPERATIONS[name].request.model_fields.items() if field.is_required()}
     assert set(flow.parameters.required) == required
-    module = importlib.import_module(f"prefect_robomaker.flows.{registry()[name].resource}")
-    assert vars(module)[name] is flow
-    assert name in dir(module)
+    assert getattr(operations, name) is flow
+    assert flow.fn.__module__ == operations.__name__
 
 
 def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
@@ -44,11 +43,9 @@ def test_job_operations_have_a_flow_that_performs_a_stored_job() -> None:
     }
 
 
-def test_a_module_offers_no_flow_of_another_module() -> None:
-    from prefect_robomaker.flows import worlds
-
-    with pytest.raises(AttributeError, match="CreateWorldTemplate"):
-        getattr(worlds, "CreateWorldTemplate")  # noqa: B009 - a type checker sees as well that it is not there
+def test_there_is_no_flow_of_another_name() -> None:
+    with pytest.raises(AttributeError, match="CreateWorlds"):
+        getattr(operations, "CreateWorlds")  # noqa: B009 - a type checker sees as well that it is not there
 
 
 def test_a_flow_run_answers_like_a_direct_call(service: Service, prefect_server: str) -> None:

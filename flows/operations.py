@@ -1,0 +1,70 @@
+"""Every operation as a flow, with its request's members as parameters; and the flows that carry out stored jobs.
+
+A flow is made when it is first asked for: `from prefect_robomaker.flows.operations import DescribeWorld`. Type
+checkers read `operations.pyi`, which `python -m tools.reference` writes.
+"""
+
+import inspect
+from typing import Any
+
+from prefect import Flow, flow
+
+from ..schemas.operations.registry import OPERATIONS
+from ..schemas.wire.operation_shape import READS, OperationShape
+from ..tasks.operations.registry import registry
+from .steps import carry_out, job_id, order, read, record, validate
+
+
+def __getattr__(name: str) -> Flow[..., Any]:
+    """Makes the flow of a name; later uses find it in the module."""
+    if name in OPERATIONS:
+        made = _operation_flow(OPERATIONS[name])
+    elif makers := [entry.name for entry in registry().values() if entry.run_job and entry.perform_name == name]:
+        made = _perform_flow(name, makers)
+    else:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = made
+    return made
+
+
+def _operation_flow(shape: OperationShape) -> Flow[..., Any]:
+    members = shape.request.model_fields
+
+    def call(**given: Any) -> Any:
+        if shape.is_job:
+            return order(shape.name, given)
+        if shape.name.startswith(READS):
+            return read(shape.name, given)
+        return record(shape.name, validate(shape.name, given))
+
+    parameters = [
+        inspect.Parameter(
+            name,
+            inspect.Parameter.KEYWORD_ONLY,
+            default=inspect.Parameter.empty if field.is_required() else None,
+            annotation=field.rebuild_annotation(),
+        )
+        for name, field in members.items()
+    ]
+    # Prefect's forms have their texts from the docstring.
+    lines = [f"    {name}: {field.description}" for name, field in members.items()]
+    text = "\n".join((shape.description, "", "Args:", *lines)) if lines else shape.description
+    # The request model checks more, and says it better, than a generic validation of parameters.
+    return flow(name=shape.name, description=shape.description, validate_parameters=False)(
+        _named(call, shape.name, text, inspect.Signature(parameters))
+    )
+
+
+def _perform_flow(name: str, makers: list[str]) -> Flow[..., Any]:
+    def perform(arn: str) -> Any:
+        return carry_out(makers[0], arn)
+
+    text = f"Carries the job of an ARN, made by {' or '.join(makers)}, to its end."
+    return flow(name=name, flow_run_name=job_id)(_named(perform, name, text, inspect.signature(perform)))
+
+
+def _named(function: Any, name: str, text: str, signature: inspect.Signature) -> Any:
+    """A function that Prefect takes for one that is written out in this module."""
+    function.__name__ = function.__qualname__ = name
+    function.__doc__, function.__signature__ = text, signature
+    return function
