@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from .wire.base import Model
+from .wire.base import Model, optional
 
 PYTHON_PATH = "PYTHONPATH"
 NOT_INSTALLED = ""
@@ -46,8 +46,8 @@ class NeededEnvironment(Model):
 
     machine: str = Field(description="Name of the machine on which it was ordered.")
     python: str = Field(description="Folder of the Python environment in which it was ordered.")
-    python_path: tuple[str, ...] | None = Field(
-        default=None, description="Folders of PYTHONPATH; absent: no code of the job's own is imported."
+    python_path: tuple[str, ...] | None = optional(
+        "Folders of PYTHONPATH; absent: no code of the job's own is imported."
     )
     variables: dict[str, str] = Field(description="Variables of RoboMaker and their values, set or not.")
     packages: dict[str, str] = Field(description="Installed packages of its applications, with what they contain.")
@@ -103,14 +103,12 @@ class JobStanding(Model):
     owner: JobOwner = Field(description="The process that carries it out, or did last.")
     since: datetime | None = Field(description="When the owner took it.")
     state: OwnerState = Field(description="Whether the owner works, has died, has left it, or the job has ended.")
-    lost: JobOwner | None = Field(default=None, description="The owner before it, which died; absent: there was none.")
+    lost: JobOwner | None = optional("The owner before it, which died; absent: there was none.")
     differences: tuple[str, ...] = Field(
         default=(), description="Differences of this process from what the job needs, in words; empty: none."
     )
-    command: str | None = Field(
-        default=None, description="Command that carries it out as it was ordered; absent: any job worker does."
-    )
-    machine: str | None = Field(default=None, description="Machine on which to type that.")
+    command: str | None = optional("Command that carries it out as it was ordered; absent: any job worker does.")
+    machine: str | None = optional("Machine on which to type that.")
 
     @property
     def waits_for_command(self) -> bool:

@@ -4,7 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
-from .wire.base import Model
+from .wire.base import Model, optional
 
 
 class MissedNight(Model):
@@ -32,7 +32,5 @@ class NightSchedule(Model):
     name: str = Field(description="Name of the specification.")
     checked_until: datetime = Field(description="Nights that were due until then are judged, UTC.")
     expected: list[datetime] = Field(default=[], description="When the next nights are due, as Prefect said last, UTC.")
-    paused_since: datetime | None = Field(
-        default=None, description="When its schedules were first seen paused, UTC; absent: they are not."
-    )
+    paused_since: datetime | None = optional("When its schedules were first seen paused, UTC; absent: they are not.")
     missed: list[MissedNight] = Field(default=[], description="Nights that did not happen, the oldest first.")

@@ -52,7 +52,7 @@ import platformdirs
 from pydantic import Field, IPvAnyNetwork, ValidationError
 
 from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
-from .wire.base import Model
+from .wire.base import Model, optional
 from .wire.errors import ConfigurationError
 from .wire.request_problems import problems_of
 
@@ -174,17 +174,15 @@ class Settings(Model):
         default=False,
         description="Whether a simulation job's code may create jobs, with the role and the applications of its own.",
     )
-    access_keys_file: Path | None = Field(
-        default=None,
-        description="File of the access keys that clients of the endpoint have to sign with; None: no signatures.",
+    access_keys_file: Path | None = optional(
+        "File of the access keys that clients of the endpoint have to sign with; None: no signatures."
     )
     trusted_proxies: tuple[IPvAnyNetwork, ...] = Field(
         default=(),
         description="Proxies before the endpoint: what they say of who calls, and whether by HTTPS, is taken for true.",
     )
-    roles_file: Path | None = Field(
-        default=None,
-        description="File of the roles that `iamRole` names; None: jobs act with the credentials of their job worker.",
+    roles_file: Path | None = optional(
+        "File of the roles that `iamRole` names; None: jobs act with the credentials of their job worker."
     )
     robots_url: str | None = Field(
         default=None,

@@ -57,7 +57,8 @@ def test_every_pydantic_field_has_a_description() -> None:
         for statement in ast.walk(ast.parse(path.read_text()))
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.value, ast.Call)
         for node in [statement.value]
-        if getattr(node.func, "id", "") == "Field" and not any(k.arg == "description" for k in node.keywords)
+        if (name := getattr(node.func, "id", "")) in ("Field", "optional")
+        and not (node.args[:1] if name == "optional" else [k for k in node.keywords if k.arg == "description"])
     ]
 
     assert missing == []

@@ -37,7 +37,7 @@ def test_texts_use_plain_words() -> None:
 
 
 FRAGMENT = re.compile(
-    r'^\s*"""(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*|description="(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*',
+    r'(?:^\s*"""|description="|optional\(\s*")(?:What|Who|Whose|Where|Which|Of|By|In|To)\b.*',
     re.MULTILINE,
 )
 """First lines of docstrings, and descriptions, that say nothing without the name above them."""

@@ -2,6 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
+from ..wire.base import optional
 from .base import Document, Json, Part
 
 
@@ -12,7 +13,7 @@ class StoredSource(Part):
 
     s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
     s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Key.")
-    architecture: str | None = Field(default=None, description="Processor architecture that it runs on; absent: any.")
+    architecture: str | None = optional("Processor architecture that it runs on; absent: any.")
     etag: str = Field(description="ETag it had when the application or its version was made.")
 
 
@@ -25,14 +26,12 @@ class StoredEnvironment(Part):
 class ApplicationDocument(Document):
     """An application as it is now, or a version of it."""
 
-    sources: list[StoredSource] | None = Field(default=None, description="Its archives; absent: it has none.")
-    environment: StoredEnvironment | None = Field(
-        default=None, description="Package or image instead of archives; absent: it has archives."
-    )
-    robot_software_suite: Json | None = Field(default=None, description="The suite that its robot side uses.")
-    simulation_software_suite: Json | None = Field(default=None, description="The suite that it simulates with.")
-    rendering_engine: Json | None = Field(default=None, description="The engine that it renders with.")
-    image_digest: str | None = Field(default=None, description="Digest of its container image, as far as known.")
+    sources: list[StoredSource] | None = optional("Its archives; absent: it has none.")
+    environment: StoredEnvironment | None = optional("Package or image instead of archives; absent: it has archives.")
+    robot_software_suite: Json | None = optional("The suite that its robot side uses.")
+    simulation_software_suite: Json | None = optional("The suite that it simulates with.")
+    rendering_engine: Json | None = optional("The engine that it renders with.")
+    image_digest: str | None = optional("Digest of its container image, as far as known.")
     version: str = Field(description="`$LATEST`, or the version's number.")
     revision_id: str = Field(description="Changes with each change of the application.")
-    last_number: int | None = Field(default=None, description="Number of its last version; counted by the catalog.")
+    last_number: int | None = optional("Number of its last version; counted by the catalog.")

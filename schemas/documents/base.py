@@ -7,6 +7,7 @@ from typing import Annotated, Any, ClassVar, Literal, Protocol, Self
 from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, model_serializer
 from pydantic.alias_generators import to_camel
 
+from ..wire.base import optional
 from ..wire.errors import ConfigurationError
 
 VERSION_KEY = "schema_version"
@@ -98,8 +99,8 @@ class Brief(Changes):
 class FailureChanges(Changes):
     """Why a job failed."""
 
-    failure_code: str | None = Field(default=None, description="Why the job failed or stopped; absent if it did not.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    failure_code: str | None = optional("Why the job failed or stopped; absent if it did not.")
+    failure_reason: str | None = optional("The same in words.")
 
 
 class Document(Changes):

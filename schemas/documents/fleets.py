@@ -4,38 +4,31 @@ from typing import Any, Literal
 
 from pydantic import Field
 
+from ..wire.base import optional
 from .base import Changes, Document, FailureChanges, Json, Part
 
 
 class RobotMembership(Changes):
     """Members of a robot's document that change: its fleet, and the last deployment meant for it."""
 
-    fleet: str | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
-    last_deployment_job: str | None = Field(default=None, description="ARN of the last deployment meant for it.")
+    fleet: str | None = optional("ARN of its fleet; absent: it is in none.")
+    last_deployment_job: str | None = optional("ARN of the last deployment meant for it.")
 
 
 class RobotEnrolment(Changes):
     """How a robot proves who it is."""
 
-    token_sha256: str | None = Field(
-        default=None, description="SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled."
-    )
+    token_sha256: str | None = optional("SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled.")
 
-    kind: Literal["agent"] | None = Field(
-        default=None, description="Kind of updater: our own agent; absent: an updater of others."
+    kind: Literal["agent"] | None = optional("Kind of updater: our own agent; absent: an updater of others.")
+    enrolment_sha256: str | None = optional(
+        "SHA-256 of the one-time token of an agent, in hexadecimal digits; absent: none."
     )
-    enrolment_sha256: str | None = Field(
-        default=None, description="SHA-256 of the one-time token of an agent, in hexadecimal digits; absent: none."
+    enrolment_expires_s: float | None = optional("Until when that token is taken, in seconds since the epoch.")
+    enrolment_taken: str | None = optional(
+        "SHA-256 of the robot's token that came with the one-time token; absent: none came."
     )
-    enrolment_expires_s: float | None = Field(
-        default=None, description="Until when that token is taken, in seconds since the epoch."
-    )
-    enrolment_taken: str | None = Field(
-        default=None, description="SHA-256 of the robot's token that came with the one-time token; absent: none came."
-    )
-    enrolment_root: int | None = Field(
-        default=None, description="Version of the root of the repository that the agent is to trust."
-    )
+    enrolment_root: int | None = optional("Version of the root of the repository that the agent is to trust.")
 
     @property
     def has_agent(self) -> bool:
@@ -46,25 +39,23 @@ class RobotEnrolment(Changes):
 class RobotSighting(Changes):
     """When a robot was there."""
 
-    last_seen_s: float | None = Field(
-        default=None, description="When it polled last, in seconds since the epoch, to a few seconds; absent: never."
+    last_seen_s: float | None = optional(
+        "When it polled last, in seconds since the epoch, to a few seconds; absent: never."
     )
 
 
 class RobotAttributes(Changes):
     """Attributes that a robot reports about itself."""
 
-    attributes: dict[str, str] | None = Field(default=None, description="Texts by name; absent: it said nothing.")
+    attributes: dict[str, str] | None = optional("Texts by name; absent: it said nothing.")
 
 
 class RobotInstallation(Changes):
     """Application and version that a robot installed last."""
 
-    installed_name: str | None = Field(default=None, description="Name of the application; absent: none yet.")
-    installed_version: str | None = Field(default=None, description="Its version; absent: none yet.")
-    installed_by: str | None = Field(
-        default=None, description="ARN of the deployment job that brought it; absent: an older release noted it."
-    )
+    installed_name: str | None = optional("Name of the application; absent: none yet.")
+    installed_version: str | None = optional("Its version; absent: none yet.")
+    installed_by: str | None = optional("ARN of the deployment job that brought it; absent: an older release noted it.")
 
 
 class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
@@ -82,7 +73,7 @@ class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttribu
 class FleetChanges(Changes):
     """Members of a fleet's document that change."""
 
-    last_deployment_job: str | None = Field(default=None, description="ARN of its last deployment job.")
+    last_deployment_job: str | None = optional("ARN of its last deployment job.")
 
 
 class FleetDocument(FleetChanges, Document):
@@ -94,9 +85,7 @@ class RobotsRolledBack(Part):
 
     job: str = Field(description="ARN of the deployment job that failed.")
     robots: list[str] = Field(description="ARNs of the robots.")
-    earlier: str | None = Field(
-        default=None, description="ARN of the deployment job that had brought that version; absent in older ones."
-    )
+    earlier: str | None = optional("ARN of the deployment job that had brought that version; absent in older ones.")
 
 
 class DeploymentJobDocument(FailureChanges, Document):
@@ -109,8 +98,8 @@ class DeploymentJobDocument(FailureChanges, Document):
     repeats: bool = Field(
         default=False, description="Whether it repeats an earlier one, so that robots that are in sync are left alone."
     )
-    rolls_back: RobotsRolledBack | None = Field(
-        default=None, description="The only robots that it is meant for, and why; absent: it is made by a call."
+    rolls_back: RobotsRolledBack | None = optional(
+        "The only robots that it is meant for, and why; absent: it is made by a call."
     )
 
     @property

@@ -4,6 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
+from ..wire.base import optional
 from .base import Brief, Changes, Document, FailureChanges, Json, Part
 
 
@@ -12,9 +13,7 @@ class StoredBatchPolicy(Part):
 
     timeout_in_seconds: int = Field(description="Seconds after which it stops.")
     max_concurrency: int = Field(description="How many of its jobs run at once.")
-    priority: int | None = Field(
-        default=None, description="On each machine jobs of batches with a higher one begin first; absent: 0."
-    )
+    priority: int | None = optional("On each machine jobs of batches with a higher one begin first; absent: 0.")
 
 
 class FailedRequest(Part):
@@ -33,36 +32,36 @@ class FailedRequest(Part):
 class BatchCounts(Changes):
     """Counts that lists read instead of the whole batch; batches from before these were counted have neither."""
 
-    request_count: int | None = Field(default=None, description="How many requests it has.")
-    failed_count: int | None = Field(default=None, description="How many of them never become jobs.")
+    request_count: int | None = optional("How many requests it has.")
+    failed_count: int | None = optional("How many of them never become jobs.")
 
 
 class BatchProgress(FailureChanges):
     """Members that are recorded while a batch runs, and when it ends."""
 
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
-    failed_count: int | None = Field(default=None, description="How many those are.")
-    concurrency: int | None = Field(
-        default=None, description="How many of its jobs may be held at once by the job workers of a backend, right now."
+    failed_count: int | None = optional("How many those are.")
+    concurrency: int | None = optional(
+        "How many of its jobs may be held at once by the job workers of a backend, right now."
     )
     ended_when_taken: int = Field(
         default=0, description="How many of its jobs had ended when a job worker last took it over."
     )
-    verdicts: dict[str, int] | None = Field(
-        default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
+    verdicts: dict[str, int] | None = optional(
+        "How many of its jobs that are Completed have which verdict; absent until it ends."
     )
 
 
 class BatchInBrief(FailureChanges, Brief):
     """Members of a batch that the console reads."""
 
-    request_count: int | None = Field(default=None, description="How many requests it has; absent: not counted.")
+    request_count: int | None = optional("How many requests it has; absent: not counted.")
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
-    verdicts: dict[str, int] | None = Field(
-        default=None, description="How many of its jobs that are Completed have which verdict; absent until it ends."
+    verdicts: dict[str, int] | None = optional(
+        "How many of its jobs that are Completed have which verdict; absent until it ends."
     )
-    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
+    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
 
 
 class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
@@ -70,7 +69,7 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
 
     request: Json = Field(description="The request on the wire: a `StartSimulationJobBatchRequest`.")
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
-    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
+    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
     reuse: bool = Field(default=False, description="Whether its jobs take over results of earlier ones.")
     in_campaign: bool = Field(
         default=False,

@@ -8,6 +8,7 @@ from pydantic import ConfigDict, Field
 
 from ..runs.machine_waits import Scarce
 from ..runs.plan import Verdict
+from ..wire.base import optional
 from .base import Brief, Changes, Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
 
@@ -18,17 +19,15 @@ class Outcome(Part):
     """How a run of a job finished, or the job without one."""
 
     status: OutcomeStatus = Field(description="Terminal status of the job.")
-    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
-    simulation_time_millis: int | None = Field(default=None, description="How long the run took; absent: none ran.")
-    cpu_time_s: float | None = Field(default=None, description="CPU time that the run took; absent: not known.")
-    video_s: float | None = Field(default=None, description="How long videos of its failure were made; absent: none.")
-    upload_s: float | None = Field(default=None, description="How long its outputs were stored; absent: not known.")
-    verdict: Verdict | None = Field(default=None, description="Verdict of its result; absent: none was written.")
-    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
-    outputs: StoredPlace | None = Field(
-        default=None, description="Place of its stored outputs; absent: they are not stored."
-    )
+    failure_code: str | None = optional("The service's failure code; absent when none.")
+    failure_reason: str | None = optional("The same in words.")
+    simulation_time_millis: int | None = optional("How long the run took; absent: none ran.")
+    cpu_time_s: float | None = optional("CPU time that the run took; absent: not known.")
+    video_s: float | None = optional("How long videos of its failure were made; absent: none.")
+    upload_s: float | None = optional("How long its outputs were stored; absent: not known.")
+    verdict: Verdict | None = optional("Verdict of its result; absent: none was written.")
+    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
+    outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
 
     def changes(self) -> "SimulationJobProgress":
         """Members that it sets in the job's document; its status is the job's own."""
@@ -64,16 +63,14 @@ class EarlierRun(Part):
     """A run of a job before its last one."""
 
     run_id: str = Field(description="Id of the run.")
-    started_at: str | None = Field(default=None, description="When it began.")
+    started_at: str | None = optional("When it began.")
     status: OutcomeStatus = Field(description="How it finished.")
-    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
-    simulation_time_millis: int | None = Field(default=None, description="How long it took; absent: not known.")
+    failure_code: str | None = optional("The service's failure code; absent when none.")
+    failure_reason: str | None = optional("The same in words.")
+    simulation_time_millis: int | None = optional("How long it took; absent: not known.")
     restarted: bool = Field(default=False, description="Whether it ended for a restart of the job.")
-    outputs: StoredPlace | None = Field(
-        default=None, description="Place of its stored outputs; absent: they are not stored."
-    )
-    not_stored: str | None = Field(default=None, description="Why its outputs are not stored; absent if they are.")
+    outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
+    not_stored: str | None = optional("Why its outputs are not stored; absent if they are.")
 
 
 class StoredNetworkInterface(Part):
@@ -88,9 +85,7 @@ class ResolvedKey(Part):
     """An object of a data source."""
 
     s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Its key.")
-    etag: str | None = Field(
-        default=None, description="Its ETag when the job was created; absent: the job's role could not read it."
-    )
+    etag: str | None = optional("Its ETag when the job was created; absent: the job's role could not read it.")
 
 
 class ResolvedDataSource(Part):
@@ -104,9 +99,7 @@ class ResolvedDataSource(Part):
     s3_keys: list[ResolvedKey] = Field(
         validation_alias="s3Keys", serialization_alias="s3Keys", description="Its objects."
     )
-    destination: str | None = Field(
-        default=None, description="Path at which applications find it; absent: by its name."
-    )
+    destination: str | None = optional("Path at which applications find it; absent: by its name.")
 
 
 ARCHIVE = "archive "
@@ -116,15 +109,11 @@ ARCHIVE = "archive "
 class MadeOf(Part):
     """Contents behind the names in a job's request when its run was prepared: by these it can be compared."""
 
-    world: str | None = Field(default=None, description="Hash of the content of its world's bundle; absent: no world.")
-    robot: str | None = Field(
-        default=None, description="Content of its robot application: archive, image or package; absent: it names none."
-    )
-    simulation: str | None = Field(default=None, description="Content of its simulation application; likewise.")
+    world: str | None = optional("Hash of the content of its world's bundle; absent: no world.")
+    robot: str | None = optional("Content of its robot application: archive, image or package; absent: it names none.")
+    simulation: str | None = optional("Content of its simulation application; likewise.")
     versions: dict[str, str] = Field(default={}, description="Versions of what ran it.")
-    once_only: str | None = Field(
-        default=None, description="Why the same inputs may have another result; absent: they have the same."
-    )
+    once_only: str | None = optional("Why the same inputs may have another result; absent: they have the same.")
 
     @property
     def robot_etag(self) -> str | None:
@@ -136,15 +125,15 @@ class ReusedFrom(Part):
     """The job whose results a job has taken over instead of running."""
 
     job: str = Field(description="ARN of the job that ran.")
-    spec_run: str | None = Field(default=None, description="The run of a specification that ordered it.")
+    spec_run: str | None = optional("The run of a specification that ordered it.")
 
 
 class SimulationJobProgress(FailureChanges):
     """Members that are recorded while a simulation job runs, and when it ends."""
 
-    run_id: str | None = Field(default=None, description="Id of its last run; absent: it has not run.")
-    last_started_at: str | None = Field(default=None, description="When that run began.")
-    network_interface: StoredNetworkInterface | None = Field(default=None, description="Network of that run.")
+    run_id: str | None = optional("Id of its last run; absent: it has not run.")
+    last_started_at: str | None = optional("When that run began.")
+    network_interface: StoredNetworkInterface | None = optional("Network of that run.")
     reached_s: float = Field(
         default=0.0, description="How far its runs had come when one went on, in simulated seconds."
     )
@@ -154,48 +143,37 @@ class SimulationJobProgress(FailureChanges):
         "little of; waits of less than a second, and those for jobs of its own batch, are left out.",
     )
     attempts: int = Field(default=1, description="How often that run was begun: again after a crash of its worker.")
-    simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
-    cpu_time_s: float | None = Field(
-        default=None, description="CPU time of all processes of that run; absent: not known, or it was taken over."
+    simulation_time_millis: int | None = optional("How long its last run took.")
+    cpu_time_s: float | None = optional(
+        "CPU time of all processes of that run; absent: not known, or it was taken over."
     )
-    simulated_at: str | None = Field(
-        default=None,
-        description="When the programs of its last run had ended, so that it only draws and stores; absent: not yet.",
+    simulated_at: str | None = optional(
+        "When the programs of its last run had ended, so that it only draws and stores; absent: not yet."
     )
-    video_s: float | None = Field(
-        default=None, description="How long videos of that run's failure were made, by the clock; absent: none were."
+    video_s: float | None = optional(
+        "How long videos of that run's failure were made, by the clock; absent: none were."
     )
-    upload_s: float | None = Field(
-        default=None, description="How long its outputs were stored, by the clock; absent: not known, or not yet."
-    )
-    verdict: Verdict | None = Field(
-        default=None, description="Verdict of its last run; absent: it has no result, or was canceled."
-    )
-    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
+    upload_s: float | None = optional("How long its outputs were stored, by the clock; absent: not known, or not yet.")
+    verdict: Verdict | None = optional("Verdict of its last run; absent: it has no result, or was canceled.")
+    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
     outcome: Outcome | None = Field(
         default=None,
         validation_alias="ending",
         serialization_alias="ending",
         description="How it finished, known before its outputs are stored.",
     )
-    trials_finished: int | None = Field(
-        default=None, description="How many trials of the last run had finished when it was last asked; absent: none."
+    trials_finished: int | None = optional(
+        "How many trials of the last run had finished when it was last asked; absent: none."
     )
-    finished: bool | None = Field(
-        default=None, description="Whether the last run wrote its outputs to the end; absent: no run ended."
-    )
-    outputs: StoredPlace | None = Field(default=None, description="Place of the stored outputs of its last run.")
-    call_key: str | None = Field(
-        default=None, description="Key with which the code of its last run calls the service, until that run ends."
-    )
+    finished: bool | None = optional("Whether the last run wrote its outputs to the end; absent: no run ended.")
+    outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
+    call_key: str | None = optional("Key with which the code of its last run calls the service, until that run ends.")
     upload_canceled: bool = Field(
         default=False,
         description="Whether a job that had been cancelled was cancelled again while its outputs were stored.",
     )
     earlier_runs: list[EarlierRun] = Field(default=[], description="Its runs before the last one, oldest first.")
-    made_of: MadeOf | None = Field(
-        default=None, description="Contents that its last run was made of; absent: it has not run."
-    )
+    made_of: MadeOf | None = optional("Contents that its last run was made of; absent: it has not run.")
 
     @classmethod
     def begun(cls, run_id: str, waited_s: Mapping[Scarce, float], call_key: str) -> "SimulationJobProgress":
@@ -232,38 +210,38 @@ class SimulationJobProgress(FailureChanges):
 class JobTrials(Changes):
     """Members of a job that the progress of a batch reads instead of the whole document."""
 
-    request_index: int | None = Field(default=None, description="Place of its request in its batch.")
-    trials_finished: int | None = Field(default=None, description="How many trials had finished when it was asked.")
+    request_index: int | None = optional("Place of its request in its batch.")
+    trials_finished: int | None = optional("How many trials had finished when it was asked.")
 
 
 class JobInBrief(FailureChanges, Brief):
     """Members of a job that the console's live pages read instead of the whole document."""
 
-    request_index: int | None = Field(default=None, description="Place of its request in its batch.")
-    last_started_at: str | None = Field(default=None, description="When its last run began.")
-    simulated_at: str | None = Field(default=None, description="When its programs had ended.")
+    request_index: int | None = optional("Place of its request in its batch.")
+    last_started_at: str | None = optional("When its last run began.")
+    simulated_at: str | None = optional("When its programs had ended.")
     waited_s: dict[Scarce, float] = Field(default={}, description="How long it waited for a machine, by what lacked.")
-    video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
-    upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
-    simulation_time_millis: int | None = Field(default=None, description="How long its last run took.")
-    verdict: Verdict | None = Field(default=None, description="Verdict of its last run.")
-    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
+    video_s: float | None = optional("How long videos of its failure were made.")
+    upload_s: float | None = optional("How long its outputs were stored.")
+    simulation_time_millis: int | None = optional("How long its last run took.")
+    verdict: Verdict | None = optional("Verdict of its last run.")
+    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
     video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
-    outputs: StoredPlace | None = Field(default=None, description="Place of the stored outputs of its last run.")
-    run_id: str | None = Field(default=None, description="Id of its last run.")
+    outputs: StoredPlace | None = optional("Place of the stored outputs of its last run.")
+    run_id: str | None = optional("Id of its last run.")
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):
     """A simulation job."""
 
     request: Json = Field(description="The request on the wire: a `SimulationJobOrder`.")
-    request_index: int | None = Field(default=None, description="Place of its request in its batch; absent: no batch.")
+    request_index: int | None = optional("Place of its request in its batch; absent: no batch.")
     seed: int = Field(description="Seed of the run's random generators.")
     video: Literal["none", "on-failure", "always"] = Field(default="none", description="When a video is written.")
     requirements: list[dict[str, Any]] = Field(default=[], description="Requirements that the run is judged by.")
-    trials: dict[str, Any] | None = Field(default=None, description="Its trials: `Trials`; absent: one episode.")
-    data_sources: list[ResolvedDataSource] | None = Field(default=None, description="Its data, found.")
+    trials: dict[str, Any] | None = optional("Its trials: `Trials`; absent: one episode.")
+    data_sources: list[ResolvedDataSource] | None = optional("Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
-    spec_run: str | None = Field(default=None, description="Id of the run of a specification that ordered it.")
-    reused_from: ReusedFrom | None = Field(default=None, description="Job whose results it took over; absent: it ran.")
+    spec_run: str | None = optional("Id of the run of a specification that ordered it.")
+    reused_from: ReusedFrom | None = optional("Job whose results it took over; absent: it ran.")

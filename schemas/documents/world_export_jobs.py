@@ -2,6 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
+from ..wire.base import optional
 from .base import Document, FailureChanges, Part
 
 
@@ -25,7 +26,7 @@ class WorldExportRequest(Part):
     worlds: list[str] = Field(description="ARNs of the worlds.")
     output_location: ArchiveLocation = Field(description="Location of the archive.")
     iam_role: str = Field(description="ARN of the role.")
-    client_request_token: str | None = Field(default=None, description="The request's token.")
+    client_request_token: str | None = optional("The request's token.")
 
 
 class WorldExportProgress(FailureChanges):

@@ -2,6 +2,7 @@
 
 from pydantic import ConfigDict, Field
 
+from ..wire.base import optional
 from .base import Document, FailureChanges, Part
 
 
@@ -24,8 +25,8 @@ class WorldGenerationRequest(Part):
 
     template: str = Field(description="ARN of the template.")
     world_count: StoredWorldCount = Field(description="How many worlds.")
-    world_tags: dict[str, str] | None = Field(default=None, description="Tags for every world.")
-    client_request_token: str | None = Field(default=None, description="The request's token.")
+    world_tags: dict[str, str] | None = optional("Tags for every world.")
+    client_request_token: str | None = optional("The request's token.")
 
 
 class WorldFailureCount(Part):
@@ -46,13 +47,11 @@ class WorldFailures(Part):
 class WorldGenerationProgress(FailureChanges):
     """Members that are recorded while a world generation job runs, and when it ends."""
 
-    failures: WorldFailures | None = Field(default=None, description="Worlds that failed so far.")
+    failures: WorldFailures | None = optional("Worlds that failed so far.")
     made_when_taken: int = Field(
         default=0, description="How many worlds there were when a job worker last took it over."
     )
-    succeeded_worlds: list[str] | None = Field(
-        default=None, description="ARNs of the worlds it made; absent until it ends."
-    )
+    succeeded_worlds: list[str] | None = optional("ARNs of the worlds it made; absent until it ends.")
 
 
 class WorldGenerationJobDocument(WorldGenerationProgress, Document):

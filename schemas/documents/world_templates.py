@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from ..wire.base import optional
 from .base import Changes, Document
 
 
@@ -15,4 +16,4 @@ class TemplateBody(Changes):
 class WorldTemplateDocument(TemplateBody, Document):
     """A world template."""
 
-    client_request_token: str | None = Field(default=None, description="Token of the request that created it.")
+    client_request_token: str | None = optional("Token of the request that created it.")

@@ -2,6 +2,7 @@
 
 from pydantic import Field
 
+from ..wire.base import optional
 from .base import Document, Part
 
 
@@ -20,11 +21,9 @@ class StoredPlace(Part):
 class WorldDocument(Document):
     """A world."""
 
-    template: str | None = Field(default=None, description="ARN of the template it was generated from.")
-    bundle: StoredPlace | None = Field(default=None, description="Place of its bundle.")
-    reused_from: str | None = Field(
-        default=None, description="ARN of the world whose bundle it shares; absent: it was generated."
-    )
-    description_key: str | None = Field(
-        default=None, description="Key of its description in the bundle's bucket; worlds of early releases have none."
+    template: str | None = optional("ARN of the template it was generated from.")
+    bundle: StoredPlace | None = optional("Place of its bundle.")
+    reused_from: str | None = optional("ARN of the world whose bundle it shares; absent: it was generated.")
+    description_key: str | None = optional(
+        "Key of its description in the bundle's bucket; worlds of early releases have none."
     )

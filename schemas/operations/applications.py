@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     ApplicationReference,
     Architecture,
@@ -45,30 +45,28 @@ S3Etags = Annotated[list[S3Etag], ShapeName("S3Etags")]
 class RobotSoftwareSuite(Shape):
     """The software a robot application is written for."""
 
-    name: RobotSoftwareSuiteType | None = Field(default=None, description="The suite; `General` for anything.")
-    version: RobotSoftwareSuiteVersionType | None = Field(default=None, description="Its distribution.")
+    name: RobotSoftwareSuiteType | None = optional("The suite; `General` for anything.")
+    version: RobotSoftwareSuiteVersionType | None = optional("Its distribution.")
 
 
 class SourceConfig(Shape):
     """An archive with an application's files."""
 
-    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket of the archive.")
-    s3Key: S3Key | None = Field(default=None, description="Key of the archive: .tar, .tar.gz or .zip.")
-    architecture: Architecture | None = Field(default=None, description="Processor it was built for.")
+    s3Bucket: S3Bucket | None = optional("Bucket of the archive.")
+    s3Key: S3Key | None = optional("Key of the archive: .tar, .tar.gz or .zip.")
+    architecture: Architecture | None = optional("Processor it was built for.")
 
 
 class Source(SourceConfig):
     """An archive with an application's files, as it was found."""
 
-    etag: S3Etag | None = Field(default=None, description="Identifies the content it had.")
+    etag: S3Etag | None = optional("Identifies the content it had.")
 
 
 class Environment(Shape):
     """Package or image of an application that has no archives."""
 
-    uri: RepositoryUrl | None = Field(
-        default=None, description="`python://package.module` for an installed package, or a container image."
-    )
+    uri: RepositoryUrl | None = optional("`python://package.module` for an installed package, or a container image.")
 
 
 def _whole(sources: list[SourceConfig]) -> list[SourceConfig]:
@@ -85,11 +83,9 @@ Sources = Annotated[list[Source], ShapeName("Sources")]
 class ApplicationContent(Shape):
     """Members of the requests that say what an application is."""
 
-    sources: SourceConfigs | None = Field(default=None, description="Archives with its files, one per architecture.")
+    sources: SourceConfigs | None = optional("Archives with its files, one per architecture.")
     robotSoftwareSuite: RobotSoftwareSuite = Field(description="The robot software it is written for.")
-    environment: Environment | None = Field(
-        default=None, description="Package or image of the application, instead of archives."
-    )
+    environment: Environment | None = optional("Package or image of the application, instead of archives.")
 
     @model_validator(mode="after")
     def _one_content(self) -> Self:
@@ -100,26 +96,22 @@ class ApplicationContent(Shape):
 class ApplicationRevision(Shape):
     """Members of the responses that say what an application is."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
-    name: Name | None = Field(default=None, description="Its name.")
-    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
-    sources: Sources | None = Field(default=None, description="Archives with its files.")
-    robotSoftwareSuite: RobotSoftwareSuite | None = Field(
-        default=None, description="The robot software it is written for."
-    )
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
-    revisionId: RevisionId | None = Field(default=None, description="Changes with every change of the application.")
-    environment: Environment | None = Field(
-        default=None, description="Package or image of the application, instead of archives."
-    )
+    arn: Arn | None = optional("ARN of the application, of all its versions.")
+    name: Name | None = optional("Its name.")
+    version: Version | None = optional("Number of the version; `$LATEST` is what it is now.")
+    sources: Sources | None = optional("Archives with its files.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = optional("The robot software it is written for.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed.")
+    revisionId: RevisionId | None = optional("Changes with every change of the application.")
+    environment: Environment | None = optional("Package or image of the application, instead of archives.")
 
 
 class ApplicationUpdate(ApplicationContent):
     """Members of the requests that change an application."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
-    currentRevisionId: RevisionId | None = Field(
-        default=None, description="Revision that is to be changed; nothing is changed if it is another by now."
+    currentRevisionId: RevisionId | None = optional(
+        "Revision that is to be changed; nothing is changed if it is another by now."
     )
 
 
@@ -127,14 +119,14 @@ class NewApplicationVersion(Shape):
     """Members of the requests that keep an application as it is now under a number."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
-    currentRevisionId: RevisionId | None = Field(
-        default=None, description="Revision that is to be kept; nothing is kept if it is another by now."
+    currentRevisionId: RevisionId | None = optional(
+        "Revision that is to be kept; nothing is kept if it is another by now."
     )
-    s3Etags: S3Etags | None = Field(
-        default=None, description="ETags that its archives are meant to have, in any order; nothing is kept otherwise."
+    s3Etags: S3Etags | None = optional(
+        "ETags that its archives are meant to have, in any order; nothing is kept otherwise."
     )
-    imageDigest: ImageDigest | None = Field(
-        default=None, description="Digest that its container image is meant to have; nothing is kept otherwise."
+    imageDigest: ImageDigest | None = optional(
+        "Digest that its container image is meant to have; nothing is kept otherwise."
     )
 
 
@@ -142,18 +134,18 @@ class ApplicationSelection(Shape):
     """Members of the requests that name an application, or one version of it."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
-    applicationVersion: Version | None = Field(default=None, description="A version's number, or `$LATEST`.")
+    applicationVersion: Version | None = optional("A version's number, or `$LATEST`.")
 
 
 class ApplicationListRequest(Shape):
     """Members of the requests for lists of applications."""
 
-    versionQualifier: VersionQualifier | None = Field(
-        default=None, description="`ALL` for every version; absent: each application as it is now."
+    versionQualifier: VersionQualifier | None = optional(
+        "`ALL` for every version; absent: each application as it is now."
     )
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(default=None, description="Filter by `name`; absent: all applications.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+    filters: Filters | None = optional("Filter by `name`; absent: all applications.")
 
 
 Shapes = tuple[type[Shape], type[Shape]]

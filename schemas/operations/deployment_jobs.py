@@ -7,7 +7,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     Arn,
     ClientRequestToken,
@@ -115,53 +115,44 @@ class S3Object(Shape):
 
     bucket: S3Bucket = Field(description="Its bucket.")
     key: S3Key = Field(description="Its key.")
-    etag: S3Etag | None = Field(default=None, description="Identifies its content; absent: whatever it has now.")
+    etag: S3Etag | None = optional("Identifies its content; absent: whatever it has now.")
 
 
 class DeploymentConfig(Shape):
     """How careful a deployment is."""
 
-    concurrentDeploymentPercentage: Percentage | None = Field(
-        default=None, description="Share of the robots that is deployed to at the same time, in percent; absent: 20."
+    concurrentDeploymentPercentage: Percentage | None = optional(
+        "Share of the robots that is deployed to at the same time, in percent; absent: 20."
     )
-    failureThresholdPercentage: Percentage | None = Field(
-        default=None,
-        description="Share of the robots that has to fail for the deployment to stop, in percent; absent: 20.",
+    failureThresholdPercentage: Percentage | None = optional(
+        "Share of the robots that has to fail for the deployment to stop, in percent; absent: 20."
     )
-    robotDeploymentTimeoutInSeconds: DeploymentTimeout | None = Field(
-        default=None, description="How long one robot may take, in seconds, 60 to 604800; absent: 18000."
+    robotDeploymentTimeoutInSeconds: DeploymentTimeout | None = optional(
+        "How long one robot may take, in seconds, 60 to 604800; absent: 18000."
     )
-    downloadConditionFile: S3Object | None = Field(
-        default=None, description="Program whose exit code 0 lets a robot download."
+    downloadConditionFile: S3Object | None = optional("Program whose exit code 0 lets a robot download.")
+    canaryRobots: CanaryRobots | None = optional(
+        "Extension: robots of the fleet, by ARN or name, whose turn comes first; the others wait until all "
+        "of these have ended. Absent: none."
     )
-    canaryRobots: CanaryRobots | None = Field(
-        default=None,
-        description="Extension: robots of the fleet, by ARN or name, whose turn comes first; the others wait until all "
-        "of these have ended. Absent: none.",
+    canaryPercentage: Percentage | None = optional(
+        "Extension: the same as a share of the robots, in percent, rounded down to robots, one at least; "
+        "not together with `canaryRobots`."
     )
-    canaryPercentage: Percentage | None = Field(
-        default=None,
-        description="Extension: the same as a share of the robots, in percent, rounded down to robots, one at least; "
-        "not together with `canaryRobots`.",
+    maintenanceWindows: MaintenanceWindows | None = optional(
+        "Extension: when robots may get and fetch orders; those that have begun go on. Absent: always."
     )
-    maintenanceWindows: MaintenanceWindows | None = Field(
-        default=None,
-        description="Extension: when robots may get and fetch orders; those that have begun go on. Absent: always.",
+    requiresApproval: Boolean | None = optional(
+        "Extension: whether a person has to approve once the canaries have ended, or before the first "
+        "robot where there are none; absent: false."
     )
-    requiresApproval: Boolean | None = Field(
-        default=None,
-        description="Extension: whether a person has to approve once the canaries have ended, or before the first "
-        "robot where there are none; absent: false.",
+    onThresholdBreached: ThresholdAction | None = optional(
+        "Extension: what follows when the threshold is reached: STOP (the default) leaves robots as they "
+        "are; ROLLBACK gives those that have the new version the one that they had before."
     )
-    onThresholdBreached: ThresholdAction | None = Field(
-        default=None,
-        description="Extension: what follows when the threshold is reached: STOP (the default) leaves robots as they "
-        "are; ROLLBACK gives those that have the new version the one that they had before.",
-    )
-    requiresBatch: Arn | None = Field(
-        default=None,
-        description="Extension: ARN of a simulation job batch; no robot gets the version unless each of its jobs ran "
-        "it, and passed.",
+    requiresBatch: Arn | None = optional(
+        "Extension: ARN of a simulation job batch; no robot gets the version unless each of its jobs ran "
+        "it, and passed."
     )
 
     @model_validator(mode="after")
@@ -175,11 +166,11 @@ class DeploymentLaunchConfig(Shape):
     """How an application is started on a robot."""
 
     packageName: Command = Field(description="Package that holds the launch file.")
-    preLaunchFile: Path | None = Field(default=None, description="Program that runs before the launch file.")
+    preLaunchFile: Path | None = optional("Program that runs before the launch file.")
     launchFile: Command = Field(description="Launch file of the package.")
-    postLaunchFile: Path | None = Field(default=None, description="Program that runs after the launch file.")
-    environmentVariables: EnvironmentVariableMap | None = Field(
-        default=None, description="Variables for the application: capitals, digits, underscores; at most 20."
+    postLaunchFile: Path | None = optional("Program that runs after the launch file.")
+    environmentVariables: EnvironmentVariableMap | None = optional(
+        "Variables for the application: capitals, digits, underscores; at most 20."
     )
 
 
@@ -199,13 +190,13 @@ DeploymentApplicationConfigs = Annotated[
 class CreateDeploymentJobRequest(Shape):
     """Request to deploy an application to the robots of a fleet."""
 
-    deploymentConfig: DeploymentConfig | None = Field(default=None, description="How careful the deployment is.")
+    deploymentConfig: DeploymentConfig | None = optional("How careful the deployment is.")
     clientRequestToken: ClientRequestToken = Field(
         description="Makes the call repeatable: the same token and request give the same job."
     )
     fleet: Arn = Field(description="ARN of the fleet; it has to have robots.")
     deploymentApplicationConfigs: DeploymentApplicationConfigs = Field(description="The application, exactly one.")
-    tags: TagMap | None = Field(default=None, description="Tags for the job.")
+    tags: TagMap | None = optional("Tags for the job.")
 
 
 class SyncDeploymentJobRequest(Shape):
@@ -220,16 +211,14 @@ class SyncDeploymentJobRequest(Shape):
 class DeploymentJob(Shape):
     """One deployment job in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    fleet: Arn | None = Field(default=None, description="ARN of the fleet.")
-    status: DeploymentStatus | None = Field(default=None, description="Status of the job.")
-    deploymentApplicationConfigs: DeploymentApplicationConfigs | None = Field(
-        default=None, description="The application."
-    )
-    deploymentConfig: DeploymentConfig | None = Field(default=None, description="How careful the deployment is.")
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    failureCode: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
+    arn: Arn | None = optional("ARN of the job.")
+    fleet: Arn | None = optional("ARN of the fleet.")
+    status: DeploymentStatus | None = optional("Status of the job.")
+    deploymentApplicationConfigs: DeploymentApplicationConfigs | None = optional("The application.")
+    deploymentConfig: DeploymentConfig | None = optional("How careful the deployment is.")
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    failureCode: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
 
 
 class SyncDeploymentJobResponse(DeploymentJob):
@@ -239,30 +228,30 @@ class SyncDeploymentJobResponse(DeploymentJob):
 class CreateDeploymentJobResponse(DeploymentJob):
     """The job as it was accepted."""
 
-    tags: TagMap | None = Field(default=None, description="The job's tags.")
+    tags: TagMap | None = optional("The job's tags.")
 
 
 class ProgressDetail(Shape):
     """How far a deployment to one robot is."""
 
-    currentProgress: RobotDeploymentStep | None = Field(default=None, description="Step that the deployment is at.")
-    percentDone: PercentDone | None = Field(default=None, description="How much of the download is done, in percent.")
-    estimatedTimeRemainingSeconds: GenericInteger | None = Field(
-        default=None, description="How long the download will still take, in seconds."
+    currentProgress: RobotDeploymentStep | None = optional("Step that the deployment is at.")
+    percentDone: PercentDone | None = optional("How much of the download is done, in percent.")
+    estimatedTimeRemainingSeconds: GenericInteger | None = optional(
+        "How long the download will still take, in seconds."
     )
-    targetResource: GenericString | None = Field(default=None, description="ARN of the deployment job.")
+    targetResource: GenericString | None = optional("ARN of the deployment job.")
 
 
 class RobotDeployment(Shape):
     """A deployment to one robot."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the robot.")
-    deploymentStartTime: Timestamp | None = Field(default=None, description="When it began; absent: not yet.")
-    deploymentFinishTime: Timestamp | None = Field(default=None, description="When it ended; absent: not yet.")
-    status: RobotStatus | None = Field(default=None, description="How the robot stands.")
-    progressDetail: ProgressDetail | None = Field(default=None, description="How far it is, once it has begun.")
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    failureCode: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
+    arn: Arn | None = optional("ARN of the robot.")
+    deploymentStartTime: Timestamp | None = optional("When it began; absent: not yet.")
+    deploymentFinishTime: Timestamp | None = optional("When it ended; absent: not yet.")
+    status: RobotStatus | None = optional("How the robot stands.")
+    progressDetail: ProgressDetail | None = optional("How far it is, once it has begun.")
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    failureCode: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
 
 
 RobotDeploymentSummary = Annotated[list[RobotDeployment], ShapeName("RobotDeploymentSummary")]
@@ -277,10 +266,10 @@ class DescribeDeploymentJobRequest(Shape):
 class DeploymentWait(Shape):
     """Something that a deployment waits for; robots that have begun go on meanwhile."""
 
-    cause: DeploymentWaitCause | None = Field(default=None, description="Cause of the wait.")
-    since: Timestamp | None = Field(default=None, description="When a person paused it; absent for others.")
-    by: NonEmptyString | None = Field(default=None, description="Person who paused it; absent: not said.")
-    until: Timestamp | None = Field(default=None, description="When a maintenance window opens; absent for others.")
+    cause: DeploymentWaitCause | None = optional("Cause of the wait.")
+    since: Timestamp | None = optional("When a person paused it; absent for others.")
+    by: NonEmptyString | None = optional("Person who paused it; absent: not said.")
+    until: Timestamp | None = optional("When a maintenance window opens; absent for others.")
 
 
 DeploymentWaits = Annotated[list[DeploymentWait], ShapeName("DeploymentWaits")]
@@ -290,34 +279,30 @@ ArnList = Annotated[list[Arn], ShapeName("ArnList")]
 class DeploymentRollback(Shape):
     """How robots go back to the version that they had before a deployment."""
 
-    jobs: ArnList | None = Field(default=None, description="ARNs of the deployment jobs that bring them back.")
-    robotsLeft: ArnList | None = Field(
-        default=None, description="ARNs of robots that keep the new version, since they had none before."
-    )
-    reason: GenericString | None = Field(default=None, description="Why robots do not go back; absent: they do.")
+    jobs: ArnList | None = optional("ARNs of the deployment jobs that bring them back.")
+    robotsLeft: ArnList | None = optional("ARNs of robots that keep the new version, since they had none before.")
+    reason: GenericString | None = optional("Why robots do not go back; absent: they do.")
 
 
 class DescribeDeploymentJobResponse(CreateDeploymentJobResponse):
     """One job."""
 
-    waitsFor: DeploymentWaits | None = Field(
-        default=None, description="Extension: what it waits for besides robots; absent: nothing."
-    )
-    rollback: DeploymentRollback | None = Field(
-        default=None, description="Extension: how robots go back to the version before; absent: they do not."
+    waitsFor: DeploymentWaits | None = optional("Extension: what it waits for besides robots; absent: nothing.")
+    rollback: DeploymentRollback | None = optional(
+        "Extension: how robots go back to the version before; absent: they do not."
     )
 
-    robotDeploymentSummary: RobotDeploymentSummary | None = Field(
-        default=None, description="The deployments to single robots; empty if it ended before any began."
+    robotDeploymentSummary: RobotDeploymentSummary | None = optional(
+        "The deployments to single robots; empty if it ended before any began."
     )
 
 
 class ListDeploymentJobsRequest(Shape):
     """Asks for deployment jobs, newest first."""
 
-    filters: Filters | None = Field(default=None, description="`status` or `fleetName`; absent: all jobs.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: FleetMaxResults | None = Field(default=None, description="Entries per page; absent: 200.")
+    filters: Filters | None = optional("`status` or `fleetName`; absent: all jobs.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
 
 
 DeploymentJobs = Annotated[list[DeploymentJob], ShapeName("DeploymentJobs", 0, 200)]
@@ -326,8 +311,8 @@ DeploymentJobs = Annotated[list[DeploymentJob], ShapeName("DeploymentJobs", 0, 2
 class ListDeploymentJobsResponse(Shape):
     """A page of deployment jobs."""
 
-    deploymentJobs: DeploymentJobs | None = Field(default=None, description="Jobs, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    deploymentJobs: DeploymentJobs | None = optional("Jobs, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelDeploymentJobRequest(Shape):

@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Arn, Filters, Name, PaginationToken, TagMap, Timestamp
 from ..wire.operation_shape import INTERNAL, INVALID, LIMIT, READ_ERRORS, THROTTLED, OperationShape
 from .deployment_jobs import DeploymentStatus
@@ -15,16 +15,16 @@ class CreateFleetRequest(Shape):
     """Makes a fleet without robots."""
 
     name: Name = Field(description="Its name; several fleets may have the same.")
-    tags: TagMap | None = Field(default=None, description="Tags for the fleet.")
+    tags: TagMap | None = optional("Tags for the fleet.")
 
 
 class CreateFleetResponse(Shape):
     """The fleet that was made."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the fleet.")
-    name: Name | None = Field(default=None, description="Its name.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    arn: Arn | None = optional("ARN of the fleet.")
+    name: Name | None = optional("Its name.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class DescribeFleetRequest(Shape):
@@ -36,33 +36,33 @@ class DescribeFleetRequest(Shape):
 class DescribeFleetResponse(Shape):
     """One fleet, with its robots."""
 
-    name: Name | None = Field(default=None, description="Its name.")
-    arn: Arn | None = Field(default=None, description="ARN of the fleet.")
-    robots: Robots | None = Field(default=None, description="Its robots, newest first.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    lastDeploymentStatus: DeploymentStatus | None = Field(default=None, description="How its last deployment stands.")
-    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of its last deployment; absent: none yet.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was requested.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    name: Name | None = optional("Its name.")
+    arn: Arn | None = optional("ARN of the fleet.")
+    robots: Robots | None = optional("Its robots, newest first.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    lastDeploymentStatus: DeploymentStatus | None = optional("How its last deployment stands.")
+    lastDeploymentJob: Arn | None = optional("ARN of its last deployment; absent: none yet.")
+    lastDeploymentTime: Timestamp | None = optional("When its last deployment was requested.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class ListFleetsRequest(Shape):
     """Asks for fleets, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: FleetMaxResults | None = Field(default=None, description="Entries per page; absent: 200.")
-    filters: Filters | None = Field(default=None, description="`name`; absent: all fleets.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
+    filters: Filters | None = optional("`name`; absent: all fleets.")
 
 
 class Fleet(Shape):
     """One fleet in a list."""
 
-    name: Name | None = Field(default=None, description="Its name.")
-    arn: Arn | None = Field(default=None, description="ARN of the fleet.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    lastDeploymentStatus: DeploymentStatus | None = Field(default=None, description="How its last deployment stands.")
-    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of its last deployment; absent: none yet.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When its last deployment was requested.")
+    name: Name | None = optional("Its name.")
+    arn: Arn | None = optional("ARN of the fleet.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    lastDeploymentStatus: DeploymentStatus | None = optional("How its last deployment stands.")
+    lastDeploymentJob: Arn | None = optional("ARN of its last deployment; absent: none yet.")
+    lastDeploymentTime: Timestamp | None = optional("When its last deployment was requested.")
 
 
 Fleets = Annotated[list[Fleet], ShapeName("Fleets", 0, 200)]
@@ -71,8 +71,8 @@ Fleets = Annotated[list[Fleet], ShapeName("Fleets", 0, 200)]
 class ListFleetsResponse(Shape):
     """A page of fleets."""
 
-    fleetDetails: Fleets | None = Field(default=None, description="Fleets, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    fleetDetails: Fleets | None = optional("Fleets, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteFleetRequest(Shape):

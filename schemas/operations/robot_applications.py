@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version
 from .applications import (
     ApplicationContent,
@@ -23,13 +23,13 @@ class CreateRobotApplicationRequest(ApplicationContent):
     """Request for a robot application."""
 
     name: Name = Field(description="Its name, unlike that of any other robot application.")
-    tags: TagMap | None = Field(default=None, description="Tags for the application.")
+    tags: TagMap | None = optional("Tags for the application.")
 
 
 class CreateRobotApplicationResponse(ApplicationRevision):
     """The application that was made."""
 
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class CreateRobotApplicationVersionRequest(NewApplicationVersion):
@@ -47,8 +47,8 @@ class DescribeRobotApplicationRequest(ApplicationSelection):
 class DescribeRobotApplicationResponse(ApplicationRevision):
     """One robot application, or one version of it."""
 
-    tags: TagMap | None = Field(default=None, description="Tags of the application; all its versions share them.")
-    imageDigest: ImageDigest | None = Field(default=None, description="Digest of its container image, where known.")
+    tags: TagMap | None = optional("Tags of the application; all its versions share them.")
+    imageDigest: ImageDigest | None = optional("Digest of its container image, where known.")
 
 
 class ListRobotApplicationsRequest(ApplicationListRequest):
@@ -58,13 +58,11 @@ class ListRobotApplicationsRequest(ApplicationListRequest):
 class RobotApplicationSummary(Shape):
     """One robot application, or one version of it, in a list."""
 
-    name: Name | None = Field(default=None, description="Its name.")
-    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
-    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
-    robotSoftwareSuite: RobotSoftwareSuite | None = Field(
-        default=None, description="The robot software it is written for."
-    )
+    name: Name | None = optional("Its name.")
+    arn: Arn | None = optional("ARN of the application, of all its versions.")
+    version: Version | None = optional("Number of the version; `$LATEST` is what it is now.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = optional("The robot software it is written for.")
 
 
 class ListRobotApplicationsResponse(Shape):
@@ -72,8 +70,8 @@ class ListRobotApplicationsResponse(Shape):
 
     robotApplicationSummaries: (
         Annotated[list[RobotApplicationSummary], ShapeName("RobotApplicationSummaries", 0, 100)] | None
-    ) = Field(default=None, description="Robot applications, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    ) = optional("Robot applications, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class UpdateRobotApplicationRequest(ApplicationUpdate):

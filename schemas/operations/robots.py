@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Architecture, Arn, Filters, Name, PaginationToken, TagMap, Timestamp, text
 from ..wire.operation_shape import EXISTS, INTERNAL, INVALID, LIMIT, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
 
@@ -23,18 +23,18 @@ class CreateRobotRequest(Shape):
     name: Name = Field(description="Its name, unlike that of any other robot.")
     architecture: Architecture = Field(description="Its processor; applications need a source for it.")
     greengrassGroupId: Id = Field(description="Greengrass group of the robot; kept, and used for nothing.")
-    tags: TagMap | None = Field(default=None, description="Tags for the robot.")
+    tags: TagMap | None = optional("Tags for the robot.")
 
 
 class CreateRobotResponse(Shape):
     """The robot that was made."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the robot.")
-    name: Name | None = Field(default=None, description="Its name.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    greengrassGroupId: Id | None = Field(default=None, description="Its Greengrass group.")
-    architecture: Architecture | None = Field(default=None, description="Its processor.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    arn: Arn | None = optional("ARN of the robot.")
+    name: Name | None = optional("Its name.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    greengrassGroupId: Id | None = optional("Its Greengrass group.")
+    architecture: Architecture | None = optional("Its processor.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class DescribeRobotRequest(Shape):
@@ -46,40 +46,38 @@ class DescribeRobotRequest(Shape):
 class DescribeRobotResponse(Shape):
     """One robot."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the robot.")
-    name: Name | None = Field(default=None, description="Its name.")
-    fleetArn: Arn | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
-    status: RobotStatus | None = Field(default=None, description="Whether it is in a fleet, and what is deployed.")
-    greengrassGroupId: Id | None = Field(default=None, description="Its Greengrass group.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    architecture: Architecture | None = Field(default=None, description="Its processor.")
-    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was requested.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    arn: Arn | None = optional("ARN of the robot.")
+    name: Name | None = optional("Its name.")
+    fleetArn: Arn | None = optional("ARN of its fleet; absent: it is in none.")
+    status: RobotStatus | None = optional("Whether it is in a fleet, and what is deployed.")
+    greengrassGroupId: Id | None = optional("Its Greengrass group.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    architecture: Architecture | None = optional("Its processor.")
+    lastDeploymentJob: Arn | None = optional("ARN of the last deployment that was meant for it.")
+    lastDeploymentTime: Timestamp | None = optional("When that deployment was requested.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class ListRobotsRequest(Shape):
     """Asks for robots, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: FleetMaxResults | None = Field(default=None, description="Entries per page; absent: 200.")
-    filters: Filters | None = Field(default=None, description="`status` or `fleetName`; absent: all robots.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
+    filters: Filters | None = optional("`status` or `fleetName`; absent: all robots.")
 
 
 class Robot(Shape):
     """One robot in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the robot.")
-    name: Name | None = Field(default=None, description="Its name.")
-    fleetArn: Arn | None = Field(default=None, description="ARN of its fleet; absent: it is in none.")
-    status: RobotStatus | None = Field(default=None, description="Whether it is in a fleet, and what is deployed.")
-    greenGrassGroupId: Id | None = Field(
-        default=None, description="Its Greengrass group; with a capital G here, and only here."
-    )
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    architecture: Architecture | None = Field(default=None, description="Its processor.")
-    lastDeploymentJob: Arn | None = Field(default=None, description="ARN of the last deployment that was meant for it.")
-    lastDeploymentTime: Timestamp | None = Field(default=None, description="When that deployment was requested.")
+    arn: Arn | None = optional("ARN of the robot.")
+    name: Name | None = optional("Its name.")
+    fleetArn: Arn | None = optional("ARN of its fleet; absent: it is in none.")
+    status: RobotStatus | None = optional("Whether it is in a fleet, and what is deployed.")
+    greenGrassGroupId: Id | None = optional("Its Greengrass group; with a capital G here, and only here.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    architecture: Architecture | None = optional("Its processor.")
+    lastDeploymentJob: Arn | None = optional("ARN of the last deployment that was meant for it.")
+    lastDeploymentTime: Timestamp | None = optional("When that deployment was requested.")
 
 
 Robots = Annotated[list[Robot], ShapeName("Robots", 0, 1000)]
@@ -88,8 +86,8 @@ Robots = Annotated[list[Robot], ShapeName("Robots", 0, 1000)]
 class ListRobotsResponse(Shape):
     """A page of robots."""
 
-    robots: Robots | None = Field(default=None, description="Robots, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    robots: Robots | None = optional("Robots, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteRobotRequest(Shape):
@@ -112,8 +110,8 @@ class RegisterRobotRequest(Shape):
 class RegisterRobotResponse(Shape):
     """The robot is in the fleet."""
 
-    fleet: Arn | None = Field(default=None, description="ARN of the fleet.")
-    robot: Arn | None = Field(default=None, description="ARN of the robot.")
+    fleet: Arn | None = optional("ARN of the fleet.")
+    robot: Arn | None = optional("ARN of the robot.")
 
 
 class DeregisterRobotRequest(Shape):
@@ -126,8 +124,8 @@ class DeregisterRobotRequest(Shape):
 class DeregisterRobotResponse(Shape):
     """The robot is in no fleet."""
 
-    fleet: Arn | None = Field(default=None, description="ARN of the fleet it was in.")
-    robot: Arn | None = Field(default=None, description="ARN of the robot.")
+    fleet: Arn | None = optional("ARN of the fleet it was in.")
+    robot: Arn | None = optional("ARN of the robot.")
 
 
 OPERATIONS = (

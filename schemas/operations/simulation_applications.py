@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Arn, LastUpdatedAt, Name, PaginationToken, TagMap, Version, text
 from .applications import (
     ApplicationContent,
@@ -31,46 +31,42 @@ RenderingEngineVersionType = Annotated[str, ShapeName("RenderingEngineVersionTyp
 class SimulationSoftwareSuite(Shape):
     """The simulator a simulation application is written for."""
 
-    name: SimulationSoftwareSuiteType | None = Field(
-        default=None, description="The suite; `SimulationRuntime` for the one that runs here."
-    )
-    version: SimulationSoftwareSuiteVersionType | None = Field(default=None, description="Its version.")
+    name: SimulationSoftwareSuiteType | None = optional("The suite; `SimulationRuntime` for the one that runs here.")
+    version: SimulationSoftwareSuiteVersionType | None = optional("Its version.")
 
 
 class RenderingEngine(Shape):
     """The rendering engine a Gazebo application asks for."""
 
-    name: RenderingEngineType | None = Field(default=None, description="The engine.")
-    version: RenderingEngineVersionType | None = Field(default=None, description="Its version, such as `1.x`.")
+    name: RenderingEngineType | None = optional("The engine.")
+    version: RenderingEngineVersionType | None = optional("Its version, such as `1.x`.")
 
 
 class SimulationContent(ApplicationContent):
     """Members of the requests that say what a simulation application is."""
 
     simulationSoftwareSuite: SimulationSoftwareSuite = Field(description="The simulator it is written for.")
-    renderingEngine: RenderingEngine | None = Field(default=None, description="Rendering engine, for Gazebo.")
+    renderingEngine: RenderingEngine | None = optional("Rendering engine, for Gazebo.")
 
 
 class SimulationRevision(ApplicationRevision):
     """Members of the responses that say what a simulation application is."""
 
-    simulationSoftwareSuite: SimulationSoftwareSuite | None = Field(
-        default=None, description="The simulator it is written for."
-    )
-    renderingEngine: RenderingEngine | None = Field(default=None, description="Rendering engine, for Gazebo.")
+    simulationSoftwareSuite: SimulationSoftwareSuite | None = optional("The simulator it is written for.")
+    renderingEngine: RenderingEngine | None = optional("Rendering engine, for Gazebo.")
 
 
 class CreateSimulationApplicationRequest(SimulationContent):
     """Request for a simulation application."""
 
     name: Name = Field(description="Its name, unlike that of any other simulation application.")
-    tags: TagMap | None = Field(default=None, description="Tags for the application.")
+    tags: TagMap | None = optional("Tags for the application.")
 
 
 class CreateSimulationApplicationResponse(SimulationRevision):
     """The application that was made."""
 
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class CreateSimulationApplicationVersionRequest(NewApplicationVersion):
@@ -88,8 +84,8 @@ class DescribeSimulationApplicationRequest(ApplicationSelection):
 class DescribeSimulationApplicationResponse(SimulationRevision):
     """One simulation application, or one version of it."""
 
-    tags: TagMap | None = Field(default=None, description="Tags of the application; all its versions share them.")
-    imageDigest: ImageDigest | None = Field(default=None, description="Digest of its container image, where known.")
+    tags: TagMap | None = optional("Tags of the application; all its versions share them.")
+    imageDigest: ImageDigest | None = optional("Digest of its container image, where known.")
 
 
 class ListSimulationApplicationsRequest(ApplicationListRequest):
@@ -99,14 +95,12 @@ class ListSimulationApplicationsRequest(ApplicationListRequest):
 class SimulationApplicationSummary(Shape):
     """One simulation application, or one version of it, in a list."""
 
-    name: Name | None = Field(default=None, description="Its name.")
-    arn: Arn | None = Field(default=None, description="ARN of the application, of all its versions.")
-    version: Version | None = Field(default=None, description="Number of the version; `$LATEST` is what it is now.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
-    robotSoftwareSuite: RobotSoftwareSuite | None = Field(default=None, description="The robot software it works with.")
-    simulationSoftwareSuite: SimulationSoftwareSuite | None = Field(
-        default=None, description="The simulator it is written for."
-    )
+    name: Name | None = optional("Its name.")
+    arn: Arn | None = optional("ARN of the application, of all its versions.")
+    version: Version | None = optional("Number of the version; `$LATEST` is what it is now.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed.")
+    robotSoftwareSuite: RobotSoftwareSuite | None = optional("The robot software it works with.")
+    simulationSoftwareSuite: SimulationSoftwareSuite | None = optional("The simulator it is written for.")
 
 
 class ListSimulationApplicationsResponse(Shape):
@@ -114,8 +108,8 @@ class ListSimulationApplicationsResponse(Shape):
 
     simulationApplicationSummaries: (
         Annotated[list[SimulationApplicationSummary], ShapeName("SimulationApplicationSummaries", 0, 100)] | None
-    ) = Field(default=None, description="Simulation applications, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    ) = optional("Simulation applications, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class UpdateSimulationApplicationRequest(ApplicationUpdate, SimulationContent):

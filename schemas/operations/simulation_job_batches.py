@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     MAX_DURATION_S,
     Arn,
@@ -47,34 +47,33 @@ MaxConcurrency = Annotated[int, ShapeName("MaxConcurrency"), Field(ge=1)]
 class BatchPolicy(Shape):
     """Limits of a batch."""
 
-    timeoutInSeconds: BatchTimeoutInSeconds | None = Field(
-        default=None, description="Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
+    timeoutInSeconds: BatchTimeoutInSeconds | None = optional(
+        "Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
     )
-    maxConcurrency: MaxConcurrency | None = Field(default=None, description="Jobs at a time, at least 1.")
-    priority: BatchPriority | None = Field(
-        default=None,
-        description="Extension: on each machine jobs of batches with a higher one begin first; -100 to 100, absent: 0.",
+    maxConcurrency: MaxConcurrency | None = optional("Jobs at a time, at least 1.")
+    priority: BatchPriority | None = optional(
+        "Extension: on each machine jobs of batches with a higher one begin first; -100 to 100, absent: 0."
     )
 
 
 class StartSimulationJobBatchRequest(Shape):
     """Request for a batch."""
 
-    clientRequestToken: ClientRequestToken | None = Field(
-        default=None, description="Makes the call repeatable: the same token and request give the same batch."
+    clientRequestToken: ClientRequestToken | None = optional(
+        "Makes the call repeatable: the same token and request give the same batch."
     )
-    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
+    batchPolicy: BatchPolicy | None = optional("Limits of the batch.")
     createSimulationJobRequests: SimulationJobRequests = Field(description="The jobs, 1 to 1000, in order.")
-    tags: TagMap | None = Field(default=None, description="Tags for the batch; those of its jobs are in the requests.")
+    tags: TagMap | None = optional("Tags for the batch; those of its jobs are in the requests.")
 
 
 class FailedCreateSimulationJobRequest(Shape):
     """A request that never became a job."""
 
-    request: SimulationJobRequest | None = Field(default=None, description="The request as it was sent.")
-    failureReason: GenericString | None = Field(default=None, description="Why not, in words.")
-    failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why not.")
-    failedAt: FailedAt | None = Field(default=None, description="When that was found.")
+    request: SimulationJobRequest | None = optional("The request as it was sent.")
+    failureReason: GenericString | None = optional("Why not, in words.")
+    failureCode: SimulationJobErrorCode | None = optional("Why not.")
+    failedAt: FailedAt | None = optional("When that was found.")
 
 
 FailedCreateSimulationJobRequests = Annotated[
@@ -86,19 +85,17 @@ PendingSimulationJobRequests = Annotated[list[SimulationJobRequest], ShapeName("
 class StartSimulationJobBatchResponse(Shape):
     """The batch as it was accepted. The three lists are always sent, even when empty."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the batch.")
-    status: SimulationJobBatchStatus | None = Field(default=None, description="Status of the batch.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    batchPolicy: BatchPolicy | None = Field(default=None, description="Limits of the batch.")
-    failureCode: SimulationJobBatchErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    failedRequests: FailedCreateSimulationJobRequests | None = Field(
-        default=None, description="Requests that never became jobs."
-    )
-    pendingRequests: PendingSimulationJobRequests | None = Field(default=None, description="Requests that wait.")
-    createdRequests: SimulationJobSummaries | None = Field(default=None, description="Requests that became jobs.")
-    tags: TagMap | None = Field(default=None, description="The batch's tags.")
+    arn: Arn | None = optional("ARN of the batch.")
+    status: SimulationJobBatchStatus | None = optional("Status of the batch.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    clientRequestToken: ClientRequestToken | None = optional("The request's token.")
+    batchPolicy: BatchPolicy | None = optional("Limits of the batch.")
+    failureCode: SimulationJobBatchErrorCode | None = optional("Why it failed; absent if not.")
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    failedRequests: FailedCreateSimulationJobRequests | None = optional("Requests that never became jobs.")
+    pendingRequests: PendingSimulationJobRequests | None = optional("Requests that wait.")
+    createdRequests: SimulationJobSummaries | None = optional("Requests that became jobs.")
+    tags: TagMap | None = optional("The batch's tags.")
 
 
 class DescribeSimulationJobBatchRequest(Shape):
@@ -110,15 +107,15 @@ class DescribeSimulationJobBatchRequest(Shape):
 class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
     """One batch."""
 
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
 
 
 class ListSimulationJobBatchesRequest(Shape):
     """Asks for batches, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(default=None, description="Filter by `status`; absent: all batches.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+    filters: Filters | None = optional("Filter by `status`; absent: all batches.")
 
 
 Integer = Annotated[int, ShapeName("Integer")]
@@ -127,13 +124,13 @@ Integer = Annotated[int, ShapeName("Integer")]
 class SimulationJobBatchSummary(Shape):
     """One batch in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the batch.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    status: SimulationJobBatchStatus | None = Field(default=None, description="Status of the batch.")
-    failedRequestCount: Integer | None = Field(default=None, description="How many requests never became jobs.")
-    pendingRequestCount: Integer | None = Field(default=None, description="How many requests wait.")
-    createdRequestCount: Integer | None = Field(default=None, description="How many requests became jobs.")
+    arn: Arn | None = optional("ARN of the batch.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    status: SimulationJobBatchStatus | None = optional("Status of the batch.")
+    failedRequestCount: Integer | None = optional("How many requests never became jobs.")
+    pendingRequestCount: Integer | None = optional("How many requests wait.")
+    createdRequestCount: Integer | None = optional("How many requests became jobs.")
 
 
 SimulationJobBatchSummaries = Annotated[list[SimulationJobBatchSummary], ShapeName("SimulationJobBatchSummaries")]
@@ -142,10 +139,8 @@ SimulationJobBatchSummaries = Annotated[list[SimulationJobBatchSummary], ShapeNa
 class ListSimulationJobBatchesResponse(Shape):
     """A page of batches."""
 
-    simulationJobBatchSummaries: SimulationJobBatchSummaries | None = Field(
-        default=None, description="Batches, newest first."
-    )
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    simulationJobBatchSummaries: SimulationJobBatchSummaries | None = optional("Batches, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelSimulationJobBatchRequest(Shape):

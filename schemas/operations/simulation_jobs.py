@@ -9,7 +9,7 @@ from ..runs.requested_requirements import check_requirements
 from ..runs.requested_trials import check_trials
 from ..runs.requirements import JobRequirements
 from ..runs.trials import Trials
-from ..wire.base import STORED, Shape, ShapeName
+from ..wire.base import STORED, Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,
     Arn,
@@ -100,33 +100,31 @@ SimulationTimeMillis = Annotated[int, ShapeName("SimulationTimeMillis", wire_typ
 class SimulationJobRequestMembers(Shape):
     """Members of a request for one job, on its own or in a batch."""
 
-    outputLocation: OptionalOutputLocation = Field(
-        default=None, description="Location of the outputs; absent or empty: the configured bucket."
+    outputLocation: OptionalOutputLocation = optional(
+        "Location of the outputs; absent or empty: the configured bucket."
     )
-    loggingConfig: LoggingConfig | None = Field(default=None, description="Settings of the recording.")
+    loggingConfig: LoggingConfig | None = optional("Settings of the recording.")
     maxJobDurationInSeconds: JobDuration = Field(
         description="Wall-clock limit in seconds, 1 to 1209600; reaching it ends the job normally."
     )
-    failureBehavior: FailureBehavior | None = Field(
-        default=None, description="After a crash Fail (the default) ends the job, Continue leaves the rest running."
+    failureBehavior: FailureBehavior | None = optional(
+        "After a crash Fail (the default) ends the job, Continue leaves the rest running."
     )
-    robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
-    simulationApplications: SimulationApplicationConfigs | None = Field(
-        default=None, description="The simulation application."
+    robotApplications: RobotApplicationConfigs | None = optional("The robot application.")
+    simulationApplications: SimulationApplicationConfigs | None = optional("The simulation application.")
+    dataSources: DataSourceConfigs | None = optional("Objects the job reads, at most 6 sources.")
+    tags: TagMap | None = optional("Tags for the job.")
+    vpcConfig: VPCConfig | None = optional("Network of the job.")
+    compute: Compute | None = optional("Limits on the job's use of the machine.")
+    seed: Seed | None = optional("Extension: seed of the run's random generators.")
+    video: VideoPolicy | None = optional(
+        "Extension: whether a video is made: none (the default), always, or if the run fails."
     )
-    dataSources: DataSourceConfigs | None = Field(default=None, description="Objects the job reads, at most 6 sources.")
-    tags: TagMap | None = Field(default=None, description="Tags for the job.")
-    vpcConfig: VPCConfig | None = Field(default=None, description="Network of the job.")
-    compute: Compute | None = Field(default=None, description="Limits on the job's use of the machine.")
-    seed: Seed | None = Field(default=None, description="Extension: seed of the run's random generators.")
-    video: VideoPolicy | None = Field(
-        default=None, description="Extension: whether a video is made: none (the default), always, or if the run fails."
+    requirements: JobRequirements | None = optional(
+        "Extension: what the robot has to do, or must not do, for the verdict PASS."
     )
-    requirements: JobRequirements | None = Field(
-        default=None, description="Extension: what the robot has to do, or must not do, for the verdict PASS."
-    )
-    trials: Trials | None = Field(
-        default=None, description="Extension: episodes that are run one after the other, each with a seed of its own."
+    trials: Trials | None = optional(
+        "Extension: episodes that are run one after the other, each with a seed of its own."
     )
 
     @model_validator(mode="after")
@@ -147,8 +145,8 @@ class SimulationJobRequestMembers(Shape):
 class CreateSimulationJobRequest(SimulationJobRequestMembers):
     """Request for one job."""
 
-    clientRequestToken: ClientRequestToken | None = Field(
-        default=None, description="Makes the call repeatable: the same token and request give the same job."
+    clientRequestToken: ClientRequestToken | None = optional(
+        "Makes the call repeatable: the same token and request give the same job."
     )
     iamRole: IamRole = Field(description="ARN of the role whose rights the job has.")
 
@@ -156,43 +154,39 @@ class CreateSimulationJobRequest(SimulationJobRequestMembers):
 class SimulationJobRequest(SimulationJobRequestMembers):
     """Request for one job of a batch."""
 
-    iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
-    useDefaultApplications: bool | None = Field(default=None, description="Whether the usual tools run beside it.")
+    iamRole: IamRole | None = optional("ARN of the role whose rights the job has.")
+    useDefaultApplications: bool | None = optional("Whether the usual tools run beside it.")
 
 
 class CreateSimulationJobResponse(Shape):
     """The job as it was accepted."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: SimulationJobStatus | None = Field(default=None, description="Status of the job.")
-    lastStartedAt: LastStartedAt | None = Field(default=None, description="When it last began to run.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
-    failureBehavior: FailureBehavior | None = Field(default=None, description="Behavior after a crash.")
-    failureCode: SimulationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    outputLocation: OptionalOutputLocation = Field(default=None, description="Location of the outputs.")
-    loggingConfig: LoggingConfig | None = Field(default=None, description="Settings of the recording.")
-    maxJobDurationInSeconds: JobDuration | None = Field(default=None, description="Wall-clock limit in seconds.")
-    simulationTimeMillis: SimulationTimeMillis | None = Field(
-        default=None, description="How long the job has run, in milliseconds."
-    )
-    iamRole: IamRole | None = Field(default=None, description="ARN of the role whose rights the job has.")
-    robotApplications: RobotApplicationConfigs | None = Field(default=None, description="The robot application.")
-    simulationApplications: SimulationApplicationConfigs | None = Field(
-        default=None, description="The simulation application."
-    )
-    dataSources: DataSources | None = Field(default=None, description="Objects the job reads.")
-    tags: TagMap | None = Field(default=None, description="The job's tags; always sent.")
-    vpcConfig: VPCConfigResponse | None = Field(default=None, description="Network of the job.")
-    compute: ComputeResponse | None = Field(default=None, description="Limits on the job's use of the machine.")
+    arn: Arn | None = optional("ARN of the job.")
+    status: SimulationJobStatus | None = optional("Status of the job.")
+    lastStartedAt: LastStartedAt | None = optional("When it last began to run.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
+    failureBehavior: FailureBehavior | None = optional("Behavior after a crash.")
+    failureCode: SimulationJobErrorCode | None = optional("Why it failed; absent if not.")
+    clientRequestToken: ClientRequestToken | None = optional("The request's token.")
+    outputLocation: OptionalOutputLocation = optional("Location of the outputs.")
+    loggingConfig: LoggingConfig | None = optional("Settings of the recording.")
+    maxJobDurationInSeconds: JobDuration | None = optional("Wall-clock limit in seconds.")
+    simulationTimeMillis: SimulationTimeMillis | None = optional("How long the job has run, in milliseconds.")
+    iamRole: IamRole | None = optional("ARN of the role whose rights the job has.")
+    robotApplications: RobotApplicationConfigs | None = optional("The robot application.")
+    simulationApplications: SimulationApplicationConfigs | None = optional("The simulation application.")
+    dataSources: DataSources | None = optional("Objects the job reads.")
+    tags: TagMap | None = optional("The job's tags; always sent.")
+    vpcConfig: VPCConfigResponse | None = optional("Network of the job.")
+    compute: ComputeResponse | None = optional("Limits on the job's use of the machine.")
 
 
 class SimulationJob(CreateSimulationJobResponse):
     """One job."""
 
-    name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    networkInterface: NetworkInterface | None = Field(default=None, description="Its address, once it runs.")
+    name: Name | None = optional("Its name: the last part of its ARN.")
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    networkInterface: NetworkInterface | None = optional("Its address, once it runs.")
 
 
 class DescribeSimulationJobRequest(Shape):
@@ -214,10 +208,8 @@ class BatchDescribeSimulationJobRequest(Shape):
 class BatchDescribeSimulationJobResponse(Shape):
     """Several jobs."""
 
-    jobs: Annotated[list[SimulationJob], ShapeName("SimulationJobs")] | None = Field(
-        default=None, description="Those that were found."
-    )
-    unprocessedJobs: AnsweredArns | None = Field(default=None, description="ARNs of the others.")
+    jobs: Annotated[list[SimulationJob], ShapeName("SimulationJobs")] | None = optional("Those that were found.")
+    unprocessedJobs: AnsweredArns | None = optional("ARNs of the others.")
 
 
 RobotApplicationNames = Annotated[list[Name], ShapeName("RobotApplicationNames")]
@@ -228,16 +220,14 @@ DataSourceNames = Annotated[list[Name], ShapeName("DataSourceNames")]
 class SimulationJobSummary(Shape):
     """One job in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it last changed.")
-    name: Name | None = Field(default=None, description="Its name: the last part of its ARN.")
-    status: SimulationJobStatus | None = Field(default=None, description="Status of the job.")
-    simulationApplicationNames: SimulationApplicationNames | None = Field(
-        default=None, description="Its simulation application."
-    )
-    robotApplicationNames: RobotApplicationNames | None = Field(default=None, description="Its robot application.")
-    dataSourceNames: DataSourceNames | None = Field(default=None, description="Its data sources.")
-    computeType: ComputeType | None = Field(default=None, description="With or without a GPU.")
+    arn: Arn | None = optional("ARN of the job.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
+    name: Name | None = optional("Its name: the last part of its ARN.")
+    status: SimulationJobStatus | None = optional("Status of the job.")
+    simulationApplicationNames: SimulationApplicationNames | None = optional("Its simulation application.")
+    robotApplicationNames: RobotApplicationNames | None = optional("Its robot application.")
+    dataSourceNames: DataSourceNames | None = optional("Its data sources.")
+    computeType: ComputeType | None = optional("With or without a GPU.")
 
 
 SimulationJobRequests = Annotated[
@@ -251,13 +241,12 @@ SimulationJobMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le
 class ListSimulationJobsRequest(Shape):
     """Asks for jobs, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: SimulationJobMaxResults | None = Field(
-        default=None, description="Entries per page, 1 to 1000; a page never has more than 100."
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: SimulationJobMaxResults | None = optional(
+        "Entries per page, 1 to 1000; a page never has more than 100."
     )
-    filters: Filters | None = Field(
-        default=None,
-        description="Filter by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all jobs.",
+    filters: Filters | None = optional(
+        "Filter by `status`, `simulationApplicationName` or `robotApplicationName`; absent: all jobs."
     )
 
 
@@ -265,7 +254,7 @@ class ListSimulationJobsResponse(Shape):
     """A page of jobs."""
 
     simulationJobSummaries: SimulationJobSummaries = Field(description="Jobs, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelSimulationJobRequest(Shape):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Arn, TagKey, TagMap
 from ..wire.operation_shape import READ_ERRORS, Location, OperationShape
 
@@ -24,7 +24,7 @@ class ListTagsForResourceRequest(Shape):
 class ListTagsForResourceResponse(Shape):
     """A resource's tags."""
 
-    tags: TagMap | None = Field(default=None, description="All of them.")
+    tags: TagMap | None = optional("All of them.")
 
 
 class TagResourceRequest(Shape):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,
     Arn,
@@ -35,26 +35,26 @@ WorldExportJobErrorCode = Annotated[
 class CreateWorldExportJobRequest(Shape):
     """Request for an archive of worlds."""
 
-    clientRequestToken: ClientRequestToken | None = Field(
-        default=None, description="Makes the call repeatable: the same token and request give the same job."
+    clientRequestToken: ClientRequestToken | None = optional(
+        "Makes the call repeatable: the same token and request give the same job."
     )
     worlds: Arns = Field(description="ARNs of the worlds that go into the archive, 1 to 100.")
     outputLocation: OutputLocation = Field(description="Location of the archive.")
     iamRole: IamRole = Field(description="ARN of the role whose rights the job uses to write.")
-    tags: TagMap | None = Field(default=None, description="Tags for the job.")
+    tags: TagMap | None = optional("Tags for the job.")
 
 
 class CreateWorldExportJobResponse(Shape):
     """The job as it was accepted."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldExportJobStatus | None = Field(default=None, description="Status of the job.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    failureCode: WorldExportJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    outputLocation: OutputLocation | None = Field(default=None, description="Location of the archive.")
-    iamRole: IamRole | None = Field(default=None, description="ARN of the role the job uses.")
-    tags: TagMap | None = Field(default=None, description="The job's tags.")
+    arn: Arn | None = optional("ARN of the job.")
+    status: WorldExportJobStatus | None = optional("Status of the job.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    failureCode: WorldExportJobErrorCode | None = optional("Why it failed; absent if not.")
+    clientRequestToken: ClientRequestToken | None = optional("The request's token.")
+    outputLocation: OutputLocation | None = optional("Location of the archive.")
+    iamRole: IamRole | None = optional("ARN of the role the job uses.")
+    tags: TagMap | None = optional("The job's tags.")
 
 
 class DescribeWorldExportJobRequest(Shape):
@@ -66,30 +66,29 @@ class DescribeWorldExportJobRequest(Shape):
 class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
     """One job."""
 
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    worlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds in the archive.")
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    worlds: AnsweredArns | None = optional("ARNs of the worlds in the archive.")
 
 
 class ListWorldExportJobsRequest(Shape):
     """Asks for export jobs, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(
-        default=None,
-        description="Filter by `status`, or by `generationJobId` or `templateId`, the id of what one of a job's worlds "
-        "came from; absent: all jobs.",
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+    filters: Filters | None = optional(
+        "Filter by `status`, or by `generationJobId` or `templateId`, the id of what one of a job's worlds "
+        "came from; absent: all jobs."
     )
 
 
 class WorldExportJobSummary(Shape):
     """One export job in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldExportJobStatus | None = Field(default=None, description="Status of the job.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    worlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds in the archive.")
-    outputLocation: OutputLocation | None = Field(default=None, description="Location of the archive.")
+    arn: Arn | None = optional("ARN of the job.")
+    status: WorldExportJobStatus | None = optional("Status of the job.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    worlds: AnsweredArns | None = optional("ARNs of the worlds in the archive.")
+    outputLocation: OutputLocation | None = optional("Location of the archive.")
 
 
 WorldExportJobSummaries = Annotated[list[WorldExportJobSummary], ShapeName("WorldExportJobSummaries", 0, 100)]
@@ -99,7 +98,7 @@ class ListWorldExportJobsResponse(Shape):
     """A page of export jobs."""
 
     worldExportJobSummaries: WorldExportJobSummaries = Field(description="Jobs, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelWorldExportJobRequest(Shape):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,
     Arn,
@@ -59,9 +59,9 @@ def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
 class WorldCount(Shape):
     """How many worlds: the product of both numbers. A job that asks for too many, 50 by default, fails."""
 
-    floorplanCount: FloorplanCount | None = Field(default=None, description="Number of different floor plans.")
-    interiorCountPerFloorplan: InteriorCountPerFloorplan | None = Field(
-        default=None, description="Number of differently furnished worlds for each floor plan."
+    floorplanCount: FloorplanCount | None = optional("Number of different floor plans.")
+    interiorCountPerFloorplan: InteriorCountPerFloorplan | None = optional(
+        "Number of differently furnished worlds for each floor plan."
     )
 
     @model_validator(mode="after")
@@ -79,30 +79,28 @@ class WorldCount(Shape):
 class CreateWorldGenerationJobRequest(Shape):
     """Request for worlds."""
 
-    clientRequestToken: ClientRequestToken | None = Field(
-        default=None, description="Makes the call repeatable: the same token and request give the same job."
+    clientRequestToken: ClientRequestToken | None = optional(
+        "Makes the call repeatable: the same token and request give the same job."
     )
     template: Arn = Field(description="ARN of the template to generate from.")
     worldCount: WorldCount = Field(description="How many worlds.")
-    tags: TagMap | None = Field(default=None, description="Tags for the job.")
-    worldTags: TagMap | None = Field(default=None, description="Tags for every world it generates.")
-    seed: Seed | None = Field(
-        default=None, description="Extension: the same seed, template and generator give the same worlds."
-    )
+    tags: TagMap | None = optional("Tags for the job.")
+    worldTags: TagMap | None = optional("Tags for every world it generates.")
+    seed: Seed | None = optional("Extension: the same seed, template and generator give the same worlds.")
 
 
 class CreateWorldGenerationJobResponse(Shape):
     """The job as it was accepted."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    status: WorldGenerationJobStatus | None = Field(default=None, description="Status of the job.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    template: Arn | None = Field(default=None, description="ARN of the template.")
-    worldCount: WorldCount | None = Field(default=None, description="How many worlds were requested.")
-    tags: TagMap | None = Field(default=None, description="The job's tags.")
-    worldTags: TagMap | None = Field(default=None, description="Tags of the worlds it generates.")
+    arn: Arn | None = optional("ARN of the job.")
+    status: WorldGenerationJobStatus | None = optional("Status of the job.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    failureCode: WorldGenerationJobErrorCode | None = optional("Why it failed; absent if not.")
+    clientRequestToken: ClientRequestToken | None = optional("The request's token.")
+    template: Arn | None = optional("ARN of the template.")
+    worldCount: WorldCount | None = optional("How many worlds were requested.")
+    tags: TagMap | None = optional("The job's tags.")
+    worldTags: TagMap | None = optional("Tags of the worlds it generates.")
 
 
 class DescribeWorldGenerationJobRequest(Shape):
@@ -114,9 +112,9 @@ class DescribeWorldGenerationJobRequest(Shape):
 class WorldFailure(Shape):
     """Worlds that failed for one reason."""
 
-    failureCode: WorldGenerationJobErrorCode | None = Field(default=None, description="The reason's code.")
-    sampleFailureReason: GenericString | None = Field(default=None, description="The reason in words, of one of them.")
-    failureCount: int | None = Field(default=None, description="How many worlds.")
+    failureCode: WorldGenerationJobErrorCode | None = optional("The reason's code.")
+    sampleFailureReason: GenericString | None = optional("The reason in words, of one of them.")
+    failureCount: int | None = optional("How many worlds.")
 
 
 WorldFailures = Annotated[list[WorldFailure], ShapeName("WorldFailures", 0, 100)]
@@ -125,47 +123,43 @@ WorldFailures = Annotated[list[WorldFailure], ShapeName("WorldFailures", 0, 100)
 class FailureSummary(Shape):
     """Worlds that failed."""
 
-    totalFailureCount: int | None = Field(default=None, description="How many worlds failed.")
-    failures: WorldFailures | None = Field(default=None, description="Failed worlds by reason.")
+    totalFailureCount: int | None = optional("How many worlds failed.")
+    failures: WorldFailures | None = optional("Failed worlds by reason.")
 
 
 class FinishedWorldsSummary(Shape):
     """Worlds that are finished, well or badly; grows while the job runs."""
 
-    finishedCount: int | None = Field(default=None, description="Succeeded and failed worlds together.")
-    succeededWorlds: AnsweredArns | None = Field(default=None, description="ARNs of the worlds that can be used.")
-    failureSummary: FailureSummary | None = Field(default=None, description="The others.")
+    finishedCount: int | None = optional("Succeeded and failed worlds together.")
+    succeededWorlds: AnsweredArns | None = optional("ARNs of the worlds that can be used.")
+    failureSummary: FailureSummary | None = optional("The others.")
 
 
 class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
     """One job."""
 
-    failureReason: GenericString | None = Field(default=None, description="Why it failed, in words.")
-    finishedWorldsSummary: FinishedWorldsSummary | None = Field(
-        default=None, description="How many worlds were made, and which failed."
-    )
+    failureReason: GenericString | None = optional("Why it failed, in words.")
+    finishedWorldsSummary: FinishedWorldsSummary | None = optional("How many worlds were made, and which failed.")
 
 
 class ListWorldGenerationJobsRequest(Shape):
     """Asks for generation jobs, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(
-        default=None, description="Filter by `status` or `templateId`, the template's id; absent: all jobs."
-    )
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+    filters: Filters | None = optional("Filter by `status` or `templateId`, the template's id; absent: all jobs.")
 
 
 class WorldGenerationJobSummary(Shape):
     """One generation job in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the job.")
-    template: Arn | None = Field(default=None, description="ARN of the template.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was accepted.")
-    status: WorldGenerationJobStatus | None = Field(default=None, description="Status of the job.")
-    worldCount: WorldCount | None = Field(default=None, description="How many worlds were requested.")
-    succeededWorldCount: int | None = Field(default=None, description="How many worlds it has made.")
-    failedWorldCount: int | None = Field(default=None, description="How many worlds failed.")
+    arn: Arn | None = optional("ARN of the job.")
+    template: Arn | None = optional("ARN of the template.")
+    createdAt: Timestamp | None = optional("When it was accepted.")
+    status: WorldGenerationJobStatus | None = optional("Status of the job.")
+    worldCount: WorldCount | None = optional("How many worlds were requested.")
+    succeededWorldCount: int | None = optional("How many worlds it has made.")
+    failedWorldCount: int | None = optional("How many worlds failed.")
 
 
 WorldGenerationJobSummaries = Annotated[
@@ -177,7 +171,7 @@ class ListWorldGenerationJobsResponse(Shape):
     """A page of generation jobs."""
 
     worldGenerationJobSummaries: WorldGenerationJobSummaries = Field(description="Jobs, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelWorldGenerationJobRequest(Shape):

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
     Arn,
     ClientRequestToken,
@@ -58,13 +58,13 @@ class TemplateLocation(Shape):
 class CreateWorldTemplateRequest(Shape):
     """Request for a world template."""
 
-    clientRequestToken: ClientRequestToken | None = Field(
-        default=None, description="Makes the call repeatable: the same token and request give the same template."
+    clientRequestToken: ClientRequestToken | None = optional(
+        "Makes the call repeatable: the same token and request give the same template."
     )
-    name: TemplateName | None = Field(default=None, description="Name for people; any text.")
-    templateBody: TemplateBody | None = Field(default=None, description="The template, as JSON text or as a mapping.")
-    templateLocation: TemplateLocation | None = Field(default=None, description="Object that holds the template.")
-    tags: TagMap | None = Field(default=None, description="Tags for the template.")
+    name: TemplateName | None = optional("Name for people; any text.")
+    templateBody: TemplateBody | None = optional("The template, as JSON text or as a mapping.")
+    templateLocation: TemplateLocation | None = optional("Object that holds the template.")
+    tags: TagMap | None = optional("Tags for the template.")
 
     @model_validator(mode="after")
     def _one_body(self) -> Self:
@@ -75,20 +75,20 @@ class CreateWorldTemplateRequest(Shape):
 class CreateWorldTemplateResponse(Shape):
     """The template that was made."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the template.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="The request's token.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    name: TemplateName | None = Field(default=None, description="Its name.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
+    arn: Arn | None = optional("ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = optional("The request's token.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    name: TemplateName | None = optional("Its name.")
+    tags: TagMap | None = optional("Its tags.")
 
 
 class UpdateWorldTemplateRequest(Shape):
     """Changes a template's name, its body, or both; what is absent stays as it is."""
 
     template: Arn = Field(description="ARN of the template.")
-    name: TemplateName | None = Field(default=None, description="Its new name; empty: it has none any more.")
-    templateBody: TemplateBody | None = Field(default=None, description="Its new body, as JSON text or as a mapping.")
-    templateLocation: TemplateLocation | None = Field(default=None, description="Object that holds its new body.")
+    name: TemplateName | None = optional("Its new name; empty: it has none any more.")
+    templateBody: TemplateBody | None = optional("Its new body, as JSON text or as a mapping.")
+    templateLocation: TemplateLocation | None = optional("Object that holds its new body.")
 
     @model_validator(mode="after")
     def _some_change(self) -> Self:
@@ -102,10 +102,10 @@ class UpdateWorldTemplateRequest(Shape):
 class UpdateWorldTemplateResponse(Shape):
     """The template as it is now."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the template.")
-    name: TemplateName | None = Field(default=None, description="Its name.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed: now.")
+    arn: Arn | None = optional("ARN of the template.")
+    name: TemplateName | None = optional("Its name.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed: now.")
 
 
 class DescribeWorldTemplateRequest(Shape):
@@ -117,22 +117,20 @@ class DescribeWorldTemplateRequest(Shape):
 class DescribeWorldTemplateResponse(Shape):
     """One template, without its body."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the template.")
-    clientRequestToken: ClientRequestToken | None = Field(default=None, description="Token it was made with.")
-    name: TemplateName | None = Field(default=None, description="Its name.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
-    tags: TagMap | None = Field(default=None, description="Its tags.")
-    version: GenericString | None = Field(default=None, description='Version of the body\'s form: "1" or "2".')
+    arn: Arn | None = optional("ARN of the template.")
+    clientRequestToken: ClientRequestToken | None = optional("Token it was made with.")
+    name: TemplateName | None = optional("Its name.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed.")
+    tags: TagMap | None = optional("Its tags.")
+    version: GenericString | None = optional('Version of the body\'s form: "1" or "2".')
 
 
 class GetWorldTemplateBodyRequest(Shape):
     """Asks for a template's body."""
 
-    template: Arn | None = Field(default=None, description="ARN of the template whose present body is wanted.")
-    generationJob: Arn | None = Field(
-        default=None, description="ARN of the generation job whose body, as it was then, is wanted."
-    )
+    template: Arn | None = optional("ARN of the template whose present body is wanted.")
+    generationJob: Arn | None = optional("ARN of the generation job whose body, as it was then, is wanted.")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -143,24 +141,24 @@ class GetWorldTemplateBodyRequest(Shape):
 class GetWorldTemplateBodyResponse(Shape):
     """A template's body."""
 
-    templateBody: Json | None = Field(default=None, description="The body, JSON text.")
+    templateBody: Json | None = optional("The body, JSON text.")
 
 
 class ListWorldTemplatesRequest(Shape):
     """Asks for templates, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
 
 
 class TemplateSummary(Shape):
     """One template in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the template.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was made.")
-    lastUpdatedAt: LastUpdatedAt | None = Field(default=None, description="When it was last changed.")
-    name: TemplateName | None = Field(default=None, description="Its name.")
-    version: GenericString | None = Field(default=None, description='Version of the body\'s form: "1" or "2".')
+    arn: Arn | None = optional("ARN of the template.")
+    createdAt: Timestamp | None = optional("When it was made.")
+    lastUpdatedAt: LastUpdatedAt | None = optional("When it was last changed.")
+    name: TemplateName | None = optional("Its name.")
+    version: GenericString | None = optional('Version of the body\'s form: "1" or "2".')
 
 
 TemplateSummaries = Annotated[list[TemplateSummary], ShapeName("TemplateSummaries")]
@@ -169,8 +167,8 @@ TemplateSummaries = Annotated[list[TemplateSummary], ShapeName("TemplateSummarie
 class ListWorldTemplatesResponse(Shape):
     """A page of templates."""
 
-    templateSummaries: TemplateSummaries | None = Field(default=None, description="Templates, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    templateSummaries: TemplateSummaries | None = optional("Templates, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteWorldTemplateRequest(Shape):

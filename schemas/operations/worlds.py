@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
 from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 
@@ -18,36 +18,34 @@ class DescribeWorldRequest(Shape):
 class DescribeWorldResponse(Shape):
     """One world."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the world.")
-    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
-    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
-    tags: TagMap | None = Field(default=None, description="Its tags: the job's `worldTags`, and later changes.")
-    worldDescriptionBody: Json | None = Field(
-        default=None,
-        description="JSON text that describes the world: plan, doors, furniture, seeds and what was proven of it.",
+    arn: Arn | None = optional("ARN of the world.")
+    generationJob: Arn | None = optional("ARN of the job that generated it.")
+    template: Arn | None = optional("ARN of the template it was generated from.")
+    createdAt: Timestamp | None = optional("When it was finished.")
+    tags: TagMap | None = optional("Its tags: the job's `worldTags`, and later changes.")
+    worldDescriptionBody: Json | None = optional(
+        "JSON text that describes the world: plan, doors, furniture, seeds and what was proven of it."
     )
 
 
 class ListWorldsRequest(Shape):
     """Asks for worlds, newest first."""
 
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = Field(default=None, description="Entries per page; absent: 100.")
-    filters: Filters | None = Field(
-        default=None,
-        description="Filter by `generationJobId` or `templateId`, the id of what the worlds came from, or by `status`, "
-        "which is `Active` for every world; absent: all worlds.",
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+    filters: Filters | None = optional(
+        "Filter by `generationJobId` or `templateId`, the id of what the worlds came from, or by `status`, "
+        "which is `Active` for every world; absent: all worlds."
     )
 
 
 class WorldSummary(Shape):
     """One world in a list."""
 
-    arn: Arn | None = Field(default=None, description="ARN of the world.")
-    createdAt: Timestamp | None = Field(default=None, description="When it was finished.")
-    generationJob: Arn | None = Field(default=None, description="ARN of the job that generated it.")
-    template: Arn | None = Field(default=None, description="ARN of the template it was generated from.")
+    arn: Arn | None = optional("ARN of the world.")
+    createdAt: Timestamp | None = optional("When it was finished.")
+    generationJob: Arn | None = optional("ARN of the job that generated it.")
+    template: Arn | None = optional("ARN of the template it was generated from.")
 
 
 WorldSummaries = Annotated[list[WorldSummary], ShapeName("WorldSummaries")]
@@ -56,8 +54,8 @@ WorldSummaries = Annotated[list[WorldSummary], ShapeName("WorldSummaries")]
 class ListWorldsResponse(Shape):
     """A page of worlds."""
 
-    worldSummaries: WorldSummaries | None = Field(default=None, description="Worlds, newest first.")
-    nextToken: PaginationToken | None = Field(default=None, description="Token of the next page; absent on the last.")
+    worldSummaries: WorldSummaries | None = optional("Worlds, newest first.")
+    nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class BatchDeleteWorldsRequest(Shape):
@@ -69,9 +67,7 @@ class BatchDeleteWorldsRequest(Shape):
 class BatchDeleteWorldsResponse(Shape):
     """Worlds that were not deleted."""
 
-    unprocessedWorlds: AnsweredArns | None = Field(
-        default=None, description="ARNs of the worlds that do not exist or could not be deleted."
-    )
+    unprocessedWorlds: AnsweredArns | None = optional("ARNs of the worlds that do not exist or could not be deleted.")
 
 
 OPERATIONS = (

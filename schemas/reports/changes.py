@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .states import CaseOutcome
 
 
@@ -14,8 +14,8 @@ class CellName(Model):
 
     step: str = Field(default="", description="The step that made it.")
     test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
-    world: str | None = Field(default=None, description="The world it drove in, by the name it had in its run.")
-    seed: int | None = Field(default=None, description="Its seed, where the request named one.")
+    world: str | None = optional("The world it drove in, by the name it had in its run.")
+    seed: int | None = optional("Its seed, where the request named one.")
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of its run have: `SPEED=2`."
     )
@@ -36,8 +36,8 @@ class ChangedInput(Model):
         description="Kind of input; `request`: all that is asked for beside requirements."
     )
     name: str = Field(default="", description="Name of the application or package.")
-    before: str | None = Field(default=None, description="Commit, digest or version before; absent: not known.")
-    after: str | None = Field(default=None, description="The same after.")
+    before: str | None = optional("Commit, digest or version before; absent: not known.")
+    after: str | None = optional("The same after.")
 
 
 class FailureStart(Model):
@@ -46,8 +46,8 @@ class FailureStart(Model):
     run_id: str = Field(description="First run in which it failed.")
     started_at: datetime = Field(description="Start of that run, UTC.")
     nights: int = Field(description="Runs since then in which it failed, that one included.")
-    last_passed_run_id: str | None = Field(
-        default=None, description="Last run before in which it passed; absent: it never did in the runs looked at."
+    last_passed_run_id: str | None = optional(
+        "Last run before in which it passed; absent: it never did in the runs looked at."
     )
     changed: list[ChangedInput] = Field(default=[], description="Inputs that changed between those two runs.")
 
@@ -57,7 +57,7 @@ class NewlyMissed(Model):
 
     cell: CellName = Field(description="The job that it is a trial of.")
     job: str = Field(description="Id of the job in the last run.")
-    trial: int | None = Field(default=None, description="Its number; absent: the job has no trials.")
+    trial: int | None = optional("Its number; absent: the job has no trials.")
     detail: str = Field(default="", description="Value found and value asked for, in words.")
     certain: bool = Field(
         description="Whether it is not by chance: same world, same seed, and programs that do the same every time."
@@ -83,7 +83,7 @@ class CellChange(Model):
     job: str = Field(description="Id of the job in the last run.")
     outcome: CaseOutcome = Field(description="Its outcome in the last run.")
     reason: str = Field(default="", description="Why it does not pass.")
-    since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it passes.")
+    since: FailureStart | None = optional("Since when it fails; absent: it passes.")
     newly_missed: list[str] = Field(
         default=[], description="Requirements that it met when it ran last, and misses now: another way of failing."
     )
@@ -97,8 +97,8 @@ class Loss(Model):
     before: CaseOutcome = Field(description="Its outcome when it was last judged, or last ran.")
     before_run_id: str = Field(description="The run in which it ended so.")
     requirements: list[str] = Field(default=[], description="Names of requirements that counted then, and not now.")
-    trials_before: int | None = Field(default=None, description="Trials of it that were counted then.")
-    trials_now: int | None = Field(default=None, description="Trials that were counted now, where that are fewer.")
+    trials_before: int | None = optional("Trials of it that were counted then.")
+    trials_now: int | None = optional("Trials that were counted now, where that are fewer.")
 
 
 class Losses(Model):
@@ -124,8 +124,8 @@ class Losses(Model):
 class SinceLastRun(Losses):
     """Differences from the run before: the beginning of a nightly's report."""
 
-    previous_run_id: str | None = Field(default=None, description="The run before; absent: this is the first.")
-    previous_started_at: datetime | None = Field(default=None, description="Start of that run, UTC.")
+    previous_run_id: str | None = optional("The run before; absent: this is the first.")
+    previous_started_at: datetime | None = optional("Start of that run, UTC.")
     paired: int = Field(default=0, description="Jobs that an earlier run has a result of.")
     unpaired: int = Field(default=0, description="Jobs that no earlier run has a result of.")
     other_requirements: int = Field(

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .changes import CellName, Losses, RequirementChange
 from .inputs import SourceCommit
 from .states import CaseOutcome
@@ -29,7 +29,7 @@ class ComparedRun(Model):
     name: str = Field(description="Name of its specification.")
     started_at: datetime = Field(description="Start, UTC.")
     jobs: int = Field(description="How many jobs it has.")
-    source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
+    source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
 
 
 class PairedJob(Model):
@@ -79,9 +79,7 @@ class NeededPairs(Model):
     power: float = Field(description="Probability with which it would be shown.")
     pairs: int = Field(description="Pairs needed in all.")
     more: int = Field(description="How many more than there are.")
-    worlds: int | None = Field(
-        default=None, description="Worlds needed in all, where whole worlds are flipped, with as many trials as now."
-    )
+    worlds: int | None = optional("Worlds needed in all, where whole worlds are flipped, with as many trials as now.")
 
 
 class MetricChange(Model):
@@ -92,8 +90,8 @@ class MetricChange(Model):
     before: float = Field(description="Mean in the first run.")
     after: float = Field(description="Mean in the second run.")
     difference: float = Field(description="Mean of `after - before`.")
-    low: float | None = Field(default=None, description="Lower end of its interval; absent with fewer than 2 pairs.")
-    high: float | None = Field(default=None, description="Upper end of it.")
+    low: float | None = optional("Lower end of its interval; absent with fewer than 2 pairs.")
+    high: float | None = optional("Upper end of it.")
     changed: bool = Field(description="Whether the interval leaves out 0.")
 
 
@@ -125,8 +123,8 @@ class Comparison(Losses):
     newly_failing: list[PairedJob] = Field(description="Passed before, failed or broke after.")
     newly_passing: list[PairedJob] = Field(description="Failed or broke before, passed after.")
     still_failing: list[PairedJob] = Field(description="Failed or broke in both.")
-    rate: RateChange | None = Field(default=None, description="Pass rates; absent when no pair was judged in both.")
-    needed: NeededPairs | None = Field(default=None, description="Present when no difference was shown.")
+    rate: RateChange | None = optional("Pass rates; absent when no pair was judged in both.")
+    needed: NeededPairs | None = optional("Present when no difference was shown.")
     metrics: list[MetricChange] = Field(description="Metrics, those that changed first.")
     margins: list[MetricChange] = Field(
         default=[], description="Margins of requirements, those that moved first; an interval holds for all of them."

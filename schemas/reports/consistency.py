@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 
 class Problem(StrEnum):
@@ -47,7 +47,7 @@ class Finding(Model):
     """One problem."""
 
     problem: Problem = Field(description="Kind of the problem.")
-    resource: str | None = Field(default=None, description="ARN of the resource that it belongs to; absent: none.")
+    resource: str | None = optional("ARN of the resource that it belongs to; absent: none.")
     where: str = Field(description="Address of the object, the folder of objects or the folder of this machine.")
     detail: str = Field(default="", description="The same in words.")
     remedy: str = Field(default="", description="Remedy for it, in words.")

@@ -7,7 +7,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..missed_nights import MissedNight
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .changes import CellName, ChangedInput, FailureStart, SinceLastRun
 from .inputs import SourceCommit
 from .states import CaseOutcome, RunState
@@ -24,9 +24,9 @@ class Night(Model):
     trials: int = Field(description="How many trials they had; a job without trials is one.")
     success: Share = Field(description="Its trials; those that broke are not judged.")
     interruptions: int = Field(default=0, description="How many of its processes died before others finished it.")
-    source: SourceCommit | None = Field(default=None, description="Commit of its specification; absent: none known.")
+    source: SourceCommit | None = optional("Commit of its specification; absent: none known.")
     changed: list[ChangedInput] = Field(default=[], description="Inputs that differ from the run before.")
-    report_path: Path | None = Field(default=None, description="Its HTML report.")
+    report_path: Path | None = optional("Its HTML report.")
 
 
 class CellHistory(Model):
@@ -40,7 +40,7 @@ class CellHistory(Model):
         description="Whether it passed and failed with the same inputs, or changed its result at least three times."
     )
     same_inputs: bool = Field(description="Whether it passed and failed with the same applications, request and seed.")
-    since: FailureStart | None = Field(default=None, description="Since when it fails; absent: it does not.")
+    since: FailureStart | None = optional("Since when it fails; absent: it does not.")
 
 
 class SharesByNight(Model):

@@ -3,7 +3,7 @@
 from pydantic import Field
 
 from ..runs.programs import ApplicationRole
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 
 class SourceCommit(Model):
@@ -28,18 +28,17 @@ class JobInputs(Model):
     request are the same job on two nights, whatever robot, versions and places of outputs they have.
     """
 
-    seed: int | None = Field(default=None, description="Its seed; absent: it never became a job.")
+    seed: int | None = optional("Its seed; absent: it never became a job.")
     seed_given: bool = Field(description="Whether the request named the seed; otherwise it was drawn by chance.")
-    world: str | None = Field(
-        default=None,
-        description="Name of the world's content, the same for the same world of every night; its ARN where the world "
-        "is deleted and its content not known.",
+    world: str | None = optional(
+        "Name of the world's content, the same for the same world of every night; its ARN where the world "
+        "is deleted and its content not known."
     )
     applications: list[UsedApplication] = Field(
         default=[], description="Its applications; one that was never started is missing."
     )
-    requirements_sha256: str | None = Field(
-        default=None, description="SHA-256 of the requirements that its request names; absent: it names none."
+    requirements_sha256: str | None = optional(
+        "SHA-256 of the requirements that its request names; absent: it names none."
     )
     request_sha256: str = Field(
         description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 KeptState = Literal["kept", "stored"]
 
@@ -19,10 +19,8 @@ class KeptRun(Model):
     files: int = Field(description="How many files it left.")
     size_bytes: int = Field(description="Their size.")
     state: KeptState = Field(default="kept", description="`kept` on this machine, or `stored` now.")
-    place: str | None = Field(
-        default=None, description="Place in the object store where its outputs are now; absent: none."
-    )
-    problem: str | None = Field(default=None, description="Why they could not be stored; absent: it was not tried.")
+    place: str | None = optional("Place in the object store where its outputs are now; absent: none.")
+    problem: str | None = optional("Why they could not be stored; absent: it was not tried.")
 
 
 class KeptReport(Model):

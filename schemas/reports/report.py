@@ -9,7 +9,7 @@ from pydantic import Field
 from ..job_owners import JobOwner
 from ..runs.machine_waits import Scarce
 from ..runs.plan import RunResult
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .changes import SinceLastRun
 from .forecast import ForecastCheck
 from .inputs import JobInputs
@@ -51,41 +51,35 @@ class ReportedJob(Model):
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
     )
-    step: str | None = Field(default=None, description="The step that made it.")
+    step: str | None = optional("The step that made it.")
     request: dict[str, Any] = Field(default={}, description="The request that it was made from.", exclude=True)
-    arn: str | None = Field(default=None, description="The job's ARN.")
+    arn: str | None = optional("The job's ARN.")
     status: str = Field(description="The job's status, or `NotCreated`.")
-    failure_code: str | None = Field(default=None, description="The service's failure code.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    failure_code: str | None = optional("The service's failure code.")
+    failure_reason: str | None = optional("The same in words.")
     log_tail: str = Field(
         default="", description="Last lines of its log, where `failure_reason` does not already end with them."
     )
-    world_arn: str | None = Field(default=None, description="World it drove in.")
-    application: str | None = Field(
-        default=None, description="Name of its robot application, else of its simulation application."
-    )
-    seed: int | None = Field(default=None, description="Seed that it was given; absent when it never became a job.")
-    result: RunResult | None = Field(default=None, description="Content of result.json, when there is one.")
+    world_arn: str | None = optional("World it drove in.")
+    application: str | None = optional("Name of its robot application, else of its simulation application.")
+    seed: int | None = optional("Seed that it was given; absent when it never became a job.")
+    result: RunResult | None = optional("Content of result.json, when there is one.")
     poster_png: bytes = Field(default=b"", description="A frame of the video; empty if there is none.")
     files: list[ReportedFile] = Field(default=[], description="Published outputs.")
     removed_files: int = Field(default=0, description="How many more were published and have been removed since.")
-    duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
+    duration_s: float | None = optional("Wall-clock time of the run.")
     waited_s: dict[Scarce, float] = Field(
         default={},
         description="How long it waited for its machine before, in seconds, by what that had too little of.",
     )
-    video_s: float | None = Field(default=None, description="How long videos of its failure were made.")
-    upload_s: float | None = Field(default=None, description="How long its outputs were stored.")
-    inputs: JobInputs | None = Field(default=None, description="Inputs that decide its result; absent: not known.")
-    reused_from: str | None = Field(
-        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
+    video_s: float | None = optional("How long videos of its failure were made.")
+    upload_s: float | None = optional("How long its outputs were stored.")
+    inputs: JobInputs | None = optional("Inputs that decide its result; absent: not known.")
+    reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
+    carried_out_by: JobOwner | None = optional(
+        "The process that carried it out last; absent: none has begun, or it is not known."
     )
-    carried_out_by: JobOwner | None = Field(
-        default=None, description="The process that carried it out last; absent: none has begun, or it is not known."
-    )
-    earlier: str | None = Field(
-        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
-    )
+    earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
 
 
 class Report(Model):
@@ -102,11 +96,11 @@ class Report(Model):
     command: str = Field(description="The command that runs it again.")
     interrupted: str = Field(default="", description="When its processes died, in words; empty: none did.")
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
-    forecast: ForecastCheck | None = Field(
-        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    forecast: ForecastCheck | None = optional(
+        "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
     where: str = Field(default="", description="Machine it ran on and where its outputs are, in words.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages.")
-    since_last: SinceLastRun | None = Field(
-        default=None, description="Changes since the last run of the specification; absent: it was not looked up."
+    since_last: SinceLastRun | None = optional(
+        "Changes since the last run of the specification; absent: it was not looked up."
     )

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from ..wire.errors import ConfigurationError
 
 GcAction = Literal["remove", "thin", "keep"]
@@ -15,7 +15,7 @@ GcKind = Literal["run", "jobs", "world", "robot-files", "copies"]
 class RetentionPolicy(Model):
     """Rules for what is kept. All that no rule keeps is removed."""
 
-    older_than: timedelta | None = Field(default=None, description="Everything younger is kept.")
+    older_than: timedelta | None = optional("Everything younger is kept.")
     keep_runs: int | None = Field(default=None, ge=0, description="The newest of each specification that are kept.")
     keep_failures: bool = Field(default=False, description="Whether runs that did not succeed are kept.")
     keep_results: bool = Field(
@@ -51,13 +51,13 @@ class GcItem(Model):
     )
     id: str = Field(description="Id of the run; ARN of jobs and worlds.")
     name: str = Field(default="", description="Name of the specification.")
-    ended_at: datetime | None = Field(default=None, description="When it ended, or was made; UTC.")
+    ended_at: datetime | None = optional("When it ended, or was made; UTC.")
     state: str = Field(default="", description="How it ended.")
     action: GcAction = Field(description="`remove`; `thin`: recordings, videos and logs go; or `keep`.")
     reason: str = Field(default="", description="Why it is kept, or what of it is kept.")
     objects: int = Field(default=0, description="Objects of the store, and files of the home, that go.")
     size_bytes: int = Field(default=0, description="Their size.")
-    problem: str | None = Field(default=None, description="Error in words: what could not be removed, and why.")
+    problem: str | None = optional("Error in words: what could not be removed, and why.")
 
 
 class GcFlowRuns(Model):
@@ -65,9 +65,9 @@ class GcFlowRuns(Model):
 
     count: int = Field(default=0, description="How many go, with their task runs, logs and artifacts.")
     note: str = Field(default="", description="Why none are looked at, or what is to be known.")
-    database_bytes: int | None = Field(default=None, description="Size of the server's database file; absent: none.")
+    database_bytes: int | None = optional("Size of the server's database file; absent: none.")
     freed_bytes: int = Field(default=0, description="How much of it is given back, with the rows that go or without.")
-    problem: str | None = Field(default=None, description="Why they could not be removed.")
+    problem: str | None = optional("Why they could not be removed.")
 
 
 class GcReport(Model):

@@ -11,7 +11,7 @@ from pydantic import Field
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
 from ..job_owners import JobOwner
 from ..runs.plan import Requirement, Verdict
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .forecast import ForecastCheck
 from .inputs import JobInputs, SourceCommit
 from .states import RunState
@@ -35,13 +35,13 @@ class StepRecord(Model):
         description="The resource's terminal status, `Completed` for quick operations, `Failed`, or `Skipped` when an "
         "earlier step's failure kept it from starting."
     )
-    started_at: datetime | None = Field(default=None, description="Start, UTC; absent when it was skipped.")
-    ended_at: datetime | None = Field(default=None, description="End, UTC; absent when it was skipped.")
-    arn: str | None = Field(default=None, description="The resource it made.")
+    started_at: datetime | None = optional("Start, UTC; absent when it was skipped.")
+    ended_at: datetime | None = optional("End, UTC; absent when it was skipped.")
+    arn: str | None = optional("The resource it made.")
     output: dict[str, Any] = Field(
         default={}, description="Response that references see: the operation's own, or a job's final Describe response."
     )
-    error: str | None = Field(default=None, description="Why it failed, in words.")
+    error: str | None = optional("Why it failed, in words.")
 
 
 class RerunOf(Model):
@@ -59,53 +59,46 @@ class RerunOf(Model):
 class JobRecord(Model):
     """One simulation job, in short."""
 
-    arn: str | None = Field(default=None, description="The job's ARN; absent when no job came of the request.")
+    arn: str | None = optional("The job's ARN; absent when no job came of the request.")
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
     variant: str = Field(
         default="", description="Settings of its request that not all jobs of the run have: `SPEED=2`."
     )
     status: str = Field(description="The job's status, or `NotCreated`.")
-    verdict: Verdict | None = Field(default=None, description="The simulation's verdict; absent when there is none.")
-    world: str | None = Field(default=None, description="The world it drove in: a short name for people, or an ARN.")
-    rooms_visited: int | None = Field(default=None, description="Rooms the robot was in.")
-    rooms_total: int | None = Field(default=None, description="Rooms of the world.")
-    duration_s: float | None = Field(default=None, description="Wall-clock time of the run.")
-    verdict_reason: str | None = Field(
-        default=None, description="Why the verdict is FAIL: what was found and what was asked for."
-    )
+    verdict: Verdict | None = optional("The simulation's verdict; absent when there is none.")
+    world: str | None = optional("The world it drove in: a short name for people, or an ARN.")
+    rooms_visited: int | None = optional("Rooms the robot was in.")
+    rooms_total: int | None = optional("Rooms of the world.")
+    duration_s: float | None = optional("Wall-clock time of the run.")
+    verdict_reason: str | None = optional("Why the verdict is FAIL: what was found and what was asked for.")
     remarks: list[str] = Field(
         default=[],
         description="Requested outputs that could not be produced, such as a video; the run continued without them.",
     )
-    failure_code: str | None = Field(default=None, description="The service's failure code.")
-    failure_reason: str | None = Field(default=None, description="Why it failed, in words.")
+    failure_code: str | None = optional("The service's failure code.")
+    failure_reason: str | None = optional("Why it failed, in words.")
     runs_free: bool = Field(
         default=False,
         description="Whether its robot application is a program that the simulation did not wait for, so that what it "
         "did depends on the machine's clock.",
     )
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
-    output_uri: str | None = Field(default=None, description="Address of its outputs.")
-    step: str | None = Field(default=None, description="The step that made it; absent in records of version 1.")
-    test: str | None = Field(
-        default=None,
-        description="Name of the job in every run of the specification, unique in its step: world or number of the "
-        "request, and application; absent in records of version 1.",
+    output_uri: str | None = optional("Address of its outputs.")
+    step: str | None = optional("The step that made it; absent in records of version 1.")
+    test: str | None = optional(
+        "Name of the job in every run of the specification, unique in its step: world or number of the "
+        "request, and application; absent in records of version 1."
     )
     requirements: list[Requirement] = Field(
         default=[], description="Requirements that it was judged by, from `result.json`."
     )
-    inputs: JobInputs | None = Field(
-        default=None, description="Inputs that decide its result; absent in records of version 1 and of deleted jobs."
+    inputs: JobInputs | None = optional(
+        "Inputs that decide its result; absent in records of version 1 and of deleted jobs."
     )
-    reused_from: str | None = Field(
-        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
-    )
-    earlier: str | None = Field(
-        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
-    )
-    carried_out_by: JobOwner | None = Field(
-        default=None, description="The process that carried it out last; absent: none did, or it is not known."
+    reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
+    earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
+    carried_out_by: JobOwner | None = optional(
+        "The process that carried it out last; absent: none did, or it is not known."
     )
 
 
@@ -136,19 +129,15 @@ class RunRecord(Model):
     steps: list[StepRecord] = Field(description="Steps, in the order they ran.")
     jobs: list[JobRecord] = Field(default=[], description="Simulation jobs, in request order.")
     versions: dict[str, str] = Field(default={}, description="Versions of the main packages it ran with.")
-    source: SourceCommit | None = Field(
-        default=None, description="Git commit of the folder of the specification; absent: it was in none."
-    )
-    report_path: Path | None = Field(default=None, description="The HTML report; absent when it could not be written.")
-    rerun_of: RerunOf | None = Field(default=None, description="Run that it has run again; absent: it is no rerun.")
-    forecast: ForecastCheck | None = Field(
-        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    source: SourceCommit | None = optional("Git commit of the folder of the specification; absent: it was in none.")
+    report_path: Path | None = optional("The HTML report; absent when it could not be written.")
+    rerun_of: RerunOf | None = optional("Run that it has run again; absent: it is no rerun.")
+    forecast: ForecastCheck | None = optional(
+        "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
     probe: bool = Field(default=False, description="Whether it was cut down, to forecast the whole run.")
     reuse: bool = Field(default=False, description="Whether it could take over worlds and results of earlier runs.")
-    flow_run: UUID | None = Field(
-        default=None, description="Prefect's flow run that wrote this record; absent: none did, or it is not known."
-    )
+    flow_run: UUID | None = optional("Prefect's flow run that wrote this record; absent: none did, or it is not known.")
     interruptions: list[Interruption] = Field(
         default=[], description="When its processes died, so that others finished it; mostly none did."
     )

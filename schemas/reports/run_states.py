@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Sequence
 from pydantic import Field
 
 from ..runs.plan import Verdict
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .run_record import JobRecord, RunRecord
 from .states import CaseOutcome, RunState
 
@@ -35,8 +35,8 @@ class FlowResult(Model):
     message: str = Field(description="The same in words, with the worst failures; the message of its state in Prefect.")
     verdicts: dict[str, Verdict] = Field(default={}, description="Verdicts by job; jobs that have none are absent.")
     counts: dict[CaseOutcome, int] = Field(default={}, description="How many jobs ended how.")
-    run_id: str | None = Field(default=None, description="Id of the run of a specification; absent: of a job alone.")
-    report: str | None = Field(default=None, description="Path of the report; absent: none was written.")
+    run_id: str | None = optional("Id of the run of a specification; absent: of a job alone.")
+    report: str | None = optional("Path of the report; absent: none was written.")
 
 
 def result_of(record: RunRecord) -> FlowResult:

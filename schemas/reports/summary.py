@@ -9,7 +9,7 @@ from pydantic import Field
 from ..runs.machine_waits import Scarce
 from ..runs.plan import Requirement
 from ..runs.programs import ToolEnds
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .changes import SinceLastRun
 from .forecast import ForecastCheck
 from .states import CaseOutcome as CaseOutcome
@@ -23,14 +23,14 @@ class Share(Model):
     passed: int = Field(description="Went well.")
     failed: int = Field(description="Went badly.")
     errors: int = Field(default=0, description="Could not be judged, since something broke; not part of the rate.")
-    rate: float | None = Field(default=None, description="passed / (passed + failed); absent when that is 0 / 0.")
-    low: float | None = Field(default=None, description="Lower end of the 95 % Wilson score interval of the rate.")
-    high: float | None = Field(default=None, description="Upper end of it.")
-    worst_margin: float | None = Field(
-        default=None, description="Smallest margin that was left, of a requirement; negative when it was missed."
+    rate: float | None = optional("passed / (passed + failed); absent when that is 0 / 0.")
+    low: float | None = optional("Lower end of the 95 % Wilson score interval of the rate.")
+    high: float | None = optional("Upper end of it.")
+    worst_margin: float | None = optional(
+        "Smallest margin that was left, of a requirement; negative when it was missed."
     )
-    unit: str | None = Field(default=None, description="Unit of the margin.")
-    worst_job: str | None = Field(default=None, description="Job with the smallest margin.")
+    unit: str | None = optional("Unit of the margin.")
+    worst_job: str | None = optional("Job with the smallest margin.")
 
 
 class JobCase(Model):
@@ -41,31 +41,27 @@ class JobCase(Model):
         description="Name of the job in every run of the specification, unique in its step: world or number of the "
         "request, and application."
     )
-    arn: str | None = Field(default=None, description="The job's ARN.")
+    arn: str | None = optional("The job's ARN.")
     outcome: CaseOutcome = Field(description="Outcome of the job: FAIL is `failed`, ERROR is `broken`.")
     reason: str = Field(default="", description="Why it failed or broke; first line short.")
-    failure_code: str | None = Field(default=None, description="The service's failure code.")
+    failure_code: str | None = optional("The service's failure code.")
     time_s: float = Field(description="Wall-clock time.")
     waited_s: dict[Scarce, float] = Field(
         default={},
         description="How long it waited for its machine before, in seconds, by what that had too little of; waits of "
         "less than a second, and those for jobs of its own batch, are left out.",
     )
-    sim_time_s: float | None = Field(default=None, description="Simulated time.")
-    seed: int | None = Field(default=None, description="Seed of the run.")
-    world: str | None = Field(default=None, description="World it drove in.")
-    output: str | None = Field(default=None, description="Address of its outputs.")
+    sim_time_s: float | None = optional("Simulated time.")
+    seed: int | None = optional("Seed of the run.")
+    world: str | None = optional("World it drove in.")
+    output: str | None = optional("Address of its outputs.")
     requirements: list[Requirement] = Field(default=[], description="Requirements that it was judged by.")
     remarks: list[str] = Field(default=[], description="Requested outputs that could not be produced, such as a video.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while it ran, and were started again.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
-    trials: Share | None = Field(default=None, description="How many of its trials passed; absent: it has none.")
-    reused_from: str | None = Field(
-        default=None, description="The run, else the job, whose results it has taken over; absent: it was run."
-    )
-    earlier: str | None = Field(
-        default=None, description="Label and verdict or status of the job that was run again, in a rerun."
-    )
+    trials: Share | None = optional("How many of its trials passed; absent: it has none.")
+    reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
+    earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
 
 
 class StepSuite(Model):
@@ -96,12 +92,12 @@ class ReportSummary(Model):
     worlds: list[Share] = Field(description="Trials by world, the worst first.")
     rooms: list[Share] = Field(description="Visits by name of the room, the worst first.")
     steps: list[StepSuite] = Field(description="Steps that made jobs or failed, in order.")
-    since_last: SinceLastRun | None = Field(
-        default=None, description="Changes since the last run of the specification; absent: it was not looked up."
+    since_last: SinceLastRun | None = optional(
+        "Changes since the last run of the specification; absent: it was not looked up."
     )
     rerun_of: str = Field(default="", description="Run that it is a rerun of, and which of its jobs, in words.")
-    forecast: ForecastCheck | None = Field(
-        default=None, description="How it compares to its forecast; absent: there was none, or not all of it was run."
+    forecast: ForecastCheck | None = optional(
+        "How it compares to its forecast; absent: there was none, or not all of it was run."
     )
-    report_path: Path | None = Field(default=None, description="The HTML report.")
-    junit_path: Path | None = Field(default=None, description="The JUnit file.")
+    report_path: Path | None = optional("The HTML report.")
+    junit_path: Path | None = optional("The JUnit file.")

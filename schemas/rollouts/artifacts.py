@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from ..operations.deployment_jobs import DeploymentLaunchConfig
+from ..wire.base import optional
 from .stored import StoredPart
 
 
@@ -16,15 +17,12 @@ class Artifact(StoredPart):
     sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
     sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
     md5: str = Field(description="Its MD5, in hexadecimal digits.")
-    archive_sha256: str | None = Field(
-        default=None,
-        description="SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive.",
+    archive_sha256: str | None = optional(
+        "SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive."
     )
     name: str = Field(description="Name of the application in it.")
     version: str = Field(description="Version of the application in it.")
-    target: str | None = Field(
-        default=None, description="Path of the signed deployment document that an agent fetches; absent: none."
-    )
+    target: str | None = optional("Path of the signed deployment document that an agent fetches; absent: none.")
 
     @property
     def delivers(self) -> str:

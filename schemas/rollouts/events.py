@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ..operations.deployment_jobs import RobotDeploymentStep
+from ..wire.base import optional
 from .robots import Departure
 from .stored import ActionId, StoredPart, TimeS
 
@@ -51,9 +52,7 @@ class Progressed(_OfOrder):
     """The robot said how far it is."""
 
     kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
-    step: RobotDeploymentStep | None = Field(
-        default=None, description="Step that the robot is at; absent: the same as before."
-    )
+    step: RobotDeploymentStep | None = optional("Step that the robot is at; absent: the same as before.")
     percent_done: float | None = Field(
         default=None, ge=0, le=100, description="Share of its download, in percent; absent: not reported."
     )
@@ -70,7 +69,7 @@ class Failed(_OfOrder):
 
     kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
     code: ReportedCode = Field(description="Why.")
-    reason: str | None = Field(default=None, description="The same in words.")
+    reason: str | None = optional("The same in words.")
 
 
 class Canceled(_OfOrder):
@@ -102,14 +101,14 @@ class Stopped(StoredPart):
 
     kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
     why: StopCause = Field(description="Cause of the end.")
-    by: str | None = Field(default=None, description="Person who did not approve it; absent: not said.")
+    by: str | None = optional("Person who did not approve it; absent: not said.")
 
 
 class Paused(StoredPart):
     """A person wants no robot to begin until the rollout is resumed; robots that have begun go on."""
 
     kind: Literal["paused"] = Field(default="paused", description="Kind of event.")
-    by: str | None = Field(default=None, description="Person who paused it; absent: not said.")
+    by: str | None = optional("Person who paused it; absent: not said.")
 
 
 class Resumed(StoredPart):
@@ -122,7 +121,7 @@ class Approved(StoredPart):
     """A person lets a rollout that waits for approval go on; of no effect on one that does not wait for it."""
 
     kind: Literal["approved"] = Field(default="approved", description="Kind of event.")
-    by: str | None = Field(default=None, description="Person who approved it; absent: not said.")
+    by: str | None = optional("Person who approved it; absent: not said.")
 
 
 class Outage(StoredPart):

@@ -12,6 +12,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S
+from ..wire.base import optional
 from ..wire.errors import InvalidParameterException
 from ..wire.maintenance_windows import MaintenanceWindow
 from .stored import StoredPart
@@ -38,17 +39,14 @@ class PlannedRobot(StoredPart):
     """A robot that a rollout is meant for."""
 
     arn: str = Field(description="ARN of the robot.")
-    installed: str | None = Field(
-        default=None, description="Application and version that it had before, such as `courier 1`; absent: none."
+    installed: str | None = optional("Application and version that it had before, such as `courier 1`; absent: none.")
+    unfit_code: UnfitCode | None = optional(
+        "Why it cannot get the application; absent: it can. It fails, and counts for nothing."
     )
-    unfit_code: UnfitCode | None = Field(
-        default=None, description="Why it cannot get the application; absent: it can. It fails, and counts for nothing."
-    )
-    unfit_reason: str | None = Field(default=None, description="The same in words.")
-    earlier_job: str | None = Field(
-        default=None,
-        description="ARN of the deployment job that brought the version it had when the rollout began, where that is "
-        "another version; absent: there is none to go back to.",
+    unfit_reason: str | None = optional("The same in words.")
+    earlier_job: str | None = optional(
+        "ARN of the deployment job that brought the version it had when the rollout began, where that is "
+        "another version; absent: there is none to go back to."
     )
 
 

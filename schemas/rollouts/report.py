@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from ..operations.deployment_jobs import DeploymentConfig, DeploymentJobErrorCode, DeploymentStatus
+from ..wire.base import optional
 from .artifacts import Delivery
 from .rollout import Pause, Rollout
 from .stored import StoredPart, TimeS
@@ -16,15 +17,13 @@ class DeploymentReport(StoredPart):
     application: str = Field(description="Name of the application.")
     version: str = Field(description="Version of the application.")
     status: DeploymentStatus = Field(description="Status of the job.")
-    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
     created_s: TimeS = Field(description="When it was ordered.")
     now_s: TimeS = Field(description="When the report is written.")
     config: DeploymentConfig = Field(description="How careful it is.")
-    delivery: Delivery | None = Field(
-        default=None, description="Files and launch configuration that robots get; absent: it was not prepared."
-    )
-    rollout: Rollout | None = Field(default=None, description="How each robot stands; absent: it has not begun.")
+    delivery: Delivery | None = optional("Files and launch configuration that robots get; absent: it was not prepared.")
+    rollout: Rollout | None = optional("How each robot stands; absent: it has not begun.")
     notes: tuple[str, ...] = Field(
         default=(), description="Causes for which it waits, and how robots go back, in words."
     )

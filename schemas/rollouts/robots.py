@@ -21,6 +21,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..operations.deployment_jobs import DeploymentJobErrorCode, RobotDeploymentStep
+from ..wire.base import optional
 from .stored import ActionId, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
@@ -38,42 +39,39 @@ class RobotDeploymentState(StoredPart):
     """How one robot of a rollout stands."""
 
     order: OrderState = Field(default="none", description="State of its latest order.")
-    action_id: ActionId | None = Field(default=None, description="Number of its latest order; absent: it has had none.")
-    earlier_action_id: ActionId | None = Field(
-        default=None,
-        description="Number of an order of an earlier rollout that it has not answered; it gets that one's "
-        "cancellation first, and its order of this rollout after it.",
+    action_id: ActionId | None = optional("Number of its latest order; absent: it has had none.")
+    earlier_action_id: ActionId | None = optional(
+        "Number of an order of an earlier rollout that it has not answered; it gets that one's "
+        "cancellation first, and its order of this rollout after it."
     )
-    outcome: Literal["succeeded", "failed"] | None = Field(default=None, description="How it ended; absent: not yet.")
-    gone: Departure | None = Field(
-        default=None, description="Whether it left the fleet or was deleted; it gets no order any more."
-    )
+    outcome: Literal["succeeded", "failed"] | None = optional("How it ended; absent: not yet.")
+    gone: Departure | None = optional("Whether it left the fleet or was deleted; it gets no order any more.")
     returned: bool = Field(
         default=False, description="Whether it was away, has been heard of again, and waits for another order."
     )
-    step: RobotDeploymentStep | None = Field(default=None, description="Step that it last reported.")
+    step: RobotDeploymentStep | None = optional("Step that it last reported.")
     percent_done: float | None = Field(default=None, ge=0, le=100, description="Share of its download, in percent.")
-    percent_at_s: TimeS | None = Field(default=None, description="When it reported that share.")
+    percent_at_s: TimeS | None = optional("When it reported that share.")
     download_from_percent: float | None = Field(
         default=None, ge=0, le=100, description="Share of the download that was there when it was first reported."
     )
-    download_from_s: TimeS | None = Field(default=None, description="When the download was first reported.")
-    heard_s: TimeS | None = Field(default=None, description="When it last reported anything about its order.")
-    deadline_s: TimeS | None = Field(default=None, description="When its open order times out.")
-    offered_s: TimeS | None = Field(default=None, description="When it got its latest order.")
+    download_from_s: TimeS | None = optional("When the download was first reported.")
+    heard_s: TimeS | None = optional("When it last reported anything about its order.")
+    deadline_s: TimeS | None = optional("When its open order times out.")
+    offered_s: TimeS | None = optional("When it got its latest order.")
     left_s: float | None = Field(
         default=None,
         ge=0,
         allow_inf_nan=False,
         description="Time that is left to fetch its order, in seconds, while the order is held back; it stands still.",
     )
-    started_s: TimeS | None = Field(default=None, description="When it fetched its latest order.")
+    started_s: TimeS | None = optional("When it fetched its latest order.")
     step_times: dict[RobotDeploymentStep, TimeS] = Field(
         default={}, description="When it first reported each step of its latest order, to a tenth of a second."
     )
-    finished_s: TimeS | None = Field(default=None, description="When its outcome was decided.")
-    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    finished_s: TimeS | None = optional("When its outcome was decided.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
 
     @property
     def is_open(self) -> bool:

@@ -12,6 +12,7 @@ from ..operations.deployment_jobs import (
     DeploymentWait,
     RobotDeploymentStep,
 )
+from ..wire.base import optional
 
 RobotKind = Literal["agent", "updater"]
 
@@ -27,25 +28,21 @@ class OrderStanding(_Standing):
 
     number: int = Field(description="Its number, as the robot knows it.")
     state: str = Field(description="offered, fetched, canceling or refused.")
-    step: RobotDeploymentStep | None = Field(default=None, description="Step that the robot last reported.")
-    percent_done: float | None = Field(default=None, description="Share of its download, in percent.")
+    step: RobotDeploymentStep | None = optional("Step that the robot last reported.")
+    percent_done: float | None = optional("Share of its download, in percent.")
 
 
 class RobotStanding(_Standing):
     """A robot of a fleet."""
 
     robot: str = Field(description="Its name.")
-    kind: RobotKind | None = Field(
-        default=None, description="Kind of program that updates it; absent: it is not enrolled."
-    )
+    kind: RobotKind | None = optional("Kind of program that updates it; absent: it is not enrolled.")
     status: str = Field(description="Its status, as DescribeRobot has it.")
-    version: str | None = Field(default=None, description="Application and version that it installed last.")
-    last_seen: datetime | None = Field(default=None, description="When it polled last; absent: never.")
-    order: OrderStanding | None = Field(default=None, description="Order that is open for it; absent: none.")
-    failure_code: DeploymentJobErrorCode | None = Field(
-        default=None, description="Why the latest deployment to it failed; absent if not."
-    )
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    version: str | None = optional("Application and version that it installed last.")
+    last_seen: datetime | None = optional("When it polled last; absent: never.")
+    order: OrderStanding | None = optional("Order that is open for it; absent: none.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why the latest deployment to it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
 
 
 class DeploymentStanding(_Standing):
@@ -60,25 +57,23 @@ class DeploymentStanding(_Standing):
     counts: dict[str, int] = Field(
         default={}, description="How many of these succeeded, failed, were canceled, are deploying, or are waiting."
     )
-    wave: int | None = Field(default=None, description="Number of its current wave; absent: it has not begun.")
-    waves: int | None = Field(default=None, description="How many waves it has; absent: it has not begun.")
-    failed_percent: float | None = Field(
-        default=None, description="Share of the robots taking part that has failed so far, in percent."
-    )
-    threshold_percent: int | None = Field(default=None, description="At which share it stops, in percent.")
+    wave: int | None = optional("Number of its current wave; absent: it has not begun.")
+    waves: int | None = optional("How many waves it has; absent: it has not begun.")
+    failed_percent: float | None = optional("Share of the robots taking part that has failed so far, in percent.")
+    threshold_percent: int | None = optional("At which share it stops, in percent.")
     paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
     waits: tuple[DeploymentWait, ...] = Field(default=(), description="Causes for which it waits, besides robots.")
-    rolls_back: str | None = Field(
-        default=None, description="ARN of the deployment that failed and whose robots it brings back; absent: none."
+    rolls_back: str | None = optional(
+        "ARN of the deployment that failed and whose robots it brings back; absent: none."
     )
     rollback_is_due: bool = Field(
         default=False, description="Whether the threshold is reached and a deployment that brings robots back follows."
     )
-    rollback: DeploymentRollback | None = Field(
-        default=None, description="How robots go back to the version before; absent: they do not, or not yet."
+    rollback: DeploymentRollback | None = optional(
+        "How robots go back to the version before; absent: they do not, or not yet."
     )
-    failure_code: DeploymentJobErrorCode | None = Field(default=None, description="Why it failed; absent if not.")
-    failure_reason: str | None = Field(default=None, description="The same in words.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
 
 
 class FleetStanding(_Standing):
@@ -87,4 +82,4 @@ class FleetStanding(_Standing):
     fleet: str = Field(description="Its name.")
     arn: str = Field(description="Its ARN.")
     robots: tuple[RobotStanding, ...] = Field(description="Its robots, those registered first first.")
-    deployment: DeploymentStanding | None = Field(default=None, description="Its latest deployment; absent: none.")
+    deployment: DeploymentStanding | None = optional("Its latest deployment; absent: none.")

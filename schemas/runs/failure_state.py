@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 FAILURE_STATE_FILE = "failure-state.json"
 FAILURE_VECTOR_FILE = "failure-state.npy"
@@ -17,8 +17,8 @@ class PhysicsWarning(Model):
     warning: str = Field(description="MuJoCo's name of it, `mjWARN_BADQVEL`.")
     count: int = Field(description="How often it came.")
     text: str = Field(description="Message of MuJoCo.")
-    joint: str | None = Field(default=None, description="Joint whose numbers were bad, where that is known.")
-    body: str | None = Field(default=None, description="Body of that joint.")
+    joint: str | None = optional("Joint whose numbers were bad, where that is known.")
+    body: str | None = optional("Body of that joint.")
 
 
 class JointState(Model):

@@ -25,7 +25,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from ..wire.base import Model, ShapeName
+from ..wire.base import Model, ShapeName, optional
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirements import JobRequirements
 from .trials import Trials
@@ -39,18 +39,15 @@ class ApplicationPlan(Model):
 
     role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
     name: str = Field(description="The application's name in the catalog.")
-    attribute: str | None = Field(
-        default=None,
-        description="Dotted path of the factory, `package.module.make_environment` or `….make_agent`; "
-        "absent: the application is a program of the plan.",
+    attribute: str | None = optional(
+        "Dotted path of the factory, `package.module.make_environment` or `….make_agent`; "
+        "absent: the application is a program of the plan."
     )
-    path: Path | None = Field(
-        default=None,
-        description="Folder to import it from (an unpacked bundle), or that its program is from; absent: installed.",
+    path: Path | None = optional(
+        "Folder to import it from (an unpacked bundle), or that its program is from; absent: installed."
     )
-    package: str | None = Field(
-        default=None,
-        description="Installed package that a program is of; absent: it is a bundle, an image or no program.",
+    package: str | None = optional(
+        "Installed package that a program is of; absent: it is a bundle, an image or no program."
     )
     environment_variables: dict[str, str] = Field(
         default={},
@@ -62,8 +59,8 @@ class RecordedActions(Model):
     """Recorded actions that replace a robot application's program in a rerun."""
 
     path: Path = Field(description="The run's `actions.bin`.")
-    ended_by: Literal["agent", "duration limit"] | None = Field(
-        default=None, description="Cause that ends the rerun after the last of them; absent: it fails, as the run did."
+    ended_by: Literal["agent", "duration limit"] | None = optional(
+        "Cause that ends the rerun after the last of them; absent: it fails, as the run did."
     )
 
 
@@ -75,26 +72,22 @@ class RunPlan(Model):
     run_id: str = Field(description="Id of this run of the job.")
     seed: int = Field(ge=0, description="Seed of the run's random generators.")
     max_duration_s: float = Field(gt=0, description="Wall-clock limit; reaching it ends the job normally.")
-    world_dir: Path | None = Field(default=None, description="World bundle to drive in, read-only.")
-    data_dir: Path | None = Field(default=None, description="Folder that holds the job's data sources, read-only.")
-    root_dir: Path | None = Field(
-        default=None,
-        description="The job's own root: its `/home/robomaker/x` is `<root_dir>/home/robomaker/x` here; "
-        "absent: applications get none.",
+    world_dir: Path | None = optional("World bundle to drive in, read-only.")
+    data_dir: Path | None = optional("Folder that holds the job's data sources, read-only.")
+    root_dir: Path | None = optional(
+        "The job's own root: its `/home/robomaker/x` is `<root_dir>/home/robomaker/x` here; "
+        "absent: applications get none."
     )
     work_dir: Path = Field(description="Scratch folder, the process's working directory.")
     output_dir: Path = Field(description="Folder for outputs.")
-    checkpoint_dir: Path | None = Field(
-        default=None,
-        description="Folder for checkpoints, from which the run is continued if there are any; absent: none are kept.",
+    checkpoint_dir: Path | None = optional(
+        "Folder for checkpoints, from which the run is continued if there are any; absent: none are kept."
     )
     checkpoint_every_s: float | None = Field(
         default=5.0, gt=0, description="Simulated time between two checkpoints; absent: none are made."
     )
-    simulation_application: ApplicationPlan | None = Field(
-        default=None, description="Makes the environment; absent: `indoor-navigation`."
-    )
-    robot_application: ApplicationPlan | None = Field(default=None, description="Makes the agent; absent: `scout`.")
+    simulation_application: ApplicationPlan | None = optional("Makes the environment; absent: `indoor-navigation`.")
+    robot_application: ApplicationPlan | None = optional("Makes the agent; absent: `scout`.")
     environment: dict[str, str] = Field(
         default={},
         description="Variables of every process of the run, over those that the launcher keeps of its own and under "
@@ -103,9 +96,8 @@ class RunPlan(Model):
     programs: list[ProgramPlan] = Field(default=[], description="Applications that are processes, and all tools.")
     ports: list[PortPlan] = Field(default=[], description="Ports that are forwarded.")
     compute: ComputeLimits = Field(default=ComputeLimits(), description="Limits on its use of the machine.")
-    found: FoundFiles | None = Field(
-        default=None,
-        description="Size of the files that its folders have already; absent: it is measured when the run begins.",
+    found: FoundFiles | None = optional(
+        "Size of the files that its folders have already; absent: it is measured when the run begins."
     )
     failure_behavior: FailureBehavior = Field(
         default="Fail", description="Whether a crash ends the run, or its other programs go on (`Continue`)."
@@ -122,14 +114,12 @@ class RunPlan(Model):
         default=[], description="Requirements that the run is judged by, as the job orders them."
     )
 
-    trials: Trials | None = Field(
-        default=None, description="Its trials, which are run one after the other; absent: it is one episode."
-    )
+    trials: Trials | None = optional("Its trials, which are run one after the other; absent: it is one episode.")
     trial: int | None = Field(
         default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."
     )
-    recorded_actions: RecordedActions | None = Field(
-        default=None, description="Actions that replace the robot application's program in a rerun."
+    recorded_actions: RecordedActions | None = optional(
+        "Actions that replace the robot application's program in a rerun."
     )
     end_at_s: float | None = Field(
         default=None, ge=0, description="Simulated time at which a rerun ends, of a run that was stopped from outside."
@@ -161,19 +151,16 @@ class RunOutcome(Model):
     """How a run ended."""
 
     status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
-    failure_code: str | None = Field(default=None, description="The service's failure code; absent when none.")
-    failure_reason: str | None = Field(default=None, description="The same in words, ending with the last log lines.")
+    failure_code: str | None = optional("The service's failure code; absent when none.")
+    failure_reason: str | None = optional("The same in words, ending with the last log lines.")
     started_at: datetime = Field(description="When the process began to run.")
     ended_at: datetime = Field(description="When its process group was gone.")
-    video_s: float | None = Field(
-        default=None, description="How long the videos of its failure were made, by the clock; absent: none were."
+    video_s: float | None = optional("How long the videos of its failure were made, by the clock; absent: none were.")
+    cpu_time_s: float | None = optional(
+        "CPU time of its processes, those of containers left out; absent: its supervisor was killed."
     )
-    cpu_time_s: float | None = Field(
-        default=None,
-        description="CPU time of its processes, those of containers left out; absent: its supervisor was killed.",
-    )
-    verdict: Verdict | None = Field(default=None, description="Verdict of a run that is Completed and wrote a result.")
-    verdict_reason: str | None = Field(default=None, description="Why the verdict is FAIL or ERROR, in words.")
+    verdict: Verdict | None = optional("Verdict of a run that is Completed and wrote a result.")
+    verdict_reason: str | None = optional("Why the verdict is FAIL or ERROR, in words.")
     timed_out: bool = Field(default=False, description="Whether the duration limit ended it.")
     finished: bool = Field(
         default=False,
@@ -191,24 +178,18 @@ class Requirement(Model):
     name: str = Field(description="Short name, `rooms_visited`.")
     satisfied: bool = Field(description="Whether it held.")
     detail: str = Field(description="Value found and value asked for, in words.")
-    kind: str | None = Field(default=None, description="Kind of requirement; absent: the environment's own.")
-    error: str | None = Field(
-        default=None, description="Why it could not be judged; the verdict is ERROR then. Absent: it was judged."
-    )
+    kind: str | None = optional("Kind of requirement; absent: the environment's own.")
+    error: str | None = optional("Why it could not be judged; the verdict is ERROR then. Absent: it was judged.")
     counts: bool = Field(
         default=True,
         description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
         "job ends its run does not.",
     )
-    value: float | None = Field(default=None, description="The worst value found.")
-    limit: float | None = Field(default=None, description="The value asked for.")
-    unit: str | None = Field(default=None, description="Unit of value, limit and margin: `m`, `N`, `s`.")
-    margin: float | None = Field(
-        default=None, description="How far the value is on the right side of the limit; negative: on the wrong one."
-    )
-    first_violation_s: float | None = Field(
-        default=None, description="Simulated time at which it was first found violated; absent: never."
-    )
+    value: float | None = optional("The worst value found.")
+    limit: float | None = optional("The value asked for.")
+    unit: str | None = optional("Unit of value, limit and margin: `m`, `N`, `s`.")
+    margin: float | None = optional("How far the value is on the right side of the limit; negative: on the wrong one.")
+    first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
 
 
 class RoomVisit(Model):
@@ -216,7 +197,7 @@ class RoomVisit(Model):
 
     name: str = Field(description="Room.")
     visited: bool = Field(description="Whether the robot's middle was inside.")
-    first_visit_s: float | None = Field(default=None, description="Simulated time of the first visit.")
+    first_visit_s: float | None = optional("Simulated time of the first visit.")
 
 
 class Collision(Model):
@@ -262,9 +243,7 @@ class RunResult(Model):
     )
     seed: int = Field(description="Seed of the run.")
     versions: dict[str, str] = Field(default={}, description="Versions of mujoco, dm_control, this package.")
-    state_digest: str | None = Field(
-        default=None, description="Digest of all states of the physics; absent when there is no physics."
-    )
+    state_digest: str | None = optional("Digest of all states of the physics; absent when there is no physics.")
     tools: list[ToolEnds] = Field(default=[], description="Tools that ended while the run went on.")
     extra: dict[str, Any] = Field(default={}, description="Further values that the environment or agent reported.")
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from ..wire.job_configs import ExitBehavior
 
 ApplicationRole = Literal["robot", "simulation"]
@@ -32,16 +32,15 @@ class ProgramPlan(Model):
     kind: ProgramKind = Field(description="An application, whose end ends the job, or a tool.")
     argv: list[str] = Field(min_length=1, description="Program and arguments, as for `execvpe`.")
     folder: Path = Field(description="Its working directory.")
-    image_id: str | None = Field(
-        default=None,
-        description="SHA-256 by which the engine knows the image of an application that is a container.",
+    image_id: str | None = optional(
+        "SHA-256 by which the engine knows the image of an application that is a container."
     )
     environment: dict[str, str] = Field(
         default={}, description="Variables besides those that every process of the run has."
     )
     exit_behavior: ExitBehavior = Field(default="FAIL", description="Effect that the end of a tool has on the run.")
-    cleanup_argv: list[str] | None = Field(
-        default=None, description="Ends what killing the process does not reach, such as `docker rm -f NAME`."
+    cleanup_argv: list[str] | None = optional(
+        "Ends what killing the process does not reach, such as `docker rm -f NAME`."
     )
 
 

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .plan import RunPlan
 from .programs import ApplicationRole
 
@@ -29,7 +29,7 @@ class ApplicationDigest(Model):
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
     name: str = Field(description="Its name in the catalog.")
-    attribute: str | None = Field(default=None, description="Dotted path of its factory; absent: it is a program.")
+    attribute: str | None = optional("Dotted path of its factory; absent: it is a program.")
     content: Literal["bundle", "module"] = Field(
         description="Files that the digest is of: all of its bundle, or the Python files of its installed package."
     )
@@ -71,9 +71,7 @@ class Provenance(Model):
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     plan: RunPlan = Field(description="The run as carried out; its folders are those of the machine it ran on.")
     machine: MachineFacts = Field(description="The machine it ran on.")
-    world_sha256: str | None = Field(
-        default=None, description="SHA-256 over names and bytes of the world bundle's files; absent: no world."
-    )
+    world_sha256: str | None = optional("SHA-256 over names and bytes of the world bundle's files; absent: no world.")
     applications: list[ApplicationDigest] = Field(
         default=[],
         description="Digests of the applications; empty until the run ends, and of a run that was canceled. The image "
@@ -84,23 +82,18 @@ class Provenance(Model):
         description="Code that the run imported from outside its applications, this package and Python, by outermost "
         "name: the version of an installed distribution, else a digest of its Python files; empty until the run ends.",
     )
-    model_sha256: str | None = Field(
-        default=None,
-        description="SHA-256 of the compiled model, wherever its files lie; absent: no physics, or not yet begun.",
+    model_sha256: str | None = optional(
+        "SHA-256 of the compiled model, wherever its files lie; absent: no physics, or not yet begun."
     )
     positions: int = Field(default=0, description="How many positions the model has, `nq`.")
     joints: list[JointPlace] = Field(default=[], description="The model's joints.")
-    digest: StateDigestSummary | None = Field(
-        default=None, description="Digest of its states; absent until it ends, and of runs without physics."
+    digest: StateDigestSummary | None = optional(
+        "Digest of its states; absent until it ends, and of runs without physics."
     )
-    actions: ActionsSummary | None = Field(
-        default=None,
-        description="Summary of `actions.bin`; absent until the run ends, and when the robot application is no "
-        "program.",
+    actions: ActionsSummary | None = optional(
+        "Summary of `actions.bin`; absent until the run ends, and when the robot application is no program."
     )
-    ended_by: str | None = Field(
-        default=None, description="As in `result.json`; absent: it failed, goes on, or only had programs."
-    )
+    ended_by: str | None = optional("As in `result.json`; absent: it failed, goes on, or only had programs.")
     resumed_at_s: list[float] = Field(
         default=[], description="Simulated times of the checkpoints from which it was continued."
     )

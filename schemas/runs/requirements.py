@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, ValidationError, model_validator
 
-from ..wire.base import Model, Shape, ShapeName
+from ..wire.base import Model, Shape, ShapeName, optional
 from ..wire.common import text, unique_names
 from ..wire.errors import InvalidParameterException
 from ..wire.request_problems import problems_of
@@ -44,17 +44,17 @@ class GoalRequirement(Shape):
 
     kind: Literal["goal"] = Field(description="`goal`.")
     name: RequirementName = Field(description="Its name, unique in the run.")
-    room: Annotated[str, ShapeName("RoomName"), text(1, 255)] | None = Field(
-        default=None, description="Room of the world that the robot's body has to be in."
+    room: Annotated[str, ShapeName("RoomName"), text(1, 255)] | None = optional(
+        "Room of the world that the robot's body has to be in."
     )
-    x: Coordinate | None = Field(default=None, description="Point to get to, in metres.")
-    y: Coordinate | None = Field(default=None, description="Point to get to, in metres.")
+    x: Coordinate | None = optional("Point to get to, in metres.")
+    y: Coordinate | None = optional("Point to get to, in metres.")
     within_m: Metres = Field(default=0.5, description="How near to the point is there, in metres.")
-    by_s: Seconds | None = Field(default=None, description="Simulated time at which it has to be there at the latest.")
-    after: RequirementName | None = Field(
-        default=None, description="Name of the goal that has to be reached before; only then this one counts."
+    by_s: Seconds | None = optional("Simulated time at which it has to be there at the latest.")
+    after: RequirementName | None = optional(
+        "Name of the goal that has to be reached before; only then this one counts."
     )
-    body: BodyName | None = Field(default=None, description=_BODY)
+    body: BodyName | None = optional(_BODY)
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
     stop: bool = Field(
         default=False, description=f"{_STOP}, or once all goals that say so are reached; the verdict stands then."
@@ -77,9 +77,9 @@ class CollisionRequirement(Shape):
     name: RequirementName = Field(description="Its name, unique in the run.")
     max_force_N: Newtons = Field(description="Largest normal force that is no collision yet, in newtons.")
     max_count: Count = Field(default=0, description="How many harder touches are allowed.")
-    others: NamePatterns | None = Field(default=None, description=_OTHERS)
-    ignore: NamePatterns | None = Field(default=None, description=_IGNORE)
-    body: BodyName | None = Field(default=None, description=_BODY)
+    others: NamePatterns | None = optional(_OTHERS)
+    ignore: NamePatterns | None = optional(_IGNORE)
+    body: BodyName | None = optional(_BODY)
     period_s: Seconds = Field(
         default=0.01, description="Simulated seconds from one check to the next, if the environment is asked so often."
     )
@@ -101,9 +101,9 @@ class ClearanceRequirement(Shape):
     kind: Literal["clearance"] = Field(description="`clearance`.")
     name: RequirementName = Field(description="Its name, unique in the run.")
     min_m: Metres = Field(description="Smallest distance between the robot's surface and another, in metres.")
-    others: NamePatterns | None = Field(default=None, description=_OTHERS)
-    ignore: NamePatterns | None = Field(default=None, description=_IGNORE)
-    body: BodyName | None = Field(default=None, description=_BODY)
+    others: NamePatterns | None = optional(_OTHERS)
+    ignore: NamePatterns | None = optional(_IGNORE)
+    body: BodyName | None = optional(_BODY)
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
     stop: bool = Field(default=False, description=f"{_STOP}.")
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from ..wire.json_values import is_object
 
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
@@ -32,9 +32,7 @@ class RobotSpawn(Model):
         default={},
         description="Positions of joints by name, radians or metres; others are at 0, or as in the keyframe.",
     )
-    keyframe: PartName | None = Field(
-        default=None, description="Name of a keyframe of the MJCF whose joint positions are taken."
-    )
+    keyframe: PartName | None = optional("Name of a keyframe of the MJCF whose joint positions are taken.")
 
 
 class AddedActuator(Model):
@@ -44,7 +42,7 @@ class AddedActuator(Model):
     kind: Literal["velocity", "position", "motor"] = Field(
         description="Kind of control signal: `velocity` rad/s or m/s, `position` rad or m, `motor` N·m or N."
     )
-    name: PartName | None = Field(default=None, description="Its name; absent: the joint's.")
+    name: PartName | None = optional("Its name; absent: the joint's.")
     gain: Gain = Field(
         default=1.0,
         description="Torque per error: N·m·s/rad (velocity), N·m/rad (position), or N·m per unit of control (motor).",
@@ -52,12 +50,12 @@ class AddedActuator(Model):
     damping: Annotated[float, Field(ge=0, allow_inf_nan=False)] = Field(
         default=0.0, description="N·m·s/rad, of a position actuator."
     )
-    force_limit: Gain | None = Field(default=None, description="Largest torque or force, N·m or N; absent: no limit.")
-    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="Smallest and largest control; absent: no limit."
+    force_limit: Gain | None = optional("Largest torque or force, N·m or N; absent: no limit.")
+    range: Annotated[list[float], Field(min_length=2, max_length=2)] | None = optional(
+        "Smallest and largest control; absent: no limit."
     )
-    armature: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = Field(
-        default=None, description="Inertia of the motor's rotor as the joint feels it, kg·m²; absent: as in the model."
+    armature: Annotated[float, Field(ge=0, allow_inf_nan=False)] | None = optional(
+        "Inertia of the motor's rotor as the joint feels it, kg·m²; absent: as in the model."
     )
 
 
@@ -98,9 +96,7 @@ class VelocityDriveModel(DriveLimits):
         description="`world`: x and y move slides along the world's axes, yaw a hinge; `base`: x pushes forward."
     )
     x: PartName = Field(description="Joint or velocity actuator, m/s.")
-    y: PartName | None = Field(
-        default=None, description="Joint or velocity actuator, m/s; needed in the world's frame."
-    )
+    y: PartName | None = optional("Joint or velocity actuator, m/s; needed in the world's frame.")
     yaw: PartName = Field(description="Joint or velocity actuator, rad/s.")
 
 
@@ -119,8 +115,8 @@ class ActuatorsDriveModel(Model):
 class RobotLidar(Model):
     """A level lidar over the base's middle; its height counts, not where else it is mounted."""
 
-    at: PartName | None = Field(default=None, description="Site or body (link) whose height it has.")
-    height_m: Length | None = Field(default=None, description="Height over the floor instead, metres.")
+    at: PartName | None = optional("Site or body (link) whose height it has.")
+    height_m: Length | None = optional("Height over the floor instead, metres.")
     rate_hz: Literal[1, 2, 4, 5, 10, 20] = Field(default=5, description="Scans per second; robots act 20 times.")
     rays: Annotated[int, Field(ge=2, le=4096)] = Field(default=360, description="Rays in a scan.")
     field_of_view_deg: Annotated[float, Field(gt=0, le=360, allow_inf_nan=False)] = Field(
@@ -136,9 +132,9 @@ class RobotLidar(Model):
 class RobotImu(Model):
     """A gyro and an accelerometer: those of the model, or new ones in a body."""
 
-    at: PartName | None = Field(default=None, description="Site or body (link) that gets a gyro and an accelerometer.")
-    gyro: PartName | None = Field(default=None, description="Name of the model's gyro instead.")
-    accelerometer: PartName | None = Field(default=None, description="Name of the model's accelerometer instead.")
+    at: PartName | None = optional("Site or body (link) that gets a gyro and an accelerometer.")
+    gyro: PartName | None = optional("Name of the model's gyro instead.")
+    accelerometer: PartName | None = optional("Name of the model's accelerometer instead.")
 
 
 class RobotCamera(Model):
@@ -154,11 +150,11 @@ class RobotCamera(Model):
 class RobotSensors(Model):
     """Sensors of the robot besides those of its joints."""
 
-    lidar: RobotLidar | None = Field(default=None, description="Lidar, and sensors in the bumper; absent: none.")
+    lidar: RobotLidar | None = optional("Lidar, and sensors in the bumper; absent: none.")
     bumper_height_m: Length = Field(
         default=0.04, description="Height over the floor of the 15 range sensors that come with a lidar, metres."
     )
-    imu: RobotImu | None = Field(default=None, description="Gyro and accelerometer; absent: none.")
+    imu: RobotImu | None = optional("Gyro and accelerometer; absent: none.")
     cameras: list[RobotCamera] = Field(default=[], description="Cameras to add; those of an MJCF are there anyway.")
 
 
@@ -166,8 +162,8 @@ class RobotModelHead(Model):
     """Members that every `robot.yaml` has besides its drive."""
 
     version: Literal[1] = Field(description="Version of this document's form: 1.")
-    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = Field(
-        default=None, description="Short name, comes before the names of its parts in a world; absent: the folder's."
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$", max_length=60)] | None = optional(
+        "Short name, comes before the names of its parts in a world; absent: the folder's."
     )
     model: Annotated[str, Field(min_length=1)] = Field(
         description="MJCF or URDF file, relative to this one; `menagerie:<model>/<file>` is one of MuJoCo Menagerie."
@@ -182,12 +178,8 @@ class RobotModelHead(Model):
         description="Bodies (links) or geoms that slide over the floor, such as casters made of balls: next to no "
         "friction.",
     )
-    joints: list[PartName] | None = Field(
-        default=None, description="Joints to observe and to record; absent: all hinges and slides."
-    )
-    video_camera: PartName | None = Field(
-        default=None, description="Camera for videos; absent: one that follows it is added."
-    )
+    joints: list[PartName] | None = optional("Joints to observe and to record; absent: all hinges and slides.")
+    video_camera: PartName | None = optional("Camera for videos; absent: one that follows it is added.")
 
 
 class DifferentialRobotModel(RobotModelHead):

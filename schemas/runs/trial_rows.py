@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import Field, ValidationError
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .plan import Requirement, RunPlan, RunResult, Verdict
 from .provenance import StateDigestSummary
 from .trials import Trial
@@ -32,20 +32,18 @@ class TrialRow(Model):
     parameters: dict[str, str] = Field(default={}, description="Its parameters by name.")
     verdict: Verdict = Field(description="PASS, FAIL, ERROR (something broke), or NONE when nothing was judged.")
     reason: str = Field(default="", description="Why the verdict is FAIL or ERROR, in words.")
-    failure_code: str | None = Field(
-        default=None, description="Failure code of a trial that broke by an application's exception; absent otherwise."
+    failure_code: str | None = optional(
+        "Failure code of a trial that broke by an application's exception; absent otherwise."
     )
-    ended_by: str | None = Field(default=None, description="As in `result.json`; absent: an exception did.")
+    ended_by: str | None = optional("As in `result.json`; absent: an exception did.")
     sim_time_s: float = Field(default=0.0, description="Simulated time at the end.")
     wall_time_s: float = Field(default=0.0, description="Wall-clock time spent stepping.")
     steps: int = Field(default=0, description="Steps of the environment.")
     requirements: list[Requirement] = Field(default=[], description="Requirements that the trial was judged by.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     notes: list[str] = Field(default=[], description="Lines beside the verdict.")
-    state_digest: str | None = Field(default=None, description="Digest of all its states; absent: it has no physics.")
-    model_sha256: str | None = Field(
-        default=None, description="SHA-256 of its compiled model, as in `provenance.json`."
-    )
+    state_digest: str | None = optional("Digest of all its states; absent: it has no physics.")
+    model_sha256: str | None = optional("SHA-256 of its compiled model, as in `provenance.json`.")
     looks: int = Field(default=0, description="How many states the digest is of.")
     digest_until_s: float = Field(default=0.0, description="Simulated time of the last of them.")
 
@@ -115,9 +113,7 @@ class TrialsSummary(Model):
     )
     failing: list[FailingTrial] = Field(default=[], description="Those that did not pass, the first 100.")
     recorded: list[int] = Field(default=[], description="Numbers of those that have a folder of outputs of their own.")
-    stopped_in: int | None = Field(
-        default=None, description="Number of the trial in which the job was stopped; absent: all trials ran."
-    )
+    stopped_in: int | None = optional("Number of the trial in which the job was stopped; absent: all trials ran.")
 
     @classmethod
     def of(cls, result: RunResult | None) -> "TrialsSummary | None":

@@ -12,7 +12,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..wire.base import Shape, ShapeName
+from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import MAX_SEED
 from ..wire.job_configs import EnvironmentVariableKey, EnvironmentVariableValue
 
@@ -70,15 +70,12 @@ class Trials(Shape):
         description="How many trials there are of each combination of parameters: with the job's seed, 0 unless the "
         "request gives one, and with those after it."
     )
-    parameters: TrialParameters | None = Field(
-        default=None,
-        description="Values of environment variables, by name; there are trials of every combination. They take the "
-        "place of launch variables of these names, of both applications.",
+    parameters: TrialParameters | None = optional(
+        "Values of environment variables, by name; there are trials of every combination. They take the "
+        "place of launch variables of these names, of both applications."
     )
-    record: TrialNumbers | None = Field(
-        default=None,
-        description="Numbers of trials that are recorded, with a video if the job's policy is `always`, however they "
-        "end.",
+    record: TrialNumbers | None = optional(
+        "Numbers of trials that are recorded, with a video if the job's policy is `always`, however they end."
     )
     record_failed: RecordedTrials = Field(
         default=10,

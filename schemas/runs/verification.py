@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..exit_codes import BROKE, OK, VERDICT_FAILED
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 Answer = Literal["bit-identical", "diverged", "not comparable"]
 
@@ -30,17 +30,13 @@ class Divergence(Model):
     """The first difference between two runs."""
 
     time_s: float = Field(description="Simulated time of the first state that differs.")
-    equal_until_s: float | None = Field(
-        default=None, description="Simulated time of the last state before that is equal; absent: none is."
-    )
+    equal_until_s: float | None = optional("Simulated time of the last state before that is equal; absent: none is.")
     what: str = Field(description="Difference in words: a joint with its values, the model, the end.")
-    joint: str | None = Field(default=None, description="The joint that differs most; absent: none is known to.")
-    quantity: Literal["qpos", "qvel"] | None = Field(
-        default=None, description="Number of the joint that differs: a position or a velocity."
-    )
-    value: float | None = Field(default=None, description="The number in the run.")
-    value_again: float | None = Field(default=None, description="The number in the rerun.")
-    value_time_s: float | None = Field(default=None, description="Simulated time at which both were kept.")
+    joint: str | None = optional("The joint that differs most; absent: none is known to.")
+    quantity: Literal["qpos", "qvel"] | None = optional("Number of the joint that differs: a position or a velocity.")
+    value: float | None = optional("The number in the run.")
+    value_again: float | None = optional("The number in the rerun.")
+    value_time_s: float | None = optional("Simulated time at which both were kept.")
 
 
 class Verification(Model):
@@ -49,14 +45,14 @@ class Verification(Model):
     run: str = Field(description="The run, as it was asked for.")
     job_arn: str = Field(description="ARN of its job.")
     run_id: str = Field(description="Id of the run.")
-    trial: int | None = Field(default=None, description="Number of the trial, of a run that has trials.")
+    trial: int | None = optional("Number of the trial, of a run that has trials.")
     answer: Answer = Field(description="Result of the comparison.")
     reasons: list[str] = Field(default=[], description="Why the runs cannot be compared.")
-    divergence: Divergence | None = Field(default=None, description="The first difference.")
+    divergence: Divergence | None = optional("The first difference.")
     looks: int = Field(default=0, description="States that were compared.")
-    until_s: float | None = Field(default=None, description="Simulated time of the last of them.")
-    digest: str | None = Field(default=None, description="Digest of the run's states.")
-    digest_again: str | None = Field(default=None, description="Digest of the rerun's states.")
+    until_s: float | None = optional("Simulated time of the last of them.")
+    digest: str | None = optional("Digest of the run's states.")
+    digest_again: str | None = optional("Digest of the rerun's states.")
     robot: RobotRepeat = Field(
         default="factory",
         description="How the robot was repeated in the rerun: by its factory; where it is a program, by its recorded "
@@ -77,7 +73,7 @@ class ReproductionFolder(Model):
 
     folder: Path = Field(description="Everything the run needs, with its first outputs.")
     test: Path = Field(description="The test that repeats it.")
-    video: Path | None = Field(default=None, description="Video of the rerun.")
+    video: Path | None = optional("Video of the rerun.")
     ending: str = Field(description="How the rerun ended, in words.")
     same_ending: bool = Field(description="Whether that is how the run ended.")
     other_inputs: list[str] = Field(default=[], description="Inputs that the rerun was given and the run was not.")

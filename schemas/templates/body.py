@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from ..wire.json_values import is_list, is_object
 from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
 from .doorways import TemplateDoorways
@@ -79,9 +79,7 @@ class TemplateRoom(Model):
 
     Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
-    OriginalName: str | None = Field(
-        default=None, description="Name that the user gave the room, in any letters; only in version 2."
-    )
+    OriginalName: str | None = optional("Name that the user gave the room, in any letters; only in version 2.")
     DesiredShape: TemplateShape = Field(
         default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),
         description="Desired area and aspect ratio.",
@@ -153,7 +151,7 @@ class FloorMaterialSet(Model):
 
     Name: NameText = Field(description="The set's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
-    SampleSet: FloorSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+    SampleSet: FloorSampleSet | None = optional("Materials; absent: by room type.")
 
 
 class WallMaterialSet(Model):
@@ -161,7 +159,7 @@ class WallMaterialSet(Model):
 
     Name: NameText = Field(description="The set's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
-    SampleSet: WallSampleSet | None = Field(default=None, description="Materials; absent: by room type.")
+    SampleSet: WallSampleSet | None = optional("Materials; absent: by room type.")
 
 
 class FurnitureArrangement(Model):
@@ -169,7 +167,7 @@ class FurnitureArrangement(Model):
 
     Name: NameText = Field(description="The arrangement's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
-    SampleSet: FurnitureSampleSet | None = Field(default=None, description="Kinds; absent: by room type.")
+    SampleSet: FurnitureSampleSet | None = optional("Kinds; absent: by room type.")
     DesiredSpatialDensity: SpatialDensity = Field(default="Moderate", description="How full the rooms should be.")
     LooseObjects: int | None = Field(
         default=None,
@@ -203,7 +201,7 @@ class TemplateFurniture(Model):
 class TemplateInterior(Model):
     """Wishes about materials and furniture."""
 
-    Doorways: TemplateDoorways | None = Field(default=None, description="Doors; only in version 2.")
+    Doorways: TemplateDoorways | None = optional("Doors; only in version 2.")
     Flooring: TemplateFlooring = Field(default=TemplateFlooring(), description="Floor materials.")
     Walls: TemplateWalls = Field(default=TemplateWalls(), description="Wall materials.")
     Furniture: TemplateFurniture = Field(default=TemplateFurniture(), description="Furniture.")

@@ -18,7 +18,7 @@ from typing import Annotated, Literal
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from ..worlds.world import RoomType
 from .body import TemplateInterior
 
@@ -44,13 +44,12 @@ class RoomNotes(Model):
 class DrawingNotes(Model):
     """Facts that a drawing does not say."""
 
-    scale: Scale | None = Field(
-        default=None, description="Metres of the world for one unit of the drawing, or a scale on paper such as `1:50`."
+    scale: Scale | None = optional(
+        "Metres of the world for one unit of the drawing, or a scale on paper such as `1:50`."
     )
-    outlines: Literal["faces", "centres"] | None = Field(
-        default=None,
-        description="Meaning of the outlines of rooms: the inner faces of their walls, or the walls' middles; absent: "
-        "faces where there are gaps between rooms.",
+    outlines: Literal["faces", "centres"] | None = optional(
+        "Meaning of the outlines of rooms: the inner faces of their walls, or the walls' middles; absent: "
+        "faces where there are gaps between rooms."
     )
     ceilingHeight: float = Field(default=2.5, ge=2.4, le=4.0, description="Floor to ceiling in metres.")
     rooms: dict[str, RoomNotes] = Field(default={}, description="Types of rooms by their names in the drawing.")

@@ -4,11 +4,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, Field
 
 STORED: Mapping[str, bool] = {"stored": True}
 """The context that stored requests, and answers that have them, are validated in: an older release has taken them, so
 rules of how members go together, which may be newer, refuse nothing."""
+
+
+def optional(description: str) -> Any:
+    """Declares a member that may be absent, which is `None` then."""
+    return Field(default=None, description=description)
 
 
 class Model(BaseModel):

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, AwareDatetime, BeforeValidator, Field, StringConstraints, model_validator
 
-from .base import Shape, ShapeName
+from .base import Shape, ShapeName, optional
 
 MAX_DURATION_S = 14 * 24 * 3600
 """Longest job and longest batch: 14 days."""
@@ -135,8 +135,8 @@ S3Etag = Annotated[str, ShapeName("S3Etag")]
 class OutputLocation(Shape):
     """Location of outputs in the object store."""
 
-    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket; absent: the configured one.")
-    s3Prefix: S3Key | None = Field(default=None, description="Prefix of the keys of all outputs.")
+    s3Bucket: S3Bucket | None = optional("Bucket; absent: the configured one.")
+    s3Prefix: S3Key | None = optional("Prefix of the keys of all outputs.")
 
 
 def _none_if_empty(location: object) -> object:
@@ -156,9 +156,9 @@ MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 class Filter(Shape):
     """A condition on the resources of a list."""
 
-    name: Name | None = Field(default=None, description="Member to compare, such as `status`.")
-    values: Annotated[list[Name], ShapeName("FilterValues"), Field(min_length=1, max_length=1)] | None = Field(
-        default=None, description="The value it has to be equal to; exactly one."
+    name: Name | None = optional("Member to compare, such as `status`.")
+    values: Annotated[list[Name], ShapeName("FilterValues"), Field(min_length=1, max_length=1)] | None = optional(
+        "The value it has to be equal to; exactly one."
     )
 
     @model_validator(mode="after")

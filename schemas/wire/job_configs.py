@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from .base import Shape, ShapeName
+from .base import Shape, ShapeName, optional
 from .common import (
     ApplicationReference,
     Arn,
@@ -79,28 +79,28 @@ class PortMapping(Shape):
 
     jobPort: Port = Field(description="Port of the job's network interface.")
     applicationPort: NonSystemPort = Field(description="Port the application listens on.")
-    enableOnPublicIp: Boolean | None = Field(default=None, description="Whether the public address answers too.")
+    enableOnPublicIp: Boolean | None = optional("Whether the public address answers too.")
 
 
 class PortForwardingConfig(Shape):
     """Ports of the application that are reachable from outside."""
 
-    portMappings: Annotated[list[PortMapping], ShapeName("PortMappingList"), Field(max_length=10)] | None = Field(
-        default=None, description="The ports, at most 10."
+    portMappings: Annotated[list[PortMapping], ShapeName("PortMappingList"), Field(max_length=10)] | None = optional(
+        "The ports, at most 10."
     )
 
 
 class LaunchConfig(Shape):
     """How an application is started: `command`, or a launch file of a package."""
 
-    packageName: Command | None = Field(default=None, description="Package that holds the launch file.")
-    launchFile: Command | None = Field(default=None, description="Launch file, script or attribute of the package.")
-    environmentVariables: EnvironmentVariableMap | None = Field(
-        default=None, description="Variables for the application: capitals, digits, underscores; at most 20."
+    packageName: Command | None = optional("Package that holds the launch file.")
+    launchFile: Command | None = optional("Launch file, script or attribute of the package.")
+    environmentVariables: EnvironmentVariableMap | None = optional(
+        "Variables for the application: capitals, digits, underscores; at most 20."
     )
-    portForwardingConfig: PortForwardingConfig | None = Field(default=None, description="Ports to open.")
-    streamUI: Boolean | None = Field(default=None, description="Whether a screen is shown to viewers.")
-    command: CommandList | None = Field(default=None, description="Program and arguments, one entry each.")
+    portForwardingConfig: PortForwardingConfig | None = optional("Ports to open.")
+    streamUI: Boolean | None = optional("Whether a screen is shown to viewers.")
+    command: CommandList | None = optional("Program and arguments, one entry each.")
 
 
 def _stays_inside(path: str) -> str:
@@ -142,12 +142,12 @@ class UploadConfiguration(Shape):
 class Tool(Shape):
     """A program that runs beside the application."""
 
-    streamUI: bool | None = Field(default=None, description="Whether its screen is shown to viewers.")
+    streamUI: bool | None = optional("Whether its screen is shown to viewers.")
     name: Name = Field(description="Its name, unique in the application.")
     command: UnrestrictedCommand = Field(description="Command line for bash.")
-    streamOutputToCloudWatch: bool | None = Field(default=None, description="Whether its output is logged.")
-    exitBehavior: ExitBehavior | None = Field(
-        default=None, description="When it ends: FAIL ends the job, RESTART (the default) starts it again."
+    streamOutputToCloudWatch: bool | None = optional("Whether its output is logged.")
+    exitBehavior: ExitBehavior | None = optional(
+        "When it ends: FAIL ends the job, RESTART (the default) starts it again."
     )
 
 
@@ -164,13 +164,13 @@ class RobotApplicationConfig(Shape):
     """A robot application in a simulation job."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
-    applicationVersion: Version | None = Field(default=None, description="Its version; absent: `$LATEST`.")
+    applicationVersion: Version | None = optional("Its version; absent: `$LATEST`.")
     launchConfig: LaunchConfig = Field(description="How it is started.")
-    uploadConfigurations: UploadConfigurations | None = Field(default=None, description="Its files that are kept.")
+    uploadConfigurations: UploadConfigurations | None = optional("Its files that are kept.")
     useDefaultUploadConfigurations: bool | None = Field(
         default=None, json_schema_extra=dict(_DEPRECATED), description="Whether the usual logs are kept as well."
     )
-    tools: Tools | None = Field(default=None, description="Programs that run beside it, at most 10.")
+    tools: Tools | None = optional("Programs that run beside it, at most 10.")
     useDefaultTools: bool | None = Field(
         default=None, json_schema_extra=dict(_DEPRECATED), description="Whether the usual tools run beside it."
     )
@@ -179,14 +179,14 @@ class RobotApplicationConfig(Shape):
 class WorldConfig(Shape):
     """A world in a simulation job."""
 
-    world: Arn | None = Field(default=None, description="ARN of the world.")
+    world: Arn | None = optional("ARN of the world.")
 
 
 class SimulationApplicationConfig(RobotApplicationConfig):
     """A simulation application in a simulation job."""
 
-    worldConfigs: Annotated[list[WorldConfig], ShapeName("WorldConfigs"), Field(max_length=1)] | None = Field(
-        default=None, description="The world it simulates, at most one."
+    worldConfigs: Annotated[list[WorldConfig], ShapeName("WorldConfigs"), Field(max_length=1)] | None = optional(
+        "The world it simulates, at most one."
     )
 
 
@@ -206,11 +206,11 @@ class DataSourceConfig(Shape):
     s3Keys: Annotated[list[S3KeyOrPrefix], ShapeName("S3KeysOrPrefixes"), Field(min_length=1, max_length=100)] = Field(
         description="Keys of the objects, or prefixes of keys."
     )
-    type: DataSourceType | None = Field(
-        default=None, description="File (the default): keys; Archive: keys of archives to unpack; Prefix: prefixes."
+    type: DataSourceType | None = optional(
+        "File (the default): keys; Archive: keys of archives to unpack; Prefix: prefixes."
     )
-    destination: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_replaced)] | None = Field(
-        default=None, description="Folder where the job finds them, an absolute path; it is replaced as a whole."
+    destination: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_replaced)] | None = optional(
+        "Folder where the job finds them, an absolute path; it is replaced as a whole."
     )
 
     @model_validator(mode="after")
@@ -247,20 +247,18 @@ DataSourceConfigs = Annotated[
 class S3KeyOutput(Shape):
     """One object of a data source."""
 
-    s3Key: S3KeyOrPrefix | None = Field(default=None, description="Key of the object.")
-    etag: S3Etag | None = Field(default=None, description="Identifies the content it had when the job was made.")
+    s3Key: S3KeyOrPrefix | None = optional("Key of the object.")
+    etag: S3Etag | None = optional("Identifies the content it had when the job was made.")
 
 
 class DataSource(Shape):
     """Objects that a job reads, as they were found."""
 
-    name: Name | None = Field(default=None, description="Name of the source.")
-    s3Bucket: S3Bucket | None = Field(default=None, description="Bucket of the objects.")
-    s3Keys: Annotated[list[S3KeyOutput], ShapeName("S3KeyOutputs")] | None = Field(
-        default=None, description="The objects."
-    )
-    type: DataSourceType | None = Field(default=None, description="File, Archive or Prefix.")
-    destination: Path | None = Field(default=None, description="Folder where the job finds them.")
+    name: Name | None = optional("Name of the source.")
+    s3Bucket: S3Bucket | None = optional("Bucket of the objects.")
+    s3Keys: Annotated[list[S3KeyOutput], ShapeName("S3KeyOutputs")] | None = optional("The objects.")
+    type: DataSourceType | None = optional("File, Archive or Prefix.")
+    destination: Path | None = optional("Folder where the job finds them.")
 
 
 DataSources = Annotated[list[DataSource], ShapeName("DataSources")]
@@ -282,39 +280,35 @@ class VPCConfig(Shape):
     )
     securityGroups: (
         Annotated[list[NonEmptyString], ShapeName("SecurityGroups"), Field(min_length=1, max_length=5)] | None
-    ) = Field(default=None, description="Security group ids.")
-    assignPublicIp: Boolean | None = Field(default=None, description="Whether it gets a public address.")
+    ) = optional("Security group ids.")
+    assignPublicIp: Boolean | None = optional("Whether it gets a public address.")
 
 
 class VPCConfigResponse(Shape):
     """Network of a job."""
 
-    subnets: Annotated[list[NonEmptyString], ShapeName("Subnets", 1, 16)] | None = Field(
-        default=None, description="Subnet ids."
+    subnets: Annotated[list[NonEmptyString], ShapeName("Subnets", 1, 16)] | None = optional("Subnet ids.")
+    securityGroups: Annotated[list[NonEmptyString], ShapeName("SecurityGroups", 1, 5)] | None = optional(
+        "Security group ids."
     )
-    securityGroups: Annotated[list[NonEmptyString], ShapeName("SecurityGroups", 1, 5)] | None = Field(
-        default=None, description="Security group ids."
-    )
-    vpcId: GenericString | None = Field(default=None, description="Id of the network.")
-    assignPublicIp: Boolean | None = Field(default=None, description="Whether it gets a public address.")
+    vpcId: GenericString | None = optional("Id of the network.")
+    assignPublicIp: Boolean | None = optional("Whether it gets a public address.")
 
 
 class NetworkInterface(Shape):
     """Address of a job."""
 
-    networkInterfaceId: GenericString | None = Field(default=None, description="Id of the interface.")
-    privateIpAddress: GenericString | None = Field(default=None, description="Address inside the network.")
-    publicIpAddress: GenericString | None = Field(default=None, description="Address from outside, if it has one.")
+    networkInterfaceId: GenericString | None = optional("Id of the interface.")
+    privateIpAddress: GenericString | None = optional("Address inside the network.")
+    publicIpAddress: GenericString | None = optional("Address from outside, if it has one.")
 
 
 class Compute(Shape):
     """Limits on a job's use of the machine."""
 
-    simulationUnitLimit: SimulationUnit | None = Field(
-        default=None, description="Processors, with 2 GB of memory each, at most 15."
-    )
-    computeType: ComputeType | None = Field(default=None, description="With or without a GPU.")
-    gpuUnitLimit: GPUUnit | None = Field(default=None, description="Number of GPUs, 0 or 1.")
+    simulationUnitLimit: SimulationUnit | None = optional("Processors, with 2 GB of memory each, at most 15.")
+    computeType: ComputeType | None = optional("With or without a GPU.")
+    gpuUnitLimit: GPUUnit | None = optional("Number of GPUs, 0 or 1.")
 
 
 class ComputeResponse(Compute):

@@ -5,7 +5,7 @@ from zoneinfo import ZoneInfo
 
 from pydantic import AfterValidator, Field
 
-from .base import Shape, ShapeName
+from .base import Shape, ShapeName, optional
 from .common import text
 
 Weekday = Annotated[
@@ -30,14 +30,12 @@ TimeZoneName = Annotated[str, ShapeName("TimeZoneName"), text(1, 64), AfterValid
 class MaintenanceWindow(Shape):
     """A time of the day, on some days of the week."""
 
-    days: Weekdays | None = Field(default=None, description="Days on which it begins; absent: every day.")
+    days: Weekdays | None = optional("Days on which it begins; absent: every day.")
     startTime: TimeOfDay = Field(description="When it begins, as `22:30`, by the clocks of its time zone.")
     durationInSeconds: WindowDuration = Field(
         description="How long it lasts, in seconds, 60 to 86400; it may end on the next day."
     )
-    timeZone: TimeZoneName | None = Field(
-        default=None, description="Its time zone, such as `Europe/Berlin`; absent: UTC."
-    )
+    timeZone: TimeZoneName | None = optional("Its time zone, such as `Europe/Berlin`; absent: UTC.")
 
 
 MaintenanceWindows = Annotated[

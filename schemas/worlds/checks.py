@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 
 PassageKind = Literal["Doorway", "Opening"]
 
@@ -21,7 +21,7 @@ class RoomWay(Model):
     clear_width_m: float = Field(
         description="Metres between the walls at its sides, measured; less what a fully open door's leaf takes."
     )
-    door: str | None = Field(default=None, description="Id of its door; absent where there is none.")
+    door: str | None = optional("Id of its door; absent where there is none.")
 
 
 class RoomMeasures(Model):
@@ -69,37 +69,30 @@ class WorldChecks(Model):
     penetrations: int = Field(
         default=0, description="Pairs of solid parts, also of such that never move, that overlap by more than 5 mm."
     )
-    penetrating: list[tuple[str, str]] | None = Field(
-        default=None,
-        description="Names of the geoms of those pairs, the deepest first, at most ten; absent in worlds of generators "
-        "before 3.0.0, which looked only at parts that can move.",
+    penetrating: list[tuple[str, str]] | None = optional(
+        "Names of the geoms of those pairs, the deepest first, at most ten; absent in worlds of generators "
+        "before 3.0.0, which looked only at parts that can move."
     )
     geoms: int = Field(description="Geoms in the model that was measured. `world.xml` has more, which decorate it.")
     closed_off_rooms: list[str] = Field(
         default=[], description="Rooms the disc reaches only when it pushes a door further open than it is at first."
     )
     unreachable_goals: list[str] = Field(default=[], description="Rooms whose goal the disc does not reach.")
-    narrowest_passage_m: float | None = Field(
-        default=None,
-        description="Clear width in metres of the narrowest passage; absent in a plan without passages.",
+    narrowest_passage_m: float | None = optional(
+        "Clear width in metres of the narrowest passage; absent in a plan without passages."
     )
     room_graph: list[RoomWay] = Field(default=[], description="The ways between rooms, in the order of `passages`.")
     rooms: list[RoomMeasures] = Field(default=[], description="Each room by itself, in the plan's order.")
-    footprint_aspect_ratio: float | None = Field(
-        default=None, description="Extent of the building along x over that along y, between centre lines of walls."
+    footprint_aspect_ratio: float | None = optional(
+        "Extent of the building along x over that along y, between centre lines of walls."
     )
-    wishes: PreferenceCount | None = Field(default=None, description="Wishes about plan and interior together.")
+    wishes: PreferenceCount | None = optional("Wishes about plan and interior together.")
     free_bodies: int = Field(default=0, description="Bodies that can move: loose objects and leaves of doors.")
-    settle_s: float | None = Field(
-        default=None, description="Simulated seconds for which physics ran from time 0; absent if not run."
+    settle_s: float | None = optional("Simulated seconds for which physics ran from time 0; absent if not run.")
+    settled_share: float | None = optional(
+        "Share of free bodies that moved less than 1 cm in the settle, 0 to 1; absent if not run."
     )
-    settled_share: float | None = Field(
-        default=None,
-        description="Share of free bodies that moved less than 1 cm in the settle, 0 to 1; absent if not run.",
-    )
-    max_drift_m: float | None = Field(
-        default=None, description="Furthest that a free body moved in the settle, in metres; absent if not run."
-    )
-    stability: StabilityChecks | None = Field(
-        default=None, description="Movement of loose objects after small pushes; absent unless it was asked for."
+    max_drift_m: float | None = optional("Furthest that a free body moved in the settle, in metres; absent if not run.")
+    stability: StabilityChecks | None = optional(
+        "Movement of loose objects after small pushes; absent unless it was asked for."
     )

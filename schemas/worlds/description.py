@@ -9,7 +9,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .checks import WorldChecks
 from .world import DrawnSource, PassageKind, Point, Preference, RoomType, Variation
 
@@ -51,7 +51,7 @@ class DescribedRoom(Model):
     """A room."""
 
     name: str = Field(description="Its name in the template.")
-    originalName: str | None = Field(default=None, description="Its `OriginalName` in the template, if it has one.")
+    originalName: str | None = optional("Its `OriginalName` in the template, if it has one.")
     type: RoomType = Field(description="Its type in the template.")
     area: float = Field(description="Inside the centre lines of its walls.")
     polygon: list[Point] = Field(description="Its corners, counter-clockwise, on the centre lines of its walls.")
@@ -68,7 +68,7 @@ class DescribedPassage(Model):
     start: Point = Field(description="One side, on the wall's centre line.")
     end: Point = Field(description="The other side.")
     width: float = Field(description="Between its sides.")
-    door: str | None = Field(default=None, description="Name of its door, if it has one.")
+    door: str | None = optional("Name of its door, if it has one.")
 
 
 class Opening(Model):
@@ -127,10 +127,8 @@ class WorldDescription(Model):
     version: Literal["1"] = Field(default="1", description="Version of this document's form.")
     templateVersion: Literal["1", "2"] = Field(description="Version of the template's body.")
     generatorVersion: str = Field(description="Version of the generator that made the world.")
-    contentHash: str | None = Field(
-        default=None, description="SHA-256 of the world's bundle; only in what DescribeWorld answers."
-    )
-    seeds: Seeds | None = Field(default=None, description="Seeds that give the same world again.")
+    contentHash: str | None = optional("SHA-256 of the world's bundle; only in what DescribeWorld answers.")
+    seeds: Seeds | None = optional("Seeds that give the same world again.")
     units: Units = Field(default=Units(), description="Units of all numbers.")
     ceilingHeight: float = Field(description="Floor to ceiling.")
     footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, on centre lines of walls.")
@@ -138,12 +136,8 @@ class WorldDescription(Model):
     passages: list[DescribedPassage] = Field(description="The ways between rooms.")
     doors: list[DescribedDoor] = Field(description="The doors.")
     furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
-    source: DrawnSource | None = Field(
-        default=None, description="Drawing or map that it was imported from; absent: it was generated."
+    source: DrawnSource | None = optional("Drawing or map that it was imported from; absent: it was generated.")
+    variation: Variation | None = optional(
+        "Differences from the world it was made of; absent in worlds made by themselves."
     )
-    variation: Variation | None = Field(
-        default=None, description="Differences from the world it was made of; absent in worlds made by themselves."
-    )
-    proofs: Proofs | None = Field(
-        default=None, description="Measurements of the world; absent if nothing was measured."
-    )
+    proofs: Proofs | None = optional("Measurements of the world; absent if nothing was measured.")

@@ -17,7 +17,7 @@ from typing import Annotated, Self
 
 from pydantic import AfterValidator, Field, model_validator
 
-from ..wire.base import Shape
+from ..wire.base import Shape, optional
 from ..wire.common import Arn
 from ..wire.operation_shape import INTERNAL, INVALID, NOT_FOUND, OperationShape
 from .world import Light
@@ -47,7 +47,7 @@ class WorldVariation(Shape):
         "counter-clockwise. What stands on a piece goes with it.",
     )
     remove: list[str] = Field(default=[], description="Pieces to take away, with what stands on them.")
-    light: Light | None = Field(default=None, description="How cameras see it; absent: as they see the world itself.")
+    light: Light | None = optional("How cameras see it; absent: as they see the world itself.")
 
     @model_validator(mode="after")
     def _says_something_once(self) -> Self:

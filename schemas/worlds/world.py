@@ -23,7 +23,7 @@ from typing import Literal
 
 from pydantic import Field
 
-from ..wire.base import Model
+from ..wire.base import Model, optional
 from .checks import PassageKind as PassageKind
 from .checks import WorldChecks as WorldChecks
 
@@ -48,20 +48,18 @@ class Room(Model):
     """One room of a floor plan."""
 
     name: str = Field(description="The room's name in the template.")
-    original_name: str | None = Field(default=None, description="The `OriginalName` in the template, if it has one.")
+    original_name: str | None = optional("The `OriginalName` in the template, if it has one.")
     type: RoomType = Field(description="The room's type in the template.")
     polygon: list[Point] = Field(
         description="Corners, counter-clockwise, on the centre lines of the walls; axis-aligned."
     )
     area_m2: float = Field(description="Area inside the centre lines of the walls, which the corners lie on.")
-    floor_area_m2: float | None = Field(
-        default=None,
-        description="Area of the floor, inside the faces of the walls; absent in worlds of older generators.",
+    floor_area_m2: float | None = optional(
+        "Area of the floor, inside the faces of the walls; absent in worlds of older generators."
     )
-    aspect_ratio: float | None = Field(
-        default=None,
-        description="Length over width of the floor, at least 1; older generators took the centre lines of the walls, "
-        "the oldest say nothing.",
+    aspect_ratio: float | None = optional(
+        "Length over width of the floor, at least 1; older generators took the centre lines of the walls, "
+        "the oldest say nothing."
     )
     desired_area_m2: float = Field(description="Area of the floor that the template wished for.")
     desired_aspect_ratio: float = Field(description="Length over width of the floor that the template wished for.")
@@ -130,7 +128,7 @@ class Passage(Model):
     end: Point = Field(description="The other jamb, on the wall's centre line.")
     width_m: float = Field(description="Clear width between the jambs.")
     requested: bool = Field(description="Whether the template asked for it; otherwise added to connect all rooms.")
-    door: Door | None = Field(default=None, description="Its door; absent in openings and in worlds of version 1.")
+    door: Door | None = optional("Its door; absent in openings and in worlds of version 1.")
 
 
 class Window(Model):
@@ -194,14 +192,13 @@ class DrawnSource(Model):
     outlines: Literal["faces", "centres"] = Field(
         description="Meaning of the outlines of rooms, as read: the inner faces of their walls, or the walls' middles."
     )
-    notes_sha256: str | None = Field(
-        default=None, description="SHA-256 of the YAML file with what the drawing does not say; absent without one."
+    notes_sha256: str | None = optional(
+        "SHA-256 of the YAML file with what the drawing does not say; absent without one."
     )
-    origin_m: Point | None = Field(
-        default=None,
-        description="Position of the world's origin in the drawing, x to the right and y up, or in the map's frame, in "
+    origin_m: Point | None = optional(
+        "Position of the world's origin in the drawing, x to the right and y up, or in the map's frame, in "
         "metres: a point (x, y) there is at (x - origin_m[0], y - origin_m[1]) in the world, give or take what the "
-        "walls were moved by; absent in worlds of generators before 3.2.0.",
+        "walls were moved by; absent in worlds of generators before 3.2.0."
     )
     left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
 
@@ -219,7 +216,7 @@ class Variation(Model):
     """Differences of a world from the one it was made of."""
 
     of_content: str = Field(description="SHA-256 of the bundle of the other world, hexadecimal.")
-    of_world: str | None = Field(default=None, description="ARN of the other world; absent if only a folder was given.")
+    of_world: str | None = optional("ARN of the other world; absent if only a folder was given.")
     changes: list[Change] = Field(description="All differences.")
 
 
@@ -239,12 +236,10 @@ class World(Model):
     floorplan: Floorplan = Field(description="The plan, with this world's materials in its rooms.")
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
     wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
-    checks: WorldChecks | None = Field(default=None, description="Measured before the world was accepted.")
-    source: DrawnSource | None = Field(
-        default=None, description="Drawing or map that it was imported from; absent: it was generated."
-    )
-    variation: Variation | None = Field(
-        default=None, description="Differences from the world it was made of; absent in worlds made by themselves."
+    checks: WorldChecks | None = optional("Measured before the world was accepted.")
+    source: DrawnSource | None = optional("Drawing or map that it was imported from; absent: it was generated.")
+    variation: Variation | None = optional(
+        "Differences from the world it was made of; absent in worlds made by themselves."
     )
     appearance: Light = Field(default="day", description="How `world.xml` is lit; nothing but looks depends on it.")
 
