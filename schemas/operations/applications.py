@@ -148,57 +148,33 @@ class ApplicationListRequest(Shape):
     filters: Filters | None = optional("Filter by `name`; absent: all applications.")
 
 
-Shapes = tuple[type[Shape], type[Shape]]
-"""Request and response of an operation."""
-
-
 def application_operations(
     role: str,
     *,
-    create: Shapes,
-    create_version: Shapes,
-    describe: Shapes,
-    list_page: Shapes,
-    update: Shapes,
-    delete: Shapes,
+    create: type[Shape],
+    create_version: type[Shape],
+    describe: type[Shape],
+    list_page: type[Shape],
+    update: type[Shape],
+    delete: type[Shape],
 ) -> tuple[OperationShape, ...]:
     """The six operations on the applications of one kind.
 
     Args:
         role: `robot` or `simulation`.
-        create: request and response; so on.
+        create: request to make one known; so on.
         create_version: keeps an application under a number.
         describe: tells what one is.
         list_page: lists them.
         update: makes one something else.
         delete: removes one.
     """
-    name, words = f"{role.capitalize()}Application", f"{role} application"
+    words = f"{role} application"
     return (
-        OperationShape(f"Create{name}", *create, CREATE_APPLICATION_ERRORS, f"Makes a {words} known under a name."),
-        OperationShape(
-            f"Create{name}Version",
-            *create_version,
-            CREATE_VERSION_ERRORS,
-            f"Keeps a {words} as it is now under a number.",
-        ),
-        OperationShape(
-            f"Describe{name}", *describe, READ_ERRORS, f"Says what a {words}, or a version of it, is made of."
-        ),
-        OperationShape(
-            f"List{name}s",
-            *list_page,
-            LIST_ERRORS,
-            f"Lists {words}s, newest first.",
-            result_key=f"{role}ApplicationSummaries",
-        ),
-        OperationShape(
-            f"Update{name}",
-            *update,
-            UPDATE_APPLICATION_ERRORS,
-            f"Makes a {words} something else, under the same name.",
-        ),
-        OperationShape(
-            f"Delete{name}", *delete, DELETE_APPLICATION_ERRORS, f"Removes a {words}, or one version of it."
-        ),
+        OperationShape(create, CREATE_APPLICATION_ERRORS, f"Makes a {words} known under a name."),
+        OperationShape(create_version, CREATE_VERSION_ERRORS, f"Keeps a {words} as it is now under a number."),
+        OperationShape(describe, READ_ERRORS, f"Says what a {words}, or a version of it, is made of."),
+        OperationShape(list_page, LIST_ERRORS, f"Lists {words}s, newest first."),
+        OperationShape(update, UPDATE_APPLICATION_ERRORS, f"Makes a {words} something else, under the same name."),
+        OperationShape(delete, DELETE_APPLICATION_ERRORS, f"Removes a {words}, or one version of it."),
     )

@@ -36,6 +36,7 @@ from ..wire.operation_shape import (
     THROTTLED,
     ErrorClass,
     OperationShape,
+    deprecated,
 )
 from .robots import FleetMaxResults, RobotStatus
 
@@ -327,48 +328,20 @@ class CancelDeploymentJobResponse(Shape):
 
 _DEPLOYMENT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)
 
-OPERATIONS = (
+OPERATIONS = deprecated(
     OperationShape(
-        "CreateDeploymentJob",
         CreateDeploymentJobRequest,
-        CreateDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
         "Deploys an application to the robots of a fleet, in waves.",
         is_job=True,
-        deprecated=True,
     ),
+    OperationShape(DescribeDeploymentJobRequest, READ_ERRORS, "Says how a deployment job stands."),
+    OperationShape(ListDeploymentJobsRequest, READ_ERRORS, "Lists deployment jobs, newest first."),
+    OperationShape(CancelDeploymentJobRequest, READ_ERRORS, "Ends a deployment job early."),
     OperationShape(
-        "DescribeDeploymentJob",
-        DescribeDeploymentJobRequest,
-        DescribeDeploymentJobResponse,
-        READ_ERRORS,
-        "Says how a deployment job stands.",
-        deprecated=True,
-    ),
-    OperationShape(
-        "ListDeploymentJobs",
-        ListDeploymentJobsRequest,
-        ListDeploymentJobsResponse,
-        READ_ERRORS,
-        "Lists deployment jobs, newest first.",
-        result_key="deploymentJobs",
-        deprecated=True,
-    ),
-    OperationShape(
-        "CancelDeploymentJob",
-        CancelDeploymentJobRequest,
-        CancelDeploymentJobResponse,
-        READ_ERRORS,
-        "Ends a deployment job early.",
-        deprecated=True,
-    ),
-    OperationShape(
-        "SyncDeploymentJob",
         SyncDeploymentJobRequest,
-        SyncDeploymentJobResponse,
         _DEPLOYMENT_ERRORS,
         "Repeats a fleet's latest deployment for its robots that are not in sync.",
         is_job=True,
-        deprecated=True,
     ),
 )

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Arn, Filters, Name, PaginationToken, TagMap, Timestamp
-from ..wire.operation_shape import INTERNAL, INVALID, LIMIT, READ_ERRORS, THROTTLED, OperationShape
+from ..wire.operation_shape import INTERNAL, INVALID, LIMIT, READ_ERRORS, THROTTLED, OperationShape, deprecated
 from .deployment_jobs import DeploymentStatus
 from .robots import FleetMaxResults, Robots
 
@@ -85,38 +85,17 @@ class DeleteFleetResponse(Shape):
     """The fleet is gone."""
 
 
-OPERATIONS = (
+OPERATIONS = deprecated(
     OperationShape(
-        "CreateFleet",
-        CreateFleetRequest,
-        CreateFleetResponse,
-        (INVALID, INTERNAL, THROTTLED, LIMIT),
-        "Makes a fleet that robots can be registered with.",
-        deprecated=True,
+        CreateFleetRequest, (INVALID, INTERNAL, THROTTLED, LIMIT), "Makes a fleet that robots can be registered with."
     ),
     OperationShape(
-        "DescribeFleet",
-        DescribeFleetRequest,
-        DescribeFleetResponse,
-        READ_ERRORS,
-        "Says which robots a fleet has and how its last deployment stands.",
-        deprecated=True,
+        DescribeFleetRequest, READ_ERRORS, "Says which robots a fleet has and how its last deployment stands."
     ),
+    OperationShape(ListFleetsRequest, READ_ERRORS, "Lists fleets, newest first."),
     OperationShape(
-        "ListFleets",
-        ListFleetsRequest,
-        ListFleetsResponse,
-        READ_ERRORS,
-        "Lists fleets, newest first.",
-        result_key="fleetDetails",
-        deprecated=True,
-    ),
-    OperationShape(
-        "DeleteFleet",
         DeleteFleetRequest,
-        DeleteFleetResponse,
         (INVALID, INTERNAL, THROTTLED),
         "Removes a fleet, if it is there, and deregisters its robots.",
-        deprecated=True,
     ),
 )

@@ -92,10 +92,10 @@ class DeleteRobotApplicationResponse(Shape):
 
 OPERATIONS = application_operations(
     "robot",
-    create=(CreateRobotApplicationRequest, CreateRobotApplicationResponse),
-    create_version=(CreateRobotApplicationVersionRequest, CreateRobotApplicationVersionResponse),
-    describe=(DescribeRobotApplicationRequest, DescribeRobotApplicationResponse),
-    list_page=(ListRobotApplicationsRequest, ListRobotApplicationsResponse),
-    update=(UpdateRobotApplicationRequest, UpdateRobotApplicationResponse),
-    delete=(DeleteRobotApplicationRequest, DeleteRobotApplicationResponse),
+    create=CreateRobotApplicationRequest,
+    create_version=CreateRobotApplicationVersionRequest,
+    describe=DescribeRobotApplicationRequest,
+    list_page=ListRobotApplicationsRequest,
+    update=UpdateRobotApplicationRequest,
+    delete=DeleteRobotApplicationRequest,
 )

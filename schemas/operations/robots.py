@@ -6,7 +6,17 @@ from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import Architecture, Arn, Filters, Name, PaginationToken, TagMap, Timestamp, text
-from ..wire.operation_shape import EXISTS, INTERNAL, INVALID, LIMIT, NOT_FOUND, READ_ERRORS, THROTTLED, OperationShape
+from ..wire.operation_shape import (
+    EXISTS,
+    INTERNAL,
+    INVALID,
+    LIMIT,
+    NOT_FOUND,
+    READ_ERRORS,
+    THROTTLED,
+    OperationShape,
+    deprecated,
+)
 
 Id = Annotated[str, ShapeName("Id"), text(1, 1224)]
 RobotStatus = Annotated[
@@ -128,54 +138,15 @@ class DeregisterRobotResponse(Shape):
     robot: Arn | None = optional("ARN of the robot.")
 
 
-OPERATIONS = (
+OPERATIONS = deprecated(
     OperationShape(
-        "CreateRobot",
-        CreateRobotRequest,
-        CreateRobotResponse,
-        (INVALID, INTERNAL, THROTTLED, LIMIT, EXISTS),
-        "Makes a robot known under a name.",
-        deprecated=True,
+        CreateRobotRequest, (INVALID, INTERNAL, THROTTLED, LIMIT, EXISTS), "Makes a robot known under a name."
     ),
+    OperationShape(DescribeRobotRequest, READ_ERRORS, "Says what a robot is and which fleet it is in."),
+    OperationShape(ListRobotsRequest, READ_ERRORS, "Lists robots, newest first."),
+    OperationShape(DeleteRobotRequest, (INVALID, INTERNAL, THROTTLED), "Removes a robot, if it is there."),
     OperationShape(
-        "DescribeRobot",
-        DescribeRobotRequest,
-        DescribeRobotResponse,
-        READ_ERRORS,
-        "Says what a robot is and which fleet it is in.",
-        deprecated=True,
+        RegisterRobotRequest, (INVALID, INTERNAL, THROTTLED, LIMIT, NOT_FOUND), "Puts a robot into a fleet."
     ),
-    OperationShape(
-        "ListRobots",
-        ListRobotsRequest,
-        ListRobotsResponse,
-        READ_ERRORS,
-        "Lists robots, newest first.",
-        result_key="robots",
-        deprecated=True,
-    ),
-    OperationShape(
-        "DeleteRobot",
-        DeleteRobotRequest,
-        DeleteRobotResponse,
-        (INVALID, INTERNAL, THROTTLED),
-        "Removes a robot, if it is there.",
-        deprecated=True,
-    ),
-    OperationShape(
-        "RegisterRobot",
-        RegisterRobotRequest,
-        RegisterRobotResponse,
-        (INVALID, INTERNAL, THROTTLED, LIMIT, NOT_FOUND),
-        "Puts a robot into a fleet.",
-        deprecated=True,
-    ),
-    OperationShape(
-        "DeregisterRobot",
-        DeregisterRobotRequest,
-        DeregisterRobotResponse,
-        READ_ERRORS,
-        "Takes a robot out of its fleet.",
-        deprecated=True,
-    ),
+    OperationShape(DeregisterRobotRequest, READ_ERRORS, "Takes a robot out of its fleet."),
 )

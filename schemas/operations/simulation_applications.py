@@ -130,10 +130,10 @@ class DeleteSimulationApplicationResponse(Shape):
 
 OPERATIONS = application_operations(
     "simulation",
-    create=(CreateSimulationApplicationRequest, CreateSimulationApplicationResponse),
-    create_version=(CreateSimulationApplicationVersionRequest, CreateSimulationApplicationVersionResponse),
-    describe=(DescribeSimulationApplicationRequest, DescribeSimulationApplicationResponse),
-    list_page=(ListSimulationApplicationsRequest, ListSimulationApplicationsResponse),
-    update=(UpdateSimulationApplicationRequest, UpdateSimulationApplicationResponse),
-    delete=(DeleteSimulationApplicationRequest, DeleteSimulationApplicationResponse),
+    create=CreateSimulationApplicationRequest,
+    create_version=CreateSimulationApplicationVersionRequest,
+    describe=DescribeSimulationApplicationRequest,
+    list_page=ListSimulationApplicationsRequest,
+    update=UpdateSimulationApplicationRequest,
+    delete=DeleteSimulationApplicationRequest,
 )

@@ -155,32 +155,19 @@ class CancelSimulationJobBatchResponse(Shape):
 
 OPERATIONS = (
     OperationShape(
-        "StartSimulationJobBatch",
         StartSimulationJobBatchRequest,
-        StartSimulationJobBatchResponse,
         (INVALID, LIMIT, THROTTLED, MISMATCH, INTERNAL),
         "Runs many simulations, so many at a time.",
         is_job=True,
     ),
     OperationShape(
-        "DescribeSimulationJobBatch",
         DescribeSimulationJobBatchRequest,
-        DescribeSimulationJobBatchResponse,
         (NOT_FOUND, INVALID, INTERNAL),
         "Describes a batch: its progress, and the jobs and failures of its requests.",
     ),
+    OperationShape(ListSimulationJobBatchesRequest, (INVALID, INTERNAL), "Lists simulation job batches, newest first."),
     OperationShape(
-        "ListSimulationJobBatches",
-        ListSimulationJobBatchesRequest,
-        ListSimulationJobBatchesResponse,
-        (INVALID, INTERNAL),
-        "Lists simulation job batches, newest first.",
-        result_key="simulationJobBatchSummaries",
-    ),
-    OperationShape(
-        "CancelSimulationJobBatch",
         CancelSimulationJobBatchRequest,
-        CancelSimulationJobBatchResponse,
         READ_ERRORS,
         "Stops a batch: its jobs end, requests that wait never become jobs.",
     ),

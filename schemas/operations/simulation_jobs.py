@@ -278,48 +278,12 @@ class RestartSimulationJobResponse(Shape):
 
 
 OPERATIONS = (
+    OperationShape(CreateSimulationJobRequest, (*CREATE_EXPORT_ERRORS, LIMIT), "Runs one simulation.", is_job=True),
+    OperationShape(DescribeSimulationJobRequest, READ_ERRORS, "Says how far a simulation job is, and how it ended."),
+    OperationShape(BatchDescribeSimulationJobRequest, READ_ERRORS, "Says the same of up to 100 simulation jobs."),
+    OperationShape(ListSimulationJobsRequest, LIST_ERRORS, "Lists simulation jobs, newest first."),
+    OperationShape(CancelSimulationJobRequest, READ_ERRORS, "Stops a simulation job; its outputs are stored."),
     OperationShape(
-        "CreateSimulationJob",
-        CreateSimulationJobRequest,
-        CreateSimulationJobResponse,
-        (*CREATE_EXPORT_ERRORS, LIMIT),
-        "Runs one simulation.",
-        is_job=True,
-    ),
-    OperationShape(
-        "DescribeSimulationJob",
-        DescribeSimulationJobRequest,
-        DescribeSimulationJobResponse,
-        READ_ERRORS,
-        "Says how far a simulation job is, and how it ended.",
-    ),
-    OperationShape(
-        "BatchDescribeSimulationJob",
-        BatchDescribeSimulationJobRequest,
-        BatchDescribeSimulationJobResponse,
-        READ_ERRORS,
-        "Says the same of up to 100 simulation jobs.",
-    ),
-    OperationShape(
-        "ListSimulationJobs",
-        ListSimulationJobsRequest,
-        ListSimulationJobsResponse,
-        LIST_ERRORS,
-        "Lists simulation jobs, newest first.",
-        result_key="simulationJobSummaries",
-    ),
-    OperationShape(
-        "CancelSimulationJob",
-        CancelSimulationJobRequest,
-        CancelSimulationJobResponse,
-        READ_ERRORS,
-        "Stops a simulation job; its outputs are stored.",
-    ),
-    OperationShape(
-        "RestartSimulationJob",
-        RestartSimulationJobRequest,
-        RestartSimulationJobResponse,
-        (*READ_ERRORS, LIMIT),
-        "Runs a running simulation job again from the start.",
+        RestartSimulationJobRequest, (*READ_ERRORS, LIMIT), "Runs a running simulation job again from the start."
     ),
 )

@@ -51,28 +51,16 @@ class UntagResourceResponse(Shape):
 
 OPERATIONS = (
     OperationShape(
-        "ListTagsForResource",
         ListTagsForResourceRequest,
-        ListTagsForResourceResponse,
         READ_ERRORS,
         "Lists the tags of a resource.",
         method="GET",
         uri=_URI,
         locations=_IN_PATH,
     ),
+    OperationShape(TagResourceRequest, READ_ERRORS, "Adds tags to a resource.", uri=_URI, locations=_IN_PATH),
     OperationShape(
-        "TagResource",
-        TagResourceRequest,
-        TagResourceResponse,
-        READ_ERRORS,
-        "Adds tags to a resource.",
-        uri=_URI,
-        locations=_IN_PATH,
-    ),
-    OperationShape(
-        "UntagResource",
         UntagResourceRequest,
-        UntagResourceResponse,
         READ_ERRORS,
         "Removes tags from a resource.",
         method="DELETE",

@@ -113,33 +113,12 @@ class CancelWorldExportJobResponse(Shape):
 
 OPERATIONS = (
     OperationShape(
-        "CreateWorldExportJob",
         CreateWorldExportJobRequest,
-        CreateWorldExportJobResponse,
         CREATE_EXPORT_ERRORS,
         "Packs worlds into an archive in the object store.",
         is_job=True,
     ),
-    OperationShape(
-        "DescribeWorldExportJob",
-        DescribeWorldExportJobRequest,
-        DescribeWorldExportJobResponse,
-        READ_ERRORS,
-        "Says how far a world export job is.",
-    ),
-    OperationShape(
-        "ListWorldExportJobs",
-        ListWorldExportJobsRequest,
-        ListWorldExportJobsResponse,
-        LIST_ERRORS,
-        "Lists world export jobs, newest first.",
-        result_key="worldExportJobSummaries",
-    ),
-    OperationShape(
-        "CancelWorldExportJob",
-        CancelWorldExportJobRequest,
-        CancelWorldExportJobResponse,
-        READ_ERRORS,
-        "Cancels a world export job; it leaves no archive.",
-    ),
+    OperationShape(DescribeWorldExportJobRequest, READ_ERRORS, "Says how far a world export job is."),
+    OperationShape(ListWorldExportJobsRequest, LIST_ERRORS, "Lists world export jobs, newest first."),
+    OperationShape(CancelWorldExportJobRequest, READ_ERRORS, "Cancels a world export job; it leaves no archive."),
 )

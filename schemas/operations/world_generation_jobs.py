@@ -186,33 +186,18 @@ class CancelWorldGenerationJobResponse(Shape):
 
 OPERATIONS = (
     OperationShape(
-        "CreateWorldGenerationJob",
         CreateWorldGenerationJobRequest,
-        CreateWorldGenerationJobResponse,
         (*CREATE_EXPORT_ERRORS, LIMIT),
         "Generates worlds from a template.",
         is_job=True,
     ),
     OperationShape(
-        "DescribeWorldGenerationJob",
         DescribeWorldGenerationJobRequest,
-        DescribeWorldGenerationJobResponse,
         READ_ERRORS,
         "Says how far a world generation job is and which worlds it made.",
     ),
+    OperationShape(ListWorldGenerationJobsRequest, LIST_ERRORS, "Lists world generation jobs, newest first."),
     OperationShape(
-        "ListWorldGenerationJobs",
-        ListWorldGenerationJobsRequest,
-        ListWorldGenerationJobsResponse,
-        LIST_ERRORS,
-        "Lists world generation jobs, newest first.",
-        result_key="worldGenerationJobSummaries",
-    ),
-    OperationShape(
-        "CancelWorldGenerationJob",
-        CancelWorldGenerationJobRequest,
-        CancelWorldGenerationJobResponse,
-        READ_ERRORS,
-        "Cancels a world generation job; the worlds it has made stay.",
+        CancelWorldGenerationJobRequest, READ_ERRORS, "Cancels a world generation job; the worlds it has made stay."
     ),
 )

@@ -183,46 +183,21 @@ class DeleteWorldTemplateResponse(Shape):
 
 OPERATIONS = (
     OperationShape(
-        "CreateWorldTemplate",
         CreateWorldTemplateRequest,
-        CreateWorldTemplateResponse,
         (INVALID, EXISTS, NOT_FOUND, LIMIT, THROTTLED, INTERNAL),
         "Keeps a description that worlds can be generated from.",
     ),
     OperationShape(
-        "UpdateWorldTemplate",
         UpdateWorldTemplateRequest,
-        UpdateWorldTemplateResponse,
         READ_ERRORS,
         "Changes a world template; what was made from it before stays as it is.",
     ),
+    OperationShape(DescribeWorldTemplateRequest, READ_ERRORS, "Says what is known of a world template."),
     OperationShape(
-        "DescribeWorldTemplate",
-        DescribeWorldTemplateRequest,
-        DescribeWorldTemplateResponse,
-        READ_ERRORS,
-        "Says what is known of a world template.",
-    ),
-    OperationShape(
-        "GetWorldTemplateBody",
         GetWorldTemplateBodyRequest,
-        GetWorldTemplateBodyResponse,
         READ_ERRORS,
         "Gives a world template's body, as it is or as a generation job used it.",
     ),
-    OperationShape(
-        "ListWorldTemplates",
-        ListWorldTemplatesRequest,
-        ListWorldTemplatesResponse,
-        LIST_ERRORS,
-        "Lists world templates, newest first.",
-        result_key="templateSummaries",
-    ),
-    OperationShape(
-        "DeleteWorldTemplate",
-        DeleteWorldTemplateRequest,
-        DeleteWorldTemplateResponse,
-        READ_ERRORS,
-        "Deletes a world template; its worlds and jobs stay.",
-    ),
+    OperationShape(ListWorldTemplatesRequest, LIST_ERRORS, "Lists world templates, newest first."),
+    OperationShape(DeleteWorldTemplateRequest, READ_ERRORS, "Deletes a world template; its worlds and jobs stay."),
 )

@@ -71,22 +71,7 @@ class BatchDeleteWorldsResponse(Shape):
 
 
 OPERATIONS = (
-    OperationShape(
-        "DescribeWorld", DescribeWorldRequest, DescribeWorldResponse, READ_ERRORS, "Says what a world holds."
-    ),
-    OperationShape(
-        "ListWorlds",
-        ListWorldsRequest,
-        ListWorldsResponse,
-        LIST_ERRORS,
-        "Lists worlds, newest first.",
-        result_key="worldSummaries",
-    ),
-    OperationShape(
-        "BatchDeleteWorlds",
-        BatchDeleteWorldsRequest,
-        BatchDeleteWorldsResponse,
-        LIST_ERRORS,
-        "Deletes worlds, with what is stored of them.",
-    ),
+    OperationShape(DescribeWorldRequest, READ_ERRORS, "Says what a world holds."),
+    OperationShape(ListWorldsRequest, LIST_ERRORS, "Lists worlds, newest first."),
+    OperationShape(BatchDeleteWorldsRequest, LIST_ERRORS, "Deletes worlds, with what is stored of them."),
 )

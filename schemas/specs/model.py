@@ -45,14 +45,6 @@ FOR_EACH_KEYS = (FOR_EACH, "as", "value")
 INDEX = "index"
 DEFAULT_VARIABLE = "item"
 
-_FINAL_ANSWERS = {
-    "CreateWorldGenerationJob": "DescribeWorldGenerationJob",
-    "CreateWorldExportJob": "DescribeWorldExportJob",
-    "CreateSimulationJob": "DescribeSimulationJob",
-    "StartSimulationJobBatch": "DescribeSimulationJobBatch",
-    "CreateDeploymentJob": "DescribeDeploymentJob",
-    "SyncDeploymentJob": "DescribeDeploymentJob",
-}
 REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
 """Operations that `ifExists: reuse` and `ifExists: update` are for."""
 
@@ -137,7 +129,7 @@ class CheckedSpec:
 
 def output_model(operation: str) -> type[Shape]:
     """The shape of what a step of this operation gives to later steps."""
-    return STEPS[_FINAL_ANSWERS.get(operation, operation)].response
+    return STEPS[STEPS[operation].final_name].response
 
 
 def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:

@@ -1,7 +1,9 @@
 """Description of an operation as data; each resource's module lists its own as `OPERATIONS`."""
 
+import re
+import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from . import errors
@@ -36,14 +38,8 @@ READS = ("Describe", "List", "Get", "BatchDescribe")
 class OperationShape:
     """One operation: what it takes, gives and refuses, and how it is reached."""
 
-    name: str
-    """The service's name of it."""
-
     request: type[Shape]
-    """Shape of its request."""
-
-    response: type[Shape]
-    """Shape of its response."""
+    """Shape of its request, named after it: `DescribeWorldRequest`; `DescribeWorldResponse` is in the same module."""
 
     errors: tuple[ErrorClass, ...]
     """Errors that it may raise."""
@@ -63,13 +59,36 @@ class OperationShape:
     locations: Mapping[str, Location] = field(default_factory=dict[str, Location])
     """Members of the request that travel in the path or the query, not in the body."""
 
-    result_key: str | None = None
-    """For lists: the member of the response that holds the entries of a page."""
-
     deprecated: bool = False
     """Whether the service's last model marked it so."""
+
+    @property
+    def name(self) -> str:
+        """The service's name of it."""
+        return self.request.__name__.removesuffix("Request")
+
+    @property
+    def response(self) -> type[Shape]:
+        """Shape of its response."""
+        return getattr(sys.modules[self.request.__module__], f"{self.name}Response")
+
+    @property
+    def result_key(self) -> str | None:
+        """For lists: the member of the response that holds the entries of a page."""
+        members = self.response.model_fields
+        return next(name for name in members if name != "nextToken") if "nextToken" in members else None
+
+    @property
+    def final_name(self) -> str:
+        """Name of the operation whose answer steps get in the end: that which describes a job, else its own."""
+        return re.sub("^(Create|Start|Sync)", "Describe", self.name) if self.is_job else self.name
 
     @property
     def path(self) -> str:
         """HTTP path."""
         return self.uri or "/" + self.name[0].lower() + self.name[1:]
+
+
+def deprecated(*shapes: OperationShape) -> tuple[OperationShape, ...]:
+    """The same operations, as the service's last model has them: marked as deprecated."""
+    return tuple(replace(shape, deprecated=True) for shape in shapes)

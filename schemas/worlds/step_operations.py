@@ -93,9 +93,7 @@ STEP_OPERATIONS: Mapping[str, OperationShape] = {
     shape.name: shape
     for shape in (
         OperationShape(
-            "VaryWorlds",
             VaryWorldsRequest,
-            VaryWorldsResponse,
             (INVALID, NOT_FOUND, INTERNAL),
             "Makes worlds that differ from others in what is said, for tests of robustness.",
         ),

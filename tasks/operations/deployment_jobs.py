@@ -12,7 +12,6 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.deployment_jobs import (
     DEFAULT_ROBOT_TIMEOUT_S,
     CancelDeploymentJobRequest,
-    CancelDeploymentJobResponse,
     CreateDeploymentJobRequest,
     DeploymentConfig,
     DescribeDeploymentJobRequest,
@@ -58,7 +57,6 @@ _DEFAULTS = {
     "failureThresholdPercentage": DEFAULT_THRESHOLD_PERCENTAGE,
     "robotDeploymentTimeoutInSeconds": DEFAULT_ROBOT_TIMEOUT_S,
 }
-_FILTERS = {"status": "status", "fleetName": "fleetName"}
 
 
 def perform_deployment_job(arn: str, service: Service) -> None:
@@ -66,7 +64,7 @@ def perform_deployment_job(arn: str, service: Service) -> None:
     run_under_lease(arn, DEPLOYMENT, service, lambda lease: DeploymentRun(lease, service).run())
 
 
-@operation("CreateDeploymentJob", perform=perform_deployment_job, describe="DescribeDeploymentJob")
+@operation("CreateDeploymentJob", perform=perform_deployment_job)
 def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> Answer:
     """Stores a deployment to the robots of a fleet.
 
@@ -100,7 +98,7 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
     return dry_run(document, _check(document, fleet, service), fleet, service)
 
 
-@operation("SyncDeploymentJob", perform=perform_deployment_job, describe="DescribeDeploymentJob")
+@operation("SyncDeploymentJob", perform=perform_deployment_job)
 def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> Answer:
     """Stores the fleet's latest deployment once more, however it ended, for its robots that are not in sync with it."""
     token = ClientToken.of("SyncDeploymentJob", request)
@@ -129,14 +127,12 @@ def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Serv
 @operation("ListDeploymentJobs")
 def list_deployment_jobs(request: ListDeploymentJobsRequest, service: Service) -> Answer:
     """Lists deployment jobs, newest first."""
-    page = page_of(
-        "ListDeploymentJobs", DEPLOYMENT, request, service, filters=_FILTERS, given=request.filters, most=_PAGE
-    )
+    page = page_of(request, DEPLOYMENT, service, "status", "fleetName", most=_PAGE)
     return {"deploymentJobs": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelDeploymentJob")
-def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service) -> CancelDeploymentJobResponse:
+def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service) -> Answer:
     """Ends a deployment early; one that has ended stays as it is."""
     job = _job(request.job, service)
     if not is_terminal(DEPLOYMENT, job.status):
@@ -144,7 +140,7 @@ def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service)
         with suppress(ResourceNotFoundException), fleet_held(_fleet(job), service) as fleet:
             end_deployment(job, "canceled", service)
             settle(fleet, service)
-    return CancelDeploymentJobResponse()
+    return {}
 
 
 def _control(job: Resource, rollout: Rollout | None, service: Service) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from ...schemas.operations.fleets import (
     CreateFleetRequest,
     CreateFleetResponse,
     DeleteFleetRequest,
-    DeleteFleetResponse,
     DescribeFleetRequest,
     ListFleetsRequest,
 )
@@ -47,12 +46,12 @@ def describe_fleet(request: DescribeFleetRequest, service: Service) -> Answer:
 @operation("ListFleets")
 def list_fleets(request: ListFleetsRequest, service: Service) -> Answer:
     """Lists fleets, newest first."""
-    page = page_of("ListFleets", FLEET, request, service, filters={"name": "name"}, given=request.filters, most=_PAGE)
+    page = page_of(request, FLEET, service, "name", most=_PAGE)
     return {"fleetDetails": _summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteFleet")
-def delete_fleet(request: DeleteFleetRequest, service: Service) -> DeleteFleetResponse:
+def delete_fleet(request: DeleteFleetRequest, service: Service) -> Answer:
     """Removes a fleet, deregisters its robots, and fails its deployment if one has not ended.
 
     A fleet that is not there is gone already.
@@ -61,7 +60,7 @@ def delete_fleet(request: DeleteFleetRequest, service: Service) -> DeleteFleetRe
     with suppress(ResourceNotFoundException), fleet_held(arn, service) as fleet:
         _empty(fleet, service)
         service.catalog.delete(arn)
-    return DeleteFleetResponse()
+    return {}
 
 
 def _stored(request: CreateFleetRequest, service: Service) -> Resource:

@@ -43,12 +43,8 @@ class Operation:
 
     shape: OperationShape
     handler: Handler
-    module: str
     run_job: JobRunner | None = None
     """For job operations: runs the stored job of an ARN to its end; `None` for all others."""
-
-    describe: str | None = None
-    """The operation that tells how a job stands; its response is what the flow returns."""
 
     @property
     def name(self) -> str:
@@ -58,12 +54,12 @@ class Operation:
     @property
     def resource(self) -> str:
         """The resource it belongs to: the name of the module of its shapes, its handler and its flows."""
-        return self.module.rpartition(".")[2]
+        return self.shape.request.__module__.rpartition(".")[2]
 
     @property
     def perform_name(self) -> str:
         """Name of the flow that performs a stored job."""
-        return "Perform" + self.name.removeprefix("Create").removeprefix("Start").removeprefix("Sync")
+        return "Perform" + self.shape.final_name.removeprefix("Describe")
 
     def answer(self, data: Mapping[str, Any], service: Service) -> dict[str, Any]:
         """Checks the request, does the operation (for jobs: the submit half), and answers.
@@ -148,36 +144,27 @@ class Operation:
         Raises:
             ResourceNotFoundException: there is no such job.
         """
-        if self.describe is None:
-            raise InvalidParameterException(f"{self.name} is no job operation: it has nothing to describe")
-        member = "batch" if "batch" in self.shape_of(self.describe).request.model_fields else "job"
-        return registry()[self.describe].answer({member: arn}, service)
-
-    @staticmethod
-    def shape_of(name: str) -> OperationShape:
-        """The shapes of an operation, by name."""
-        return OPERATIONS[name]
+        describing = registry()[self.shape.final_name]
+        (member,) = describing.shape.request.model_fields
+        return describing.answer({member: arn}, service)
 
 
 _registry: dict[str, Operation] = {}
 
 
-def operation(
-    name: str, *, perform: JobRunner | None = None, describe: str | None = None
-) -> Callable[[Handler], Handler]:
+def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handler], Handler]:
     """Registers a handler as the service's operation `name`.
 
     Args:
         name: the operation's name, a key of `OPERATIONS`.
         perform: for job operations, what carries the job of an ARN to its end.
-        describe: for job operations, the operation that describes the job.
     """
 
     def register(handler: Handler) -> Handler:
         shape = OPERATIONS[name]
         if shape.is_job != (perform is not None):
             raise ValueError(f"{name}: job operations, and only they, have something to perform")
-        _registry[name] = Operation(shape, handler, shape.request.__module__, perform, describe)
+        _registry[name] = Operation(shape, handler, perform)
         return handler
 
     return register

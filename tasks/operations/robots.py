@@ -9,7 +9,6 @@ from ...schemas.operations.robots import (
     CreateRobotRequest,
     CreateRobotResponse,
     DeleteRobotRequest,
-    DeleteRobotResponse,
     DeregisterRobotRequest,
     DeregisterRobotResponse,
     DescribeRobotRequest,
@@ -27,7 +26,6 @@ from .pages import page_of
 from .registry import Answer, operation
 
 _PAGE = 200
-_FILTERS = {"status": "status", "fleetName": "fleetName"}
 
 
 @operation("CreateRobot")
@@ -72,12 +70,12 @@ def describe_robot(request: DescribeRobotRequest, service: Service) -> Answer:
 @operation("ListRobots")
 def list_robots(request: ListRobotsRequest, service: Service) -> Answer:
     """Lists robots, newest first."""
-    page = page_of("ListRobots", ROBOT, request, service, filters=_FILTERS, given=request.filters, most=_PAGE)
+    page = page_of(request, ROBOT, service, "status", "fleetName", most=_PAGE)
     return {"robots": robot_summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteRobot")
-def delete_robot(request: DeleteRobotRequest, service: Service) -> DeleteRobotResponse:
+def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
     """Removes a robot; one that is not there is gone already."""
     robot = _checked(request.robot)
     with suppress(ResourceNotFoundException):
@@ -85,7 +83,7 @@ def delete_robot(request: DeleteRobotRequest, service: Service) -> DeleteRobotRe
         service.catalog.delete(robot)
         if fleet is not None:
             note_departure(robot, fleet, "deleted", service)
-    return DeleteRobotResponse()
+    return {}
 
 
 @operation("RegisterRobot")

@@ -6,7 +6,6 @@ from ...schemas.documents.simulation_job_batches import BatchCounts, SimulationJ
 from ...schemas.operations.registry import priority_of
 from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
-    CancelSimulationJobBatchResponse,
     DescribeSimulationJobBatchRequest,
     ListSimulationJobBatchesRequest,
     StartSimulationJobBatchRequest,
@@ -31,7 +30,7 @@ def perform_simulation_job_batch(arn: str, service: Service) -> None:
     run_under_lease(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
 
 
-@operation("StartSimulationJobBatch", perform=perform_simulation_job_batch, describe="DescribeSimulationJobBatch")
+@operation("StartSimulationJobBatch", perform=perform_simulation_job_batch)
 def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service: Service) -> Answer:
     """Stores a batch; its requests become jobs when it is performed."""
     _check_rooms(request, service)
@@ -71,15 +70,7 @@ def describe_simulation_job_batch(request: DescribeSimulationJobBatchRequest, se
 @operation("ListSimulationJobBatches")
 def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, service: Service) -> Answer:
     """Lists batches; says of their requests only how many are in which state."""
-    page = page_of(
-        "ListSimulationJobBatches",
-        KIND,
-        request,
-        service,
-        filters={"status": "status"},
-        given=request.filters,
-        members=BatchCounts.members(),
-    )
+    page = page_of(request, KIND, service, "status", members=BatchCounts.members())
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
     return {
         "simulationJobBatchSummaries": [
@@ -90,9 +81,7 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
 
 
 @operation("CancelSimulationJobBatch")
-def cancel_simulation_job_batch(
-    request: CancelSimulationJobBatchRequest, service: Service
-) -> CancelSimulationJobBatchResponse:
+def cancel_simulation_job_batch(request: CancelSimulationJobBatchRequest, service: Service) -> Answer:
     """Cancels a batch and its jobs: at once if no job worker runs it, else as soon as its worker notices.
 
     Cancelling a batch that has ended changes nothing and succeeds.
@@ -100,7 +89,7 @@ def cancel_simulation_job_batch(
     service.catalog.get(request.batch, kind=KIND)
     service.catalog.request_cancel(request.batch)
     run_if_unclaimed(request.batch, KIND, service, lambda lease: BatchRun(lease, service).end())
-    return CancelSimulationJobBatchResponse()
+    return {}
 
 
 def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> None:

@@ -9,12 +9,10 @@ from ...schemas.operations.simulation_jobs import (
     BatchDescribeSimulationJobRequest,
     BatchDescribeSimulationJobResponse,
     CancelSimulationJobRequest,
-    CancelSimulationJobResponse,
     CreateSimulationJobRequest,
     DescribeSimulationJobRequest,
     ListSimulationJobsRequest,
     RestartSimulationJobRequest,
-    RestartSimulationJobResponse,
     SimulationJob,
 )
 from ...schemas.runs.machine_waits import Scarce
@@ -34,12 +32,6 @@ from .pages import page_of
 from .registry import Answer, operation
 
 KIND = "simulation-job"
-# What lists filter by: the job's status, and the labels that `store_job` gives it.
-_FILTERS = {
-    "status": "status",
-    "simulationApplicationName": "simulationApplicationName",
-    "robotApplicationName": "robotApplicationName",
-}
 
 
 def perform_simulation_job(arn: str, service: Service) -> None:
@@ -70,7 +62,7 @@ def perform_simulation_job(arn: str, service: Service) -> None:
     service.report_progress(Progress({status.lower(): 1}, 1))
 
 
-@operation("CreateSimulationJob", perform=perform_simulation_job, describe="DescribeSimulationJob")
+@operation("CreateSimulationJob", perform=perform_simulation_job)
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
     """Stores a simulation job whose applications, world and data exist."""
     token = ClientToken.of("CreateSimulationJob", request)
@@ -102,12 +94,12 @@ def batch_describe_simulation_job(
 @operation("ListSimulationJobs")
 def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> Answer:
     """Lists jobs, 100 a page at most."""
-    page = page_of("ListSimulationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    page = page_of(request, KIND, service, "status", "simulationApplicationName", "robotApplicationName")
     return {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelSimulationJob")
-def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> CancelSimulationJobResponse:
+def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> Answer:
     """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
 
     Cancelling a job that has ended changes nothing and succeeds. A job that was cancelled while it ran stores its
@@ -119,11 +111,11 @@ def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service)
     if is_canceled and status == "Terminating":
         service.catalog.update(request.job, SimulationJobProgress(upload_canceled=True))
     stop_idle_job(request.job, service)
-    return CancelSimulationJobResponse()
+    return {}
 
 
 @operation("RestartSimulationJob")
-def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> RestartSimulationJobResponse:
+def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> Answer:
     """Restarts a running job from the start; its job worker sees the new status."""
     job = service.catalog.get(request.job, kind=KIND)
     _, is_to_be_cancelled = service.catalog.standing(request.job)
@@ -136,7 +128,7 @@ def restart_simulation_job(request: RestartSimulationJobRequest, service: Servic
         raise InvalidParameterException(
             f"job: {job.arn} is {status}; only a job that is Running or RunningFailed can be restarted"
         ) from error
-    return RestartSimulationJobResponse()
+    return {}
 
 
 def describe(job: Resource) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from .registry import Operation, registry
 def step_registry() -> Mapping[str, Operation]:
     """All operations that steps may have, by name."""
     shape = STEP_OPERATIONS["VaryWorlds"]
-    return {**registry(), shape.name: Operation(shape, _vary_worlds, __name__)}
+    return {**registry(), shape.name: Operation(shape, _vary_worlds)}
 
 
 def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResponse:

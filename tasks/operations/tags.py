@@ -6,15 +6,13 @@ from ...schemas.operations.tags import (
     ListTagsForResourceRequest,
     ListTagsForResourceResponse,
     TagResourceRequest,
-    TagResourceResponse,
     UntagResourceRequest,
-    UntagResourceResponse,
 )
 from ...schemas.wire.arns import Kind, ResourceArn
 from ...schemas.wire.errors import ResourceNotFoundException
 from ..catalog import Resource
 from ..service.service import Service
-from .registry import operation
+from .registry import Answer, operation
 
 
 @operation("ListTagsForResource")
@@ -24,17 +22,17 @@ def list_tags_for_resource(request: ListTagsForResourceRequest, service: Service
 
 
 @operation("TagResource")
-def tag_resource(request: TagResourceRequest, service: Service) -> TagResourceResponse:
+def tag_resource(request: TagResourceRequest, service: Service) -> Answer:
     """Adds tags to a resource, whatever its status, and replaces the values of keys it has."""
     service.catalog.set_tags(_tagged(request.resourceArn, service).arn, request.tags)
-    return TagResourceResponse()
+    return {}
 
 
 @operation("UntagResource")
-def untag_resource(request: UntagResourceRequest, service: Service) -> UntagResourceResponse:
+def untag_resource(request: UntagResourceRequest, service: Service) -> Answer:
     """Removes tags from a resource; keys it does not have are ignored."""
     service.catalog.remove_tags(_tagged(request.resourceArn, service).arn, request.tagKeys)
-    return UntagResourceResponse()
+    return {}
 
 
 def _tagged(arn: str, service: Service) -> Resource:

@@ -6,7 +6,6 @@ from typing import Any
 from ...schemas.documents.world_export_jobs import WorldExportJobDocument, WorldExportRequest
 from ...schemas.operations.world_export_jobs import (
     CancelWorldExportJobRequest,
-    CancelWorldExportJobResponse,
     CreateWorldExportJobRequest,
     DescribeWorldExportJobRequest,
     ListWorldExportJobsRequest,
@@ -26,7 +25,6 @@ from .registry import Answer, operation
 KIND = "world-export-job"
 _ORIGINS = ("generationJobId", "templateId")
 """Labels of worlds that an export of theirs has too."""
-_FILTERS = {"status": "status", **{origin: origin for origin in _ORIGINS}}
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:
@@ -34,7 +32,7 @@ def perform_world_export_job(arn: str, service: Service) -> None:
     run_under_lease(arn, KIND, service, lambda lease: run_export(lease, service))
 
 
-@operation("CreateWorldExportJob", perform=perform_world_export_job, describe="DescribeWorldExportJob")
+@operation("CreateWorldExportJob", perform=perform_world_export_job)
 def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> Answer:
     """Stores an export job for worlds that exist."""
     token = ClientToken.of("CreateWorldExportJob", request)
@@ -65,18 +63,18 @@ def _labels(worlds: Sequence[Resource], key: str) -> list[str]:
 @operation("ListWorldExportJobs")
 def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> Answer:
     """Lists export jobs, newest first."""
-    page = page_of("ListWorldExportJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    page = page_of(request, KIND, service, "status", *_ORIGINS)
     return {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelWorldExportJob")
-def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> CancelWorldExportJobResponse:
+def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> Answer:
     """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; no archive is left.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """
     cancel_world_job(request.job, KIND, service, lambda lease: run_export(lease, service))
-    return CancelWorldExportJobResponse()
+    return {}
 
 
 @operation("DescribeWorldExportJob")

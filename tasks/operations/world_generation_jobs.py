@@ -7,7 +7,6 @@ from ...schemas.documents.world_templates import WorldTemplateDocument
 from ...schemas.operations.registry import seed_of
 from ...schemas.operations.world_generation_jobs import (
     CancelWorldGenerationJobRequest,
-    CancelWorldGenerationJobResponse,
     CreateWorldGenerationJobRequest,
     DescribeWorldGenerationJobRequest,
     ListWorldGenerationJobsRequest,
@@ -21,7 +20,6 @@ from .pages import page_of
 from .registry import Answer, operation
 
 KIND = "world-generation-job"
-_FILTERS = {"status": "status", "templateId": "templateId"}
 
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
@@ -29,7 +27,7 @@ def perform_world_generation_job(arn: str, service: Service) -> None:
     run_under_lease(arn, KIND, service, lambda lease: run_generation(lease, service))
 
 
-@operation("CreateWorldGenerationJob", perform=perform_world_generation_job, describe="DescribeWorldGenerationJob")
+@operation("CreateWorldGenerationJob", perform=perform_world_generation_job)
 def create_world_generation_job(request: CreateWorldGenerationJobRequest, service: Service) -> Answer:
     """Stores a generation job; the template's body is kept as it is now."""
     token = ClientToken.of("CreateWorldGenerationJob", request)
@@ -77,7 +75,7 @@ def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, se
 @operation("ListWorldGenerationJobs")
 def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service: Service) -> Answer:
     """Lists generation jobs, newest first."""
-    page = page_of("ListWorldGenerationJobs", KIND, request, service, filters=_FILTERS, given=request.filters)
+    page = page_of(request, KIND, service, "status", "templateId")
     return {
         "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
         "nextToken": page.next_token,
@@ -85,15 +83,13 @@ def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service:
 
 
 @operation("CancelWorldGenerationJob")
-def cancel_world_generation_job(
-    request: CancelWorldGenerationJobRequest, service: Service
-) -> CancelWorldGenerationJobResponse:
+def cancel_world_generation_job(request: CancelWorldGenerationJobRequest, service: Service) -> Answer:
     """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; its worlds stay.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """
     cancel_world_job(request.job, KIND, service, lambda lease: run_generation(lease, service))
-    return CancelWorldGenerationJobResponse()
+    return {}
 
 
 def _summary(job: Resource, service: Service) -> dict[str, Any]:

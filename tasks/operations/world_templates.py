@@ -7,7 +7,6 @@ from ...schemas.operations.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,
     DeleteWorldTemplateRequest,
-    DeleteWorldTemplateResponse,
     DescribeWorldTemplateRequest,
     DescribeWorldTemplateResponse,
     GetWorldTemplateBodyRequest,
@@ -109,7 +108,7 @@ def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Servi
 @operation("ListWorldTemplates")
 def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> Answer:
     """Lists templates, newest first."""
-    page = page_of("ListWorldTemplates", KIND, request, service, filters={})
+    page = page_of(request, KIND, service)
     summaries = [
         {
             "arn": template.arn,
@@ -124,11 +123,11 @@ def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -
 
 
 @operation("DeleteWorldTemplate")
-def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> DeleteWorldTemplateResponse:
+def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> Answer:
     """Deletes a template; worlds and jobs made from it stay, and say its ARN."""
     service.catalog.get(request.template, kind=KIND)
     service.catalog.delete(request.template)
-    return DeleteWorldTemplateResponse()
+    return {}
 
 
 def _checked_body(text: str | None, location: TemplateLocation | None, service: Service) -> TemplateBody:

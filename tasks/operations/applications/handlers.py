@@ -45,7 +45,7 @@ def register_operations(role: ApplicationRole) -> None:
     @operation(f"List{resource}s")
     def list_page(request: ApplicationListRequest, service: Service) -> Answer:
         """Lists applications, newest first."""
-        summaries, token = list_applications(f"List{resource}s", role, request, service)
+        summaries, token = list_applications(role, request, service)
         return {f"{role}ApplicationSummaries": summaries, "nextToken": token}
 
     @operation(f"Update{resource}")

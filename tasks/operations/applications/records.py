@@ -71,7 +71,7 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
 
 
 def list_applications(
-    operation: str, role: ApplicationRole, request: ApplicationListRequest, service: Service
+    role: ApplicationRole, request: ApplicationListRequest, service: Service
 ) -> tuple[list[dict[str, Any]], str | None]:
     """A page of applications, newest first, and the token of the next; built-in ones only where the filter names them.
 
@@ -80,7 +80,7 @@ def list_applications(
     """
     kind = f"{role}-application"
     kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
-    page: Page = page_of(operation, kinds, request, service, filters={"name": "name"}, given=request.filters)
+    page: Page = page_of(request, kinds, service, "name")
     members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
     # Clients count: with the service, a fresh account had no applications.
     described = [revision(each) for each in page.resources if request.filters or not is_builtin(each)]
