@@ -11,7 +11,7 @@ from typing import Any
 from markupsafe import Markup, escape
 from starlette.responses import Response
 
-from ...schemas.documents.simulation_job_batches import BatchInBrief, SimulationJobBatchDocument
+from ...schemas.documents.simulation_job_batches import BatchInBrief
 from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.summary import Share
@@ -249,8 +249,6 @@ def _view(batch: Resource, visit: Visit) -> BatchView:
     failed = {int(place) + 1 for place in document.failed}
     unseen = Look("canceled", "not shown, or never begun") if _has_ended(batch) else WAITING
     requests = document.request_count
-    if requests is None:  # an earlier release stored it
-        requests = len(SimulationJobBatchDocument.of(visit.service.catalog.get(batch.arn)).requests)
     tiles = [
         Tile(number, job.look, job)
         if (job := by_number.get(number)) is not None

@@ -30,17 +30,17 @@ class FailedRequest(Part):
 
 
 class BatchCounts(Changes):
-    """Counts that lists read instead of the whole batch; batches from before these were counted have neither."""
+    """Counts that lists read instead of the whole batch."""
 
-    request_count: int | None = optional("How many requests it has.")
-    failed_count: int | None = optional("How many of them never become jobs.")
+    request_count: int = Field(description="How many requests it has.")
+    failed_count: int = Field(default=0, description="How many of them never become jobs.")
 
 
 class BatchProgress(FailureChanges):
     """Members that are recorded while a batch runs, and when it ends."""
 
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
-    failed_count: int | None = optional("How many those are.")
+    failed_count: int = Field(default=0, description="How many those are.")
     concurrency: int | None = optional(
         "How many of its jobs may be held at once by the job workers of a backend, right now."
     )
@@ -55,7 +55,7 @@ class BatchProgress(FailureChanges):
 class BatchInBrief(FailureChanges, Brief):
     """Members of a batch that the console reads."""
 
-    request_count: int | None = optional("How many requests it has; absent: not counted.")
+    request_count: int = Field(description="How many requests it has.")
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
     verdicts: dict[str, int] | None = optional(

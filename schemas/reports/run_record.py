@@ -84,17 +84,15 @@ class JobRecord(Model):
     )
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
     output_uri: str | None = optional("Address of its outputs.")
-    step: str | None = optional("The step that made it; absent in records of version 1.")
+    step: str | None = optional("The step that made it.")
     test: str | None = optional(
         "Name of the job in every run of the specification, unique in its step: world or number of the "
-        "request, and application; absent in records of version 1."
+        "request, and application."
     )
     requirements: list[Requirement] = Field(
         default=[], description="Requirements that it was judged by, from `result.json`."
     )
-    inputs: JobInputs | None = optional(
-        "Inputs that decide its result; absent in records of version 1 and of deleted jobs."
-    )
+    inputs: JobInputs | None = optional("Inputs that decide its result; absent: its job was deleted.")
     reused_from: str | None = optional("The run, else the job, whose results it has taken over; absent: it was run.")
     earlier: str | None = optional("Label and verdict or status of the job that was run again, in a rerun.")
     carried_out_by: JobOwner | None = optional(
@@ -113,11 +111,7 @@ class Interruption(Model):
 class RunRecord(Model):
     """One run of a specification."""
 
-    schema_version: Literal[1, 2] = Field(
-        default=2,
-        description="Version of this document's form. Version 1 has no `source`, and no `step`, `test`, `requirements` "
-        "and `inputs` of jobs; `robomaker report` brings a record to version 2.",
-    )
+    schema_version: Literal[2] = Field(default=2, description="Version of this document's form.")
     run_id: str = Field(description="Id of this run.")
     name: str = Field(description="Name of the specification.")
     spec_path: str = Field(description="The file that was run.")

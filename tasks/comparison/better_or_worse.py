@@ -204,10 +204,7 @@ def _why_unpaired(before: NightRun, after: NightRun) -> str:
         if not run.jobs:
             return f"{run.run_id} has no simulation jobs"
         if not run.has_inputs:
-            return (
-                f"the record of {run.run_id} does not say which worlds and seeds its jobs had, because an earlier "
-                f"version wrote it or its jobs are deleted; `robomaker report {run.run_id}` completes it if it can"
-            )
+            return f"the record of {run.run_id} does not say which worlds and seeds its jobs had: they were deleted"
     if _steps(before).isdisjoint(_steps(after)):
         return "their jobs are of steps with different names, and pairs are sought within the steps of one name"
     if _worlds(before).isdisjoint(_worlds(after)):

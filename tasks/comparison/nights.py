@@ -101,7 +101,7 @@ class NightRun:
 
     @property
     def has_inputs(self) -> bool:
-        """Whether its jobs can be told from each other; those in records of version 1 cannot."""
+        """Whether its jobs can be told from each other; those that were deleted cannot."""
         return any(job.inputs is not None for job in self.jobs)
 
 

@@ -47,7 +47,7 @@ from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
 from .job_outputs import judged_without_outputs, outputs_of, places_of, write_results
-from .run_records import is_night, since_last, write_record
+from .run_records import is_night, since_last
 
 if TYPE_CHECKING:
     pass
@@ -109,8 +109,6 @@ def publish_report(
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
     """Writes the report of an earlier run again, from what is stored of it.
 
-    A record of version 1 gets what it lacks, as far as it is still stored.
-
     Args:
         record: the run.
         service: where its resources are stored.
@@ -126,9 +124,6 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     places = places_of(report.jobs, service)
     jobs = _job_records(report.jobs, places, service)
     results = write_results(jobs, places, service, record.run_dir)
-    if record.schema_version == 1 and all(job.status != "Deleted" for job in jobs):
-        record = record.model_copy(update={"schema_version": 2, "jobs": jobs})
-        write_record(record)
     if is_night(record):  # a rerun says of each job how it ended before
         report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
     path = _publish(report, jobs, results, record.run_dir)

@@ -73,9 +73,7 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
     page = page_of(request, KIND, service, "status", members=BatchCounts.members())
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
     return {
-        "simulationJobBatchSummaries": [
-            _summary(batch, created.get(batch.arn, 0), service) for batch in page.resources
-        ],
+        "simulationJobBatchSummaries": [_summary(batch, created.get(batch.arn, 0)) for batch in page.resources],
         "nextToken": page.next_token,
     }
 
@@ -105,26 +103,17 @@ def _check_rooms(request: StartSimulationJobBatchRequest, service: Service) -> N
             check_rooms(job_request, worlds[arn], service, f"createSimulationJobRequests[{index}].")
 
 
-def _summary(batch: Resource, created: int, service: Service) -> dict[str, Any]:
-    requests, failed = _counts(batch, service)
+def _summary(batch: Resource, created: int) -> dict[str, Any]:
+    counts = BatchCounts.of_members(batch)
     return {
         "arn": batch.arn,
         "lastUpdatedAt": batch.updated_at,
         "createdAt": batch.created_at,
         "status": batch.status,
-        "failedRequestCount": failed,
-        "pendingRequestCount": requests - failed - created,
+        "failedRequestCount": counts.failed_count,
+        "pendingRequestCount": counts.request_count - counts.failed_count - created,
         "createdRequestCount": created,
     }
-
-
-def _counts(batch: Resource, service: Service) -> tuple[int, int]:
-    """How many requests a batch has, and how many failed."""
-    counts = BatchCounts.of_members(batch)
-    if counts.request_count is None or counts.failed_count is None:  # it is from before they were counted
-        whole = SimulationJobBatchDocument.of(service.catalog.get(batch.arn))
-        return len(whole.requests), len(whole.failed)
-    return counts.request_count, counts.failed_count
 
 
 def _described(batch: Resource, service: Service) -> dict[str, Any]:

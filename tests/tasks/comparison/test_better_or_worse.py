@@ -116,7 +116,7 @@ def test_runs_without_a_pair_say_what_differs() -> None:
     other_steps = compared([make_job(0, "P")], [changed(make_job(0, "P"), step="push")])
     assert "steps with different names" in other_steps.why
     early = compared([changed(make_job(0, "P"), inputs=None)], [make_job(0, "P")])
-    assert "`robomaker report nightly-20260301T020000000` completes it" in early.why
+    assert "nightly-20260301T020000000 does not say which worlds and seeds its jobs had" in early.why
 
 
 def test_verdicts_of_other_requirements_are_not_compared() -> None:

@@ -1,7 +1,5 @@
 """Inputs of jobs: of requests, and of jobs that ran."""
 
-from datetime import timedelta
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,12 +8,10 @@ from helpers.swing_fixtures import Simulate
 
 from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
 from prefect_robomaker.schemas.reports.report import ReportedJob
-from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
+from prefect_robomaker.schemas.reports.run_record import StepRecord
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.inspection.job_inputs import inputs_of_request, with_inputs
-from prefect_robomaker.tasks.inspection.reports import jobs_of, rebuild_report
-from prefect_robomaker.tasks.inspection.run_records import read_record, write_record
-from prefect_robomaker.tasks.operations.registry import call
+from prefect_robomaker.tasks.inspection.reports import jobs_of
 from prefect_robomaker.tasks.service.service import Service
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000:robot-application/scout/1542931200000"
@@ -105,24 +101,3 @@ def test_worlds_that_are_deleted_are_told_apart(service: Service) -> None:
     worlds = [job.inputs.world for job in with_inputs(jobs, service) if job.inputs]
 
     assert worlds == ["content", first, second, None]
-
-
-def test_a_report_brings_a_record_of_version_1_up_to_date(service: Service, swing: Simulate, tmp_path: Path) -> None:
-    job = swing()
-    folder = service.folder("runs", "swings-20260301T020000000")
-    record = RunRecord(
-        schema_version=1, run_id=folder.name, name="swings", spec_path="swings.yaml", state="succeeded", exit_code=0,
-        started_at=FIRST_NIGHT, ended_at=FIRST_NIGHT + timedelta(minutes=1), steps=[step_of("one", job)],
-        run_dir=folder,
-    )  # fmt: skip
-    write_record(record)
-    rebuild_report(read_record(folder / "run.json"), service)
-    upgraded = read_record(folder / "run.json")
-    assert (upgraded.schema_version, upgraded.jobs[0].step, upgraded.jobs[0].test) == (2, "one", "request 1 pusher")
-    assert upgraded.jobs[0].inputs is not None
-
-    write_record(record)
-    call("DeleteSimulationApplication", {"application": job["simulationApplications"][0]["application"]}, service)
-    service.catalog.delete(job["arn"])
-    rebuild_report(record, service)
-    assert read_record(folder / "run.json") == record, "of a job that is deleted nothing can be learned"

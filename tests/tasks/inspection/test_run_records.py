@@ -55,7 +55,6 @@ def test_runs_of_other_specifications_are_not_counted(runs: Path) -> None:
 
 
 def test_a_record_that_is_written_again_is_no_later_run(runs: Path) -> None:
-    """`robomaker report` completes records of version 1."""
     write_record(make_night("PF", 0, runs=runs))
     assert days(runs, most=2) == [3, 4]
 
