@@ -42,10 +42,10 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from ipaddress import ip_network
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 from urllib.parse import quote
 
 import platformdirs
@@ -59,35 +59,16 @@ from .wire.request_problems import problems_of
 # All of ASCII but what has a meaning in the path of a database's URL.
 _PLAIN_IN_URLS = "".join(map(chr, range(128))).replace("%", "").replace("?", "")
 
+_MOST = 9999
+"""Largest number of a setting that has no other bound."""
 _MOST_MB = 9_999_999
 
 NotifyWhen = Literal["failure", "recovery", "change", "always"]
 """Runs that notifications are sent for: those that did not succeed; the first good one after bad ones; those that ended
 otherwise than the one before; all."""
 
-DEFAULT_JOB_MEMORY_MB = 300
-"""A job with the built-in applications takes 60 to 190 MB."""
-DEFAULT_MIN_FREE_DISK_MB = 200
-"""A disk with less is all but full: even a short job may fail there, and so may everything else on the machine."""
-MOST_NICE = 19
-DEFAULT_FAILURE_VIDEO_LIMIT_S = 300
-DEFAULT_MAX_JOB_DISK_GB = DISK_BYTES // 10**9
-DEFAULT_MAX_OUTPUT_FILES = 100_000
-"""Four cameras whose pictures are written at 30 Hz for ten minutes are 72,000 files; 100,000 empty ones take a disk two
-minutes."""
-_MOST_OUTPUT_FILES = 1_000_000
-DEFAULT_MAX_WORLDS_PER_JOB = 50
-"""Limit of the original service, in worlds per generation job."""
-DEFAULT_MAX_LATE_HOURS = 6
-"""A night begins before people come to work, or not at all."""
-DEFAULT_FINISH_WITHIN_HOURS = 24
-"""A night is finished before the next one is over; one of last week says nothing any more."""
 DEFAULT_STORE_PATIENCE_MIN = 30
 """A server that is updated is back by then, and so is one whose disk a person cleans up."""
-DEFAULT_ROBOT_POLL_S = 30
-"""Shortest time between two polls that hawkBit asks for, in seconds."""
-MAX_ROBOT_POLL_S = 24 * 3600 - 1
-"""Longest time between two polls that clients of hawkBit can be told, in seconds."""
 
 
 class Settings(Model):
@@ -110,39 +91,43 @@ class Settings(Model):
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
     job_memory_mb: int = Field(
-        default=DEFAULT_JOB_MEMORY_MB,
+        default=300,  # a job with the built-in applications takes 60 to 190
         ge=0,
+        le=_MOST_MB,
         description="Memory that has to be available for a simulation job to begin beside others, in MB; 0: any.",
     )
     min_free_disk_mb: int = Field(
-        default=DEFAULT_MIN_FREE_DISK_MB,
+        # A disk with less is all but full: even a short job may fail there, and so may everything else on the machine.
+        default=200,
         ge=0,
+        le=_MOST_MB,
         description="Free space on the disk of the home that a simulation job needs to begin, in MB; 0: any.",
     )
     nice: int = Field(
-        default=0,
-        ge=0,
-        le=MOST_NICE,
-        description="Niceness of simulations; with 19 all else on the machine comes first.",
+        default=0, ge=0, le=19, description="Niceness of simulations; with 19 all else on the machine comes first."
     )
     failure_video_limit_s: int = Field(
-        default=DEFAULT_FAILURE_VIDEO_LIMIT_S,
+        default=300,
         ge=1,
         description="How long the videos of a failed run may take, in seconds; that of its last 10 s comes first.",
     )
     max_job_disk_gb: int = Field(
-        default=DEFAULT_MAX_JOB_DISK_GB,
+        default=DISK_BYTES // 10**9,
         ge=1,
         description="Limit on the size of the folders of a simulation job's run, in GB.",
     )
     max_output_gb: int = Field(
-        default=DEFAULT_MAX_JOB_DISK_GB,
+        # A run without sparse files writes no more than its disk limit, so that all of it is stored.
+        default_factory=lambda given: given["max_job_disk_gb"],
         ge=1,
         description="Limit on the stored outputs of a simulation job's run, in GB; holes in files count.",
     )
     max_output_files: int = Field(
-        default=DEFAULT_MAX_OUTPUT_FILES,
+        # Four cameras whose pictures are written at 30 Hz for ten minutes are 72,000; 100,000 empty ones take a disk
+        # two minutes.
+        default=100_000,
         ge=1,
+        le=1_000_000,
         description="How many files are stored of the outputs of a simulation job's run.",
     )
     sandbox: SandboxMode = Field(
@@ -156,9 +141,7 @@ class Settings(Model):
     sandbox_show: tuple[Path, ...] = Field(
         default=(), description="Folders that confined jobs may read besides their own, absolute paths."
     )
-    max_worlds_per_job: int = Field(
-        default=DEFAULT_MAX_WORLDS_PER_JOB, ge=1, description="Worlds that one generation job may make."
-    )
+    max_worlds_per_job: int = Field(default=50, ge=1, description="Worlds that one generation job may make.")
     store_patience_min: int = Field(
         default=DEFAULT_STORE_PATIENCE_MIN,
         ge=1,
@@ -190,9 +173,9 @@ class Settings(Model):
         description="Address at which robots reach the endpoint, without a path; None: as each of their requests says.",
     )
     robot_poll_s: int = Field(
-        default=DEFAULT_ROBOT_POLL_S,
+        default=30,  # the shortest that hawkBit asks for
         ge=1,
-        le=MAX_ROBOT_POLL_S,
+        le=24 * 3600 - 1,  # the longest that clients of hawkBit can be told
         description="Between two polls of a robot that has nothing to do, in seconds.",
     )
     robot_folder: str = Field(
@@ -201,10 +184,10 @@ class Settings(Model):
         description="Folder on robots that applications are unpacked below, an absolute path.",
     )
     max_late_hours: int = Field(
-        default=DEFAULT_MAX_LATE_HOURS, ge=1, description="How late a scheduled run may begin; a later one is skipped."
+        default=6, ge=1, description="How late a scheduled run may begin; a later one is skipped."
     )
     finish_within_hours: int = Field(
-        default=DEFAULT_FINISH_WITHIN_HOURS,
+        default=24,  # it is finished before the next night is over; one of last week says nothing any more
         ge=0,
         description="How long after its process died a run is finished by another process, in hours; 0: not at all.",
     )
@@ -234,56 +217,11 @@ class Settings(Model):
             ConfigurationError: a variable has a value that cannot be used.
         """
         home = Path(environ.get("ROBOMAKER_HOME") or platformdirs.user_data_path("robomaker")).expanduser().resolve()
-        values: dict[str, object] = {
-            "home": home,
-            "catalog_url": environ.get("ROBOMAKER_CATALOG_URL")
-            or f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db",
-            "object_store": environ.get("ROBOMAKER_OBJECT_STORE") or str(home / "objects"),
-            "max_jobs": _number(environ, "ROBOMAKER_MAX_JOBS", os.cpu_count() or 1),
-            "job_memory_mb": _number(environ, "ROBOMAKER_JOB_MEMORY_MB", DEFAULT_JOB_MEMORY_MB, 0, _MOST_MB),
-            "min_free_disk_mb": _number(environ, "ROBOMAKER_MIN_FREE_DISK_MB", DEFAULT_MIN_FREE_DISK_MB, 0, _MOST_MB),
-            "nice": _number(environ, "ROBOMAKER_NICE", 0, 0, MOST_NICE),
-            "failure_video_limit_s": _number(
-                environ, "ROBOMAKER_FAILURE_VIDEO_LIMIT_S", DEFAULT_FAILURE_VIDEO_LIMIT_S, 1
-            ),
-            "max_job_disk_gb": _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
-            "max_output_gb": _number(
-                environ,
-                "ROBOMAKER_MAX_OUTPUT_GB",
-                # A run without sparse files writes no more than its disk limit, so that all of it is stored.
-                _number(environ, "ROBOMAKER_MAX_JOB_DISK_GB", DEFAULT_MAX_JOB_DISK_GB),
-            ),
-            "max_output_files": _number(
-                environ, "ROBOMAKER_MAX_OUTPUT_FILES", DEFAULT_MAX_OUTPUT_FILES, 1, _MOST_OUTPUT_FILES
-            ),
-            "max_worlds_per_job": max_worlds_per_job(environ),
-            "store_patience_min": _number(environ, "ROBOMAKER_STORE_PATIENCE_MIN", DEFAULT_STORE_PATIENCE_MIN),
-            "robot_poll_s": _number(environ, "ROBOMAKER_ROBOT_POLL_S", DEFAULT_ROBOT_POLL_S, 1, MAX_ROBOT_POLL_S),
-            "max_late_hours": _number(environ, "ROBOMAKER_MAX_LATE_HOURS", DEFAULT_MAX_LATE_HOURS),
-            "finish_within_hours": _number(environ, "ROBOMAKER_FINISH_WITHIN_HOURS", DEFAULT_FINISH_WITHIN_HOURS, 0),
-            "refuse_deprecated": _switch(environ, "ROBOMAKER_REFUSE_DEPRECATED"),
-            "jobs_create_jobs": _switch(environ, "ROBOMAKER_JOBS_CREATE_JOBS"),
-            "verdict_fails_run": _switch(environ, "ROBOMAKER_VERDICT_FAILS_RUN", default="1"),
-        }
-        if channels := environ.get("ROBOMAKER_NOTIFY"):
-            values["notify"] = tuple(channels.split())
-        if proxies := environ.get("ROBOMAKER_TRUSTED_PROXIES"):
-            values["trusted_proxies"] = _networks("ROBOMAKER_TRUSTED_PROXIES", proxies)
-        if when := environ.get("ROBOMAKER_NOTIFY_WHEN"):
-            values["notify_when"] = _notify_when(when)
-        if shown := environ.get("ROBOMAKER_SANDBOX_SHOW"):
-            values["sandbox_show"] = _absolute_paths("ROBOMAKER_SANDBOX_SHOW", shown)
-        for name in (
-            *("region", "account", "bucket", "backend", "robots_url", "robot_folder", "ping_url"),
-            *("sandbox", "sandbox_network"),
-        ):
-            if value := environ.get(f"ROBOMAKER_{name.upper()}"):
-                values[name] = value
-        for name in ("access_keys_file", "roles_file"):
-            if file := environ.get(f"ROBOMAKER_{name.upper()}"):
-                values[name] = Path(file).expanduser()
+        catalog = f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db"
+        values = {"catalog_url": catalog, "object_store": str(home / "objects"), "max_jobs": os.cpu_count() or 1}
+        values |= {name: given for name in cls.model_fields if (given := _given(name, environ)) is not None}
         try:
-            return cls.model_validate(values)
+            return cls.model_validate({**values, "home": home})
         except ValidationError as error:
             problem = problems_of(error, cls)[0]
             raise ConfigurationError(f"ROBOMAKER_{problem.path}".upper() + f" {problem.message}") from error
@@ -298,16 +236,33 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
     Raises:
         ConfigurationError: the variable has a value that cannot be used.
     """
-    return _number(environ, "ROBOMAKER_MAX_WORLDS_PER_JOB", DEFAULT_MAX_WORLDS_PER_JOB)
+    name = "max_worlds_per_job"
+    return _given(name, environ) or Settings.model_fields[name].default
 
 
-def _notify_when(given: str) -> frozenset[str]:
+def _given(name: str, environ: Mapping[str, str]) -> Any:
+    """The value of a setting in its variable; `None` where that is not set, or empty."""
+    variable, field = f"ROBOMAKER_{name.upper()}", Settings.model_fields[name]
+    if not (given := environ.get(variable)):
+        return None
+    if read := _READERS.get(name):
+        return read(variable, given)
+    if field.annotation is int:
+        least, most = (
+            next((getattr(each, bound) for each in field.metadata if hasattr(each, bound)), otherwise)
+            for bound, otherwise in (("ge", 1), ("le", _MOST))
+        )
+        return _number(variable, given, least, most)
+    if field.annotation is bool:
+        return _switch(variable, given)
+    return Path(given).expanduser() if field.annotation == Path | None else given
+
+
+def _notify_when(name: str, given: str) -> frozenset[str]:
     chosen = frozenset(word.strip() for word in given.split(","))
     if not chosen <= set(get_args(NotifyWhen)):
         known = ", ".join(get_args(NotifyWhen))
-        raise ConfigurationError(
-            f"ROBOMAKER_NOTIFY_WHEN is {given!r}; it has to be some of {known}, with commas between"
-        )
+        raise ConfigurationError(f"{name} is {given!r}; it has to be some of {known}, with commas between")
     return chosen
 
 
@@ -331,15 +286,22 @@ def _absolute_paths(name: str, given: str) -> tuple[Path, ...]:
     return paths
 
 
-def _switch(environ: Mapping[str, str], name: str, default: str = "0") -> bool:
-    given = environ.get(name) or default
+_READERS: Mapping[str, Callable[[str, str], Any]] = {
+    "notify": lambda _, given: tuple(given.split()),
+    "notify_when": _notify_when,
+    "trusted_proxies": _networks,
+    "sandbox_show": _absolute_paths,
+}
+"""Readers of the settings that are lists."""
+
+
+def _switch(name: str, given: str) -> bool:
     if given not in ("0", "1"):
         raise ConfigurationError(f"{name} is {given!r}; it has to be 1 or 0")
     return given == "1"
 
 
-def _number(environ: Mapping[str, str], name: str, default: int, least: int = 1, most: int = 9999) -> int:
-    given = environ.get(name) or str(default)
+def _number(name: str, given: str, least: int, most: int) -> int:
     if not re.fullmatch(r"0|[1-9][0-9]{0,6}", given) or not least <= int(given) <= most:
         raise ConfigurationError(f"{name} is {given!r}; it has to be a number from {least} to {most}")
     return int(given)
