@@ -72,42 +72,22 @@ THROUGHNESS: dict[RoomType, float] = {
 }
 """How acceptable it is to pass through a room of this type on the way to another."""
 
-_AFFINITY: dict[tuple[RoomType, RoomType], float] = {
-    ("Bathroom", "Bathroom"): 0.05,
-    ("Bathroom", "Bedroom"): 0.8,
-    ("Bathroom", "Closet"): 0.1,
-    ("Bathroom", "Dining"): 0.15,
-    ("Bathroom", "Hallway"): 1.0,
-    ("Bathroom", "Kitchen"): 0.1,
-    ("Bathroom", "Living"): 0.45,
-    ("Bedroom", "Bedroom"): 0.15,
-    ("Bedroom", "Closet"): 0.9,
-    ("Bedroom", "Dining"): 0.3,
-    ("Bedroom", "Hallway"): 1.0,
-    ("Bedroom", "Kitchen"): 0.1,
-    ("Bedroom", "Living"): 0.7,
-    ("Closet", "Closet"): 0.05,
-    ("Closet", "Dining"): 0.25,
-    ("Closet", "Hallway"): 0.8,
-    ("Closet", "Kitchen"): 0.5,
-    ("Closet", "Living"): 0.35,
-    ("Dining", "Dining"): 0.4,
-    ("Dining", "Hallway"): 0.7,
-    ("Dining", "Kitchen"): 1.0,
-    ("Dining", "Living"): 0.95,
-    ("Hallway", "Hallway"): 0.9,
-    ("Hallway", "Kitchen"): 0.75,
-    ("Hallway", "Living"): 0.95,
-    ("Kitchen", "Kitchen"): 0.3,
-    ("Kitchen", "Living"): 0.7,
-    ("Living", "Living"): 0.6,
+_AFFINITY: dict[RoomType, tuple[float, ...]] = {
+    "Bathroom": (0.05,),
+    "Bedroom": (0.8, 0.15),
+    "Closet": (0.1, 0.9, 0.05),
+    "Dining": (0.15, 0.3, 0.25, 0.4),
+    "Hallway": (1.0, 1.0, 0.8, 0.7, 0.9),
+    "Kitchen": (0.1, 0.1, 0.5, 1.0, 0.75, 0.3),
+    "Living": (0.45, 0.7, 0.35, 0.95, 0.95, 0.7, 0.6),
 }
+"""How sensible a door is to a room of each type above and of the same type, in this order."""
 
 
 def affinity(one: RoomType, other: RoomType) -> float:
     """How sensible a door between rooms of two types is, from 0 to 1."""
     low, high = sorted((one, other))
-    return _AFFINITY[low, high]
+    return _AFFINITY[high][[*_AFFINITY].index(low)]
 
 
 class Brief(NamedTuple):

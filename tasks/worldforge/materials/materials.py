@@ -5,7 +5,7 @@ names both, so that its readers can draw the surface again.
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, cast
 
 from ....schemas.worlds.world import FLOOR_MATERIALS, WALL_MATERIALS, Room, RoomType
 from ..geometry.parts import Color, rgb
@@ -43,8 +43,14 @@ class Material:
     """Sliding friction of dry rubber on it; walls do not use it."""
 
 
-def _finish(name: str, pattern: Pattern, color: str, second: str, line: str) -> Finish:
-    return Finish(name, pattern, rgb(color), rgb(second), rgb(line))
+def _material(*finishes: str, friction: float = 0.8) -> Material:
+    """A material by its finishes, each written as its name, pattern, main colour, second colour and line colour."""
+    return Material(tuple(map(_finish, finishes)), friction)
+
+
+def _finish(written: str) -> Finish:
+    name, pattern, *colors = written.split()
+    return Finish(name, cast("Pattern", pattern), *map(rgb, colors))
 
 
 # Sliding friction of clean, dry, soft rubber, as wheels and shoe soles have it. Engineering tables give
@@ -52,119 +58,93 @@ def _finish(name: str, pattern: Pattern, color: str, second: str, line: str) -> 
 # glazed tiles, 0.8 to 0.9 on linoleum; carpet also holds by its pile, hence more than 1. The order is what
 # matters: tiles are the slipperiest, then parquetry, floorboards, linoleum, concrete, carpet.
 FLOORS: dict[str, Material] = {
-    "Carpet": Material(
-        (
-            _finish("sand", "pile", "b9ad9c", "a89c8a", "c9beae"),
-            _finish("slate", "pile", "7f8891", "717a84", "939ca5"),
-            _finish("moss", "pile", "8f9780", "808871", "a2aa93"),
-            _finish("rose", "pile", "b39a94", "a38a84", "c4aca6"),
-        ),
-        1.1,
+    "Carpet": _material(
+        "sand pile b9ad9c a89c8a c9beae",
+        "slate pile 7f8891 717a84 939ca5",
+        "moss pile 8f9780 808871 a2aa93",
+        "rose pile b39a94 a38a84 c4aca6",
+        friction=1.1,
     ),
-    "Concrete": Material(
-        (
-            _finish("pale", "mottled", "bfc0be", "b2b4b2", "9b9d9b"),
-            _finish("grey", "mottled", "a3a5a5", "969899", "808283"),
-            _finish("warm", "mottled", "b7b0a6", "aaa298", "938b82"),
-        ),
-        0.9,
+    "Concrete": _material(
+        "pale mottled bfc0be b2b4b2 9b9d9b",
+        "grey mottled a3a5a5 969899 808283",
+        "warm mottled b7b0a6 aaa298 938b82",
+        friction=0.9,
     ),
-    "Floorboards": Material(
-        (
-            _finish("oak", "boards", "c9a377", "b98f62", "8a6843"),
-            _finish("walnut", "boards", "8a6144", "774f35", "513422"),
-            _finish("grey", "boards", "b5ada2", "a59c91", "7d756c"),
-            _finish("pine", "boards", "dcbb8a", "cfa973", "a58353"),
-        ),
-        0.75,
+    "Floorboards": _material(
+        "oak boards c9a377 b98f62 8a6843",
+        "walnut boards 8a6144 774f35 513422",
+        "grey boards b5ada2 a59c91 7d756c",
+        "pine boards dcbb8a cfa973 a58353",
+        friction=0.75,
     ),
-    "Linoleum": Material(
-        (
-            _finish("sage", "marbled", "b3bfae", "9eac9b", "c9d2c3"),
-            _finish("checkered", "checkered", "dcd9d0", "6f7f83", "b9b6ae"),
-            _finish("ochre", "marbled", "c9ae7f", "b8996a", "dcc69e"),
-            _finish("blue", "marbled", "93a7b5", "8196a6", "adbecb"),
-        ),
-        0.85,
+    "Linoleum": _material(
+        "sage marbled b3bfae 9eac9b c9d2c3",
+        "checkered checkered dcd9d0 6f7f83 b9b6ae",
+        "ochre marbled c9ae7f b8996a dcc69e",
+        "blue marbled 93a7b5 8196a6 adbecb",
+        friction=0.85,
     ),
-    "Parquetry": Material(
-        (
-            _finish("oak", "parquet", "bd8d59", "a97a48", "7c5630"),
-            _finish("herringbone", "herringbone", "c39a68", "ae8353", "80592f"),
-            _finish("walnut", "herringbone", "855b3e", "714a31", "4b301f"),
-            _finish("cherry", "parquet", "a5643f", "935433", "673821"),
-        ),
-        0.7,
+    "Parquetry": _material(
+        "oak parquet bd8d59 a97a48 7c5630",
+        "herringbone herringbone c39a68 ae8353 80592f",
+        "walnut herringbone 855b3e 714a31 4b301f",
+        "cherry parquet a5643f 935433 673821",
+        friction=0.7,
     ),
-    "Tiles": Material(
-        (
-            _finish("white", "tiles", "e6e6e3", "dcdddb", "b4b6b5"),
-            _finish("terracotta", "tiles", "bf7f5d", "b07150", "d8c6b4"),
-            _finish("slate", "tiles", "727a80", "666e74", "9ea3a6"),
-            _finish("checkered", "checkered", "e6e4de", "4c5257", "a4a5a3"),
-        ),
-        0.65,
+    "Tiles": _material(
+        "white tiles e6e6e3 dcdddb b4b6b5",
+        "terracotta tiles bf7f5d b07150 d8c6b4",
+        "slate tiles 727a80 666e74 9ea3a6",
+        "checkered checkered e6e4de 4c5257 a4a5a3",
+        friction=0.65,
     ),
 }
 """The six floor materials."""
 
 WALLS: dict[str, Material] = {
-    "Brick": Material(
-        (
-            _finish("red", "bricks", "a5593f", "8f4a34", "cfc1b3"),
-            _finish("whitewashed", "bricks", "e3ded5", "d6d0c6", "bdb6ab"),
-            _finish("brown", "bricks", "8c6650", "785543", "c3b6a5"),
-        )
+    "Brick": _material(
+        "red bricks a5593f 8f4a34 cfc1b3",
+        "whitewashed bricks e3ded5 d6d0c6 bdb6ab",
+        "brown bricks 8c6650 785543 c3b6a5",
     ),
-    "Concrete": Material(
-        (
-            _finish("grey", "formwork", "b3b4b2", "a7a8a6", "8b8c8a"),
-            _finish("warm", "formwork", "bdb5aa", "b0a89d", "938b81"),
-        )
+    "Concrete": _material(
+        "grey formwork b3b4b2 a7a8a6 8b8c8a",
+        "warm formwork bdb5aa b0a89d 938b81",
     ),
-    "Stone": Material(
-        (
-            _finish("limestone", "stones", "c3b8a5", "aa9f8d", "8d8374"),
-            _finish("slate", "stones", "8e9091", "787b7d", "5f6263"),
-            _finish("sandstone", "stones", "c09f77", "ab8a64", "8a6d4d"),
-        )
+    "Stone": _material(
+        "limestone stones c3b8a5 aa9f8d 8d8374",
+        "slate stones 8e9091 787b7d 5f6263",
+        "sandstone stones c09f77 ab8a64 8a6d4d",
     ),
-    "Tiles": Material(
-        (
-            _finish("white-metro", "metro", "eef0ef", "e4e7e6", "bcc2c2"),
-            _finish("sea", "tiles", "b5d0d2", "a4c3c6", "e2eaea"),
-            _finish("sage-metro", "metro", "a9bca9", "9bb09c", "d9e0d8"),
-            _finish("sand", "tiles", "dccfba", "d2c4ae", "b5a890"),
-        )
+    "Tiles": _material(
+        "white-metro metro eef0ef e4e7e6 bcc2c2",
+        "sea tiles b5d0d2 a4c3c6 e2eaea",
+        "sage-metro metro a9bca9 9bb09c d9e0d8",
+        "sand tiles dccfba d2c4ae b5a890",
     ),
-    "WoodPanels": Material(
-        (
-            _finish("oak", "panels", "c29a6c", "b38a5d", "83603b"),
-            _finish("walnut", "panels", "84593c", "744c32", "4d321f"),
-            _finish("white", "panels", "ebe7de", "e4dfd5", "bfb9ad"),
-        )
+    "WoodPanels": _material(
+        "oak panels c29a6c b38a5d 83603b",
+        "walnut panels 84593c 744c32 4d321f",
+        "white panels ebe7de e4dfd5 bfb9ad",
     ),
-    "WallPaint": Material(
-        (
-            _finish("cream", "plain", "ece4d6", "ece4d6", "ddd3c3"),
-            _finish("white", "plain", "efeeea", "efeeea", "dfded9"),
-            _finish("sky", "plain", "cbd9e2", "cbd9e2", "b9c9d3"),
-            _finish("sage", "plain", "cdd6c6", "cdd6c6", "bbc5b3"),
-            _finish("blush", "plain", "e6d1c6", "e6d1c6", "d6bfb3"),
-        )
+    "WallPaint": _material(
+        "cream plain ece4d6 ece4d6 ddd3c3",
+        "white plain efeeea efeeea dfded9",
+        "sky plain cbd9e2 cbd9e2 b9c9d3",
+        "sage plain cdd6c6 cdd6c6 bbc5b3",
+        "blush plain e6d1c6 e6d1c6 d6bfb3",
     ),
-    "Wallpaper": Material(
-        (
-            _finish("green-stripes", "stripes", "d3ddd3", "bccbbd", "a3b8a6"),
-            _finish("blue-trellis", "trellis", "d5dee4", "bccad4", "93a8b7"),
-            _finish("garden", "sprigs", "ece6d8", "8ba585", "c98d75"),
-            _finish("rose-stripes", "stripes", "ead9d2", "dcc4bb", "c7a69b"),
-        )
+    "Wallpaper": _material(
+        "green-stripes stripes d3ddd3 bccbbd a3b8a6",
+        "blue-trellis trellis d5dee4 bccad4 93a8b7",
+        "garden sprigs ece6d8 8ba585 c98d75",
+        "rose-stripes stripes ead9d2 dcc4bb c7a69b",
     ),
 }
 """The seven wall materials."""
 
-OUTSIDE = Finish("outside", "plain", rgb("e6dfd3"), rgb("e6dfd3"), rgb("d2c9ba"))
+OUTSIDE = _finish("outside plain e6dfd3 e6dfd3 d2c9ba")
 """Outer faces of exterior walls."""
 
 USUAL_FLOORS: dict[RoomType, tuple[str, ...]] = {

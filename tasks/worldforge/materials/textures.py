@@ -14,26 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from . import texture_patterns as patterns
 from .materials import Finish, Pattern, surface_finish
-from .texture_patterns import (
-    Grid,
-    boards,
-    bricks,
-    checkered,
-    formwork,
-    herringbone,
-    marbled,
-    metro,
-    mottled,
-    panels,
-    parquet,
-    pile,
-    sprigs,
-    stones,
-    stripes,
-    tiles,
-    trellis,
-)
+from .texture_patterns import Grid
 
 Pixels = NDArray[np.uint8]
 
@@ -41,22 +24,22 @@ _PALETTE_COLORS = 64
 
 # Size of one repetition: pixels to the right and up, metres to the right and up.
 _PATTERNS: dict[Pattern, tuple[Callable[[Grid, Finish], NDArray[np.floating[Any]]], Grid]] = {
-    "pile": (pile, Grid(256, 256, 1.0, 1.0)),
-    "mottled": (mottled, Grid(256, 256, 2.4, 2.4)),
-    "boards": (boards, Grid(384, 256, 2.4, 1.12)),
-    "marbled": (marbled, Grid(256, 256, 1.5, 1.5)),
-    "checkered": (checkered, Grid(256, 256, 1.2, 1.2)),
-    "parquet": (parquet, Grid(240, 240, 1.2, 1.2)),
-    "herringbone": (herringbone, Grid(320, 320, 1.6, 1.6)),
-    "tiles": (tiles, Grid(256, 256, 1.2, 1.2)),
-    "metro": (metro, Grid(240, 240, 0.8, 0.8)),
-    "bricks": (bricks, Grid(256, 256, 0.96, 0.96)),
-    "stones": (stones, Grid(256, 256, 1.6, 1.6)),
-    "formwork": (formwork, Grid(256, 256, 2.4, 2.4)),
-    "panels": (panels, Grid(256, 256, 0.84, 2.0)),
-    "stripes": (stripes, Grid(128, 128, 0.36, 0.36)),
-    "trellis": (trellis, Grid(160, 160, 0.4, 0.4)),
-    "sprigs": (sprigs, Grid(192, 192, 0.6, 0.6)),
+    "pile": (patterns.pile, Grid(256, 256, 1.0, 1.0)),
+    "mottled": (patterns.mottled, Grid(256, 256, 2.4, 2.4)),
+    "boards": (patterns.boards, Grid(384, 256, 2.4, 1.12)),
+    "marbled": (patterns.marbled, Grid(256, 256, 1.5, 1.5)),
+    "checkered": (patterns.checkered, Grid(256, 256, 1.2, 1.2)),
+    "parquet": (patterns.parquet, Grid(240, 240, 1.2, 1.2)),
+    "herringbone": (patterns.herringbone, Grid(320, 320, 1.6, 1.6)),
+    "tiles": (patterns.tiles, Grid(256, 256, 1.2, 1.2)),
+    "metro": (patterns.metro, Grid(240, 240, 0.8, 0.8)),
+    "bricks": (patterns.bricks, Grid(256, 256, 0.96, 0.96)),
+    "stones": (patterns.stones, Grid(256, 256, 1.6, 1.6)),
+    "formwork": (patterns.formwork, Grid(256, 256, 2.4, 2.4)),
+    "panels": (patterns.panels, Grid(256, 256, 0.84, 2.0)),
+    "stripes": (patterns.stripes, Grid(128, 128, 0.36, 0.36)),
+    "trellis": (patterns.trellis, Grid(160, 160, 0.4, 0.4)),
+    "sprigs": (patterns.sprigs, Grid(192, 192, 0.6, 0.6)),
 }
 
 

@@ -8,42 +8,27 @@ from functools import lru_cache
 from math import cos, sin
 
 from ..geometry.parts import Part, Vector
-from .shapes import (
-    Shape,
-    bevelled,
-    block,
-    bush,
-    crumpled,
-    curtain,
-    draped,
-    flowers,
-    fruit,
-    kettle,
-    lathed,
-    mug,
-    pan,
-    sprigs,
-    stuffed,
-)
+from . import shapes
+from .shapes import Shape, bevelled, lathed
 
 _ROUNDING_M = 0.012
 
 FORMS: dict[str, Shape] = {
-    "block": block,
+    "block": shapes.block,
     "bevel": lambda size: bevelled(size, _ROUNDING_M),
     "padded": lambda size: bevelled(size, 0.35 * min(size)),
     "soft": lambda size: bevelled(size, 0.045),
-    "cushion": stuffed,
-    "crumpled": crumpled,
-    "bush": bush,
-    "sprigs": sprigs,
-    "flowers": flowers,
-    "fruit": fruit,
-    "kettle": kettle,
-    "pan": pan,
-    "draped": draped,
-    "curtain": curtain,
-    "mug": mug,
+    "cushion": shapes.stuffed,
+    "crumpled": shapes.crumpled,
+    "bush": shapes.bush,
+    "sprigs": shapes.sprigs,
+    "flowers": shapes.flowers,
+    "fruit": shapes.fruit,
+    "kettle": shapes.kettle,
+    "pan": shapes.pan,
+    "draped": shapes.draped,
+    "curtain": shapes.curtain,
+    "mug": shapes.mug,
     "pot": lathed(((0.7, 0.0), (0.92, 0.82), (1.0, 0.82), (1.0, 1.0), (0.86, 1.0), (0.84, 0.88))),
     "vase": lathed(((0.6, 0.0), (0.86, 0.14), (1.0, 0.38), (0.84, 0.66), (0.44, 0.86), (0.56, 1.0), (0.4, 0.98))),
     "bottle": lathed(((0.92, 0.0), (1.0, 0.04), (1.0, 0.58), (0.4, 0.76), (0.34, 0.97), (0.42, 1.0))),
