@@ -100,8 +100,8 @@ class Brief(NamedTuple):
     """Length over width, at least 1: a room may be turned."""
     footprint_ratio: float
     """Extent along x over extent along y."""
-    requests: dict[tuple[int, int], tuple[PassageKind, int]]
-    """For pairs of rooms, lower number first: what should join them, and how many."""
+    requests: tuple[tuple[tuple[int, int], PassageKind, int], ...]
+    """Pairs of rooms, lower number first, what should join them, and how many."""
 
     @property
     def min_sides(self) -> list[int]:
@@ -124,7 +124,7 @@ def brief(preferences: TemplateFloorplan) -> Brief:
         areas_m2=tuple(room.DesiredShape.Area for room in preferences.Rooms),
         ratios=tuple(length_over_width(room.DesiredShape.AspectRatio) for room in preferences.Rooms),
         footprint_ratio=preferences.Footprint.DesiredAspectRatio.x / preferences.Footprint.DesiredAspectRatio.y,
-        requests={pair: (kinds[pair], count) for pair, count in counts.items()},
+        requests=tuple((pair, kinds[pair], count) for pair, count in counts.items()),
     )
 
 

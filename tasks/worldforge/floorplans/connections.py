@@ -53,7 +53,7 @@ def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
     """
     walls = shared_walls(plan)
     ways: list[Way] = []
-    for pair, (kind, count) in brief.requests.items():
+    for pair, kind, count in brief.requests:
         if kind == "Opening":
             ways += _opening(plan, pair, walls.get(pair, []), requested=True)
         else:

@@ -155,7 +155,7 @@ class PlanEvaluator:
                 ways[pair[0]] |= 1 << pair[1]
                 ways[pair[1]] |= 1 << pair[0]
         missed = 0
-        for pair, (kind, count) in self.brief.requests.items():
+        for pair, kind, count in self.brief.requests:
             if kind == "Doorway":
                 missed += max(0, count - doors.get(pair, 0))
             elif pair in openings:

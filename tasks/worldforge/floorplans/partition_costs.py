@@ -139,7 +139,7 @@ class BatchEvaluator:
         self.affinities = np.array([[affinity(one, other) for other in types] for one in types])
         self.hallways = np.array([kind == "Hallway" for kind in types])
         self.served = np.array([kind in ("Bedroom", "Bathroom", "Living") for kind in types]) & self.hallways.any()
-        self.requests = [(self._number_of(pair), kind, count) for pair, (kind, count) in brief.requests.items()]
+        self.requests = [(self._number_of(pair), kind, count) for pair, kind, count in brief.requests]
 
     def _number_of(self, pair: tuple[int, int]) -> int:
         return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .brief import EXTERIOR_WALL, INTERIOR_WALL, RATIO_TOLERANCE, Brief
 from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature
-from .partition_shortlist import AREA_MARGIN, BriefKey, Shortlist, brief_of, gaussian, key_of
+from .partition_shortlist import AREA_MARGIN, SETTLINGS, Shortlist, best_first, gaussian
 from .partition_trees import Trees, all_trees
 
 LEAST_SETBACK = 8
@@ -80,10 +80,10 @@ class Setbacks(NamedTuple):
         sides = np.array([np.where(self.lying, longer, shorter), np.where(self.lying, shorter, longer)]) + self.walls
         return put_together(self.trees, np.rint(sides) if exact else sides)
 
-    def settled(self, evaluator: BatchEvaluator, times: int = 2) -> "Setbacks":
+    def settled(self, evaluator: BatchEvaluator) -> "Setbacks":
         """The same with the walls that rooms have where they lie."""
         found = self
-        for _ in range(times):
+        for _ in range(SETTLINGS):
             cuts = found.cut(evaluator)
             limits = cuts.high.max(axis=1)[:, None]
             outer = (cuts.low == 0).astype(float) + (cuts.high >= limits)
@@ -200,24 +200,16 @@ def _empty(cuts: Cuts, x: Floats, y: Floats) -> Flags:
     return ~np.any(np.all(inside, axis=0), axis=1)
 
 
+@lru_cache(maxsize=64)
 def setback_shortlist(brief: Brief) -> Shortlist:
     """The best plans of at least two rectangular rooms; empty when there is none."""
-    return _shortlist(key_of(brief))
-
-
-@lru_cache(maxsize=64)
-def _shortlist(key: BriefKey) -> Shortlist:
-    evaluator = BatchEvaluator(brief_of(key))
-    rooms = len(evaluator.areas)
-    every = _beginnings(rooms)
+    evaluator = BatchEvaluator(brief)
+    every = _beginnings(len(evaluator.areas))
     best = np.argsort(np.round(every.rough_cost(evaluator), 6), kind="stable")[:_JUDGED]
     some = every.take(best).settled(evaluator)
     _, nature = some.judged(evaluator)
     refined = _refined(evaluator, some.take(np.argsort(nature.cost, kind="stable")[:_REFINED]))
-    _, nature = refined.judged(evaluator)
-    order = np.argsort(nature.cost, kind="stable")
-    order = order[nature.valid[order]]
-    return Shortlist(evaluator, refined.take(order), nature.cost[order], nature.misses[:, order], every.trees.plans)
+    return best_first(evaluator, refined, every.trees.plans)
 
 
 def _beginnings(rooms: int) -> Setbacks:

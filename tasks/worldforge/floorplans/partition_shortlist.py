@@ -10,7 +10,6 @@ from typing import NamedTuple, Protocol, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.worlds.world import PassageKind, RoomType
 from .brief import Brief
 from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, cut
 from .partition_trees import Trees, all_trees
@@ -26,18 +25,11 @@ _OTHER_FOOTPRINTS = (0.25, -0.25, 0.5, -0.5, 0.8, -0.8)
 """Further outlines to begin with (logarithm of the ratio over the preferred one) where there are few rooms."""
 
 _FEW_ROOMS = 5
+SETTLINGS = 2
+"""How often what walls take is measured and a plan cut again."""
+
 _BENT_AREA = 0.015
 _BENT_FOOTPRINT = 0.03
-
-BriefKey = tuple[
-    tuple[str, ...],
-    tuple[RoomType, ...],
-    tuple[float, ...],
-    tuple[float, ...],
-    float,
-    tuple[tuple[tuple[int, int], tuple[PassageKind, int]], ...],
-]
-"""A brief as something that can be looked up."""
 
 
 class Plans(Protocol):
@@ -89,10 +81,10 @@ class Variants(NamedTuple):
         areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
         return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[rooms])
 
-    def settled(self, evaluator: BatchEvaluator, times: int = 2) -> "Variants":
+    def settled(self, evaluator: BatchEvaluator) -> "Variants":
         """The same with what walls take measured: how much that is depends on the shapes, and they on it."""
         walls = self.walls
-        for _ in range(times):
+        for _ in range(SETTLINGS):
             sides = evaluator.floors(self._replace(walls=walls).cut(evaluator))
             walls = walls + self.areas - np.log(sides[0] * sides[1] / evaluator.areas)
         return self._replace(walls=walls)
@@ -117,33 +109,21 @@ def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
     return np.array([*drawn, [0.0] * numbers]).T
 
 
-def key_of(brief: Brief) -> BriefKey:
-    """Key of a brief, from which `brief_of` makes the brief again."""
-    names, types, areas_m2, ratios, footprint_ratio, requests = brief
-    return names, types, areas_m2, ratios, footprint_ratio, tuple(requests.items())
-
-
-def brief_of(key: BriefKey) -> Brief:
-    """The brief of a key."""
-    names, types, areas_m2, ratios, footprint_ratio, requests = key
-    return Brief(names, types, areas_m2, ratios, footprint_ratio, dict(requests))
-
-
+@lru_cache(maxsize=64)
 def shortlist(brief: Brief) -> Shortlist:
     """The best plans of at least two rectangular rooms; empty when there is none."""
-    return _shortlist(key_of(brief))
-
-
-@lru_cache(maxsize=64)
-def _shortlist(key: BriefKey) -> Shortlist:
-    brief = brief_of(key)
     evaluator = BatchEvaluator(brief)
     trees = all_trees(len(brief.types))
     refined = _refined(evaluator, _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS))
-    _, nature = refined.judged(evaluator)
+    return best_first(evaluator, refined, trees.plans)
+
+
+def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist:
+    """The valid ones of some plans, the cheapest first."""
+    _, nature = plans.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]
-    return Shortlist(evaluator, refined.take(order), nature.cost[order], nature.misses[:, order], trees.plans)
+    return Shortlist(evaluator, plans.take(order), nature.cost[order], nature.misses[:, order], tried)
 
 
 def _beginnings(evaluator: BatchEvaluator, trees: Trees, *, few: bool) -> Variants:

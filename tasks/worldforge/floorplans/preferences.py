@@ -124,7 +124,7 @@ def _connection(
         )
         rivals = competing_preferences(brief, plan, way_of(brief, pair))
         return preference.model_copy(update={"outcome": "missed", "reason": f"{reason}; {rivals}"})
-    if together := forbidden_together(brief.requests, pair):
+    if together := forbidden_together({each for each, _, _ in brief.requests}, pair):
         ways = ", ".join(f"{brief.names[low]} - {brief.names[high]}" for low, high in together)
         reason = (
             f"no plan of rectangular rooms has these {len(together)} ways together, "

@@ -79,7 +79,7 @@ def ratio_of(room: int) -> int:
 
 def way_of(brief: Brief, pair: Pair) -> int:
     """The number of a requested way among the preferences."""
-    return 1 + 2 * len(brief.ratios) + [*brief.requests].index(pair)
+    return 1 + 2 * len(brief.ratios) + [each for each, _, _ in brief.requests].index(pair)
 
 
 FOOTPRINT = 0
@@ -102,5 +102,5 @@ def _names(brief: Brief) -> list[str]:
     """The preferences in the order of the search, in words."""
     ratios = [f"the aspect ratio {ratio:.2f} of {name}" for name, ratio in zip(brief.names, brief.ratios, strict=True)]
     areas = [f"the area of {name}" for name in brief.names]
-    pairs = [f"the way between {brief.names[low]} and {brief.names[high]}" for low, high in brief.requests]
+    pairs = [f"the way between {brief.names[low]} and {brief.names[high]}" for (low, high), _, _ in brief.requests]
     return [f"the footprint's {brief.footprint_ratio:.2f}", *ratios, *areas, *pairs]

@@ -14,7 +14,7 @@ from prefect_robomaker.tasks.worldforge.floorplans.partition_trees import all_tr
 def brief(areas: list[float]) -> Brief:
     count = len(areas)
     names = tuple(map(str, range(count)))
-    return Brief(names, ("Living",) * count, tuple(areas), (1.0,) * count, 4 / 3, {})
+    return Brief(names, ("Living",) * count, tuple(areas), (1.0,) * count, 4 / 3, ())
 
 
 @given(st.lists(st.floats(10, 300), min_size=2, max_size=5), st.integers(0, 2**31), st.floats(0.5, 2))

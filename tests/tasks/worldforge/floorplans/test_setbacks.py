@@ -81,7 +81,7 @@ def test_every_plan_of_a_list_has_one_outline_without_yards_and_small_steps(seed
     areas = tuple(dice.uniform(10, 120) for _ in range(rooms))
     ratios = tuple(dice.uniform(1, 3) for _ in range(rooms))
     names = tuple(map(str, range(rooms)))
-    brief = Brief(names, ("Living",) * rooms, areas, ratios, 4 / 3, {})
+    brief = Brief(names, ("Living",) * rooms, areas, ratios, 4 / 3, ())
     best = setback_shortlist(brief)
     cuts, _ = best.plans.judged(best.evaluator)
     for number in range(len(best.cost)):
