@@ -7,9 +7,8 @@ from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import PassageKind, Point, Preference, PreferenceOutcome
 from ..floorplans.connections import Way
 from ..floorplans.partition import UNITS_PER_M, Contact
-from ..floorplans.walls import Pane, Side
+from ..floorplans.walls import Pane, Side, Walls
 from .squaring import Lines
-from .walls import Walls
 
 _REACH = 8
 """How far from a wall's centre line what is drawn in it may lie, in units."""

@@ -21,11 +21,10 @@ from ..floorplans.floorplan import (
 )
 from ..floorplans.floors import AREA_TOLERANCE
 from ..floorplans.partition import UNITS_PER_M, Corners, extent
-from ..floorplans.walls import Pane, Piece, windows_along
+from ..floorplans.walls import Pane, Piece, Walls, windows_along
 from .fitting import DrawnWay, FittedWay, fit_way, fit_window
 from .outline import floor_cells, outline_of, overlap
 from .squaring import Squared, outline_area, square, units_area
-from .walls import Walls
 
 
 class DrawnRoom(NamedTuple):

@@ -1,20 +1,18 @@
-"""Walls around and between rooms, cut at passages, and windows in them.
+"""Walls around and between rooms of any rectilinear shapes, cut at passages, and windows in them.
 
-Every wall is the box from its start to its end, `thickness_m` wide; nothing is added at the ends. Where
-the outline is set back from the plan's rectangle, outer walls are as thick as inner ones. The boxes meet
-at corners without overlap and without gap: at each junction one wall owns the square and the others end
-at its face. In order: walls of the rectangle, then walls that pass straight through (horizontal ones
-first), then, at a corner of two, the horizontal one.
+Every wall is the box from its start to its end, `thickness_m` wide; nothing is added at the ends. The boxes meet at
+corners without overlap and without gap: at each junction the thickest wall owns the square, then one that passes
+straight through, then the horizontal one, and the others end at its face.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from random import Random
 from typing import NamedTuple
 
 from ....schemas.worlds.world import RoomType
 from .brief import EXTERIOR_WALL, HABITABLE, INTERIOR_WALL, Brief
 from .connections import Way
-from .partition import Contact, Partition, Side, border, contacts, in_rectangle
+from .partition import Contact, Corners, Partition, Side, border, contacts, in_rectangle
 
 _WINDOW_MARGIN = 10
 _WINDOW_WIDTHS = (24, 28, 32, 36, 40)
@@ -47,66 +45,103 @@ class Pane(NamedTuple):
 Node = tuple[int, int]
 
 
-def build_walls(plan: Partition, ways: list[Way]) -> list[Piece]:
-    """All walls of a plan, lintels over doorways included."""
-    outer = [side for side in border(plan.rooms) if in_rectangle(plan, side)]
-    back = [side for side in border(plan.rooms) if not in_rectangle(plan, side)]
-    pieces = [_outer_piece(plan, side, outer) for side in outer]
-    inner = contacts(plan.rooms)
-    along: dict[bool, dict[Node, int]] = {True: {}, False: {}}
-    for line in (*inner, *back):
-        for end in (line.start, line.end):
-            node = (end, line.at) if line.horizontal else (line.at, end)
-            along[line.horizontal][node] = along[line.horizontal].get(node, 0) + 1
-    for side in back:
-        start = side.start + _shortening(plan, side, side.start, along)
-        end = side.end - _shortening(plan, side, side.end, along)
-        if end > start:
-            pieces.append(Piece(side.horizontal, side.at, start, end, INTERIOR_WALL, (side.room,), False))
-    for contact in inner:
-        start = contact.start + _shortening(plan, contact, contact.start, along)
-        end = contact.end - _shortening(plan, contact, contact.end, along)
-        rooms = (contact.low, contact.high)
-        for way in sorted((way for way in ways if way.contact == contact), key=lambda way: way.start):
+class Run(NamedTuple):
+    """A straight stretch of wall between two junctions, in units, along its centre line."""
+
+    horizontal: bool
+    at: int
+    start: int
+    end: int
+    rooms: tuple[int, ...]
+    thickness: int
+
+    def node(self, at: int) -> Node:
+        """The junction at one of its ends."""
+        return (at, self.at) if self.horizontal else (self.at, at)
+
+
+class Walls:
+    """The walls of some rooms.
+
+    Args:
+        rooms: corners of the rooms.
+        is_thin: whether an outer wall is as thin as an inner one; absent: none is.
+
+    Attributes:
+        contacts: what two rooms share.
+        sides: what faces the outside.
+        around: the same from end to end, each with its room to the left.
+    """
+
+    def __init__(self, rooms: Sequence[Corners], is_thin: Callable[[Side], bool] = lambda _: False) -> None:
+        self.contacts = contacts(rooms)
+        self.sides = sorted(border(rooms), key=is_thin)
+        self.around = [_step(side) for side in self.sides]
+        self._runs = [
+            Run(*side[:4], (side.room,), INTERIOR_WALL if is_thin(side) else EXTERIOR_WALL) for side in self.sides
+        ]
+        self._runs += [Run(*each[2:], (each.low, each.high), INTERIOR_WALL) for each in self.contacts]
+        self._arms: dict[Node, dict[tuple[bool, bool], int]] = {}
+        for run in self._runs:
+            for at, ahead in ((run.start, True), (run.end, False)):
+                self._arms.setdefault(run.node(at), {})[run.horizontal, ahead] = run.thickness
+
+    def pieces(self, ways: Sequence[Way]) -> list[Piece]:
+        """All walls, cut at ways, lintels over doorways included."""
+        return [piece for run in self._runs for piece in self._cut(run, ways)]
+
+    def clear_span(self, contact: Contact) -> tuple[int, int]:
+        """The part of a shared wall between the faces of the walls at its ends."""
+        ends = []
+        for at, inward in ((contact.start, 1), (contact.end, -1)):
+            node = (at, contact.at) if contact.horizontal else (contact.at, at)
+            across = [self._arms[node].get((not contact.horizontal, ahead), 0) for ahead in (True, False)]
+            ends.append(at + inward * max(across) // 2)
+        return ends[0], ends[1]
+
+    def _cut(self, run: Run, ways: Sequence[Way]) -> Iterator[Piece]:
+        start = run.start + self._inset(run, run.start, ahead=True)
+        end = run.end - self._inset(run, run.end, ahead=False)
+        mine = [way for way in ways if len(run.rooms) == 2 and way.contact[2:] == run[:4]]
+        for way in sorted(mine, key=lambda way: way.start):
             if way.start > start:
-                pieces.append(Piece(contact.horizontal, contact.at, start, way.start, INTERIOR_WALL, rooms, False))
+                yield Piece(run.horizontal, run.at, start, way.start, run.thickness, run.rooms, False)
             if way.kind == "Doorway":
-                pieces.append(Piece(contact.horizontal, contact.at, way.start, way.end, INTERIOR_WALL, rooms, True))
-            start = way.end
+                yield Piece(run.horizontal, run.at, way.start, way.end, run.thickness, run.rooms, True)
+            start = max(start, way.end)
         if end > start:
-            pieces.append(Piece(contact.horizontal, contact.at, start, end, INTERIOR_WALL, rooms, False))
-    return pieces
+            yield Piece(run.horizontal, run.at, start, end, run.thickness, run.rooms, False)
 
-
-def _outer_piece(plan: Partition, side: Side, outer: list[Side]) -> Piece:
-    """Horizontal walls own the corners of the rectangle, vertical ones end at their faces."""
-    half = EXTERIOR_WALL // 2 if side.horizontal else -EXTERIOR_WALL // 2
-    limit = plan.width if side.horizontal else plan.height
-    row = [other for other in outer if other.horizontal == side.horizontal and other.at == side.at]
-
-    def longer(end: int) -> int:
-        if end in (0, limit):
-            return half
-        goes_on = any(end in (other.start, other.end) for other in row if other is not side)
-        # Else it is set back here, and ends where the wall across does.
-        return 0 if goes_on else INTERIOR_WALL // 2
-
-    start, end = side.start - longer(side.start), side.end + longer(side.end)
-    return Piece(side.horizontal, side.at, start, end, EXTERIOR_WALL, (side.room,), False)
-
-
-def _shortening(plan: Partition, line: Contact | Side, end: int, along: dict[bool, dict[Node, int]]) -> int:
-    """Length by which a wall ends before (or, if negative, after) the junction at one of its ends, in units."""
-    if end in (0, plan.width if line.horizontal else plan.height):
-        return EXTERIOR_WALL // 2
-    node = (end, line.at) if line.horizontal else (line.at, end)
-    passes = along[line.horizontal][node] == 2
-    across = along[not line.horizontal].get(node, 0)
-    if line.horizontal:
-        if passes:
+    def _inset(self, run: Run, at: int, *, ahead: bool) -> int:
+        """Length by which a run ends before the junction at one of its ends, in units; negative: after it."""
+        arms = self._arms[run.node(at)]
+        along = {each: arms.get((run.horizontal, each), 0) for each in (True, False)}
+        across = [arms.get((not run.horizontal, each), 0) for each in (True, False)]
+        mine, other = along[ahead], along[not ahead]
+        if not _owns(run.horizontal, list(along.values()), across):
+            return max(across) // 2
+        if mine == other:
             return 0
-        return INTERIOR_WALL // 2 if across == 2 else -INTERIOR_WALL // 2
-    return 0 if passes and across < 2 else INTERIOR_WALL // 2
+        # The thickest wall goes on to the far side of the square, or to its middle where none stands across.
+        return -(max(across) // 2) if mine > other else max(across) // 2
+
+
+def _owns(horizontal: bool, along: Sequence[int], across: Sequence[int]) -> bool:
+    """Whether the walls along an axis own a junction: the thickest, then those that pass, then the level ones."""
+    mine, others = (
+        (max(arms), min(arms) == max(arms), level) for arms, level in ((along, horizontal), (across, not horizontal))
+    )
+    return mine > others
+
+
+def _step(side: Side) -> tuple[Node, Node]:
+    ends = [(along, side.at) if side.horizontal else (side.at, along) for along in (side.start, side.end)]
+    return (ends[0], ends[1]) if side.forward else (ends[1], ends[0])
+
+
+def build_walls(plan: Partition, ways: Sequence[Way]) -> list[Piece]:
+    """All walls of a plan; where the outline is set back from its rectangle, outer walls are as thin as inner ones."""
+    return Walls(plan.rooms, lambda side: not in_rectangle(plan, side)).pieces(ways)
 
 
 def place_windows(plan: Partition, brief: Brief, dice: Random) -> list[Pane]:

@@ -8,9 +8,8 @@ from scipy import ndimage
 
 from prefect_robomaker.tasks.worldforge.drawings.outline import outline_of, overlap, room_units
 from prefect_robomaker.tasks.worldforge.drawings.squaring import square, upright
-from prefect_robomaker.tasks.worldforge.drawings.walls import Walls
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Corners, area
-from prefect_robomaker.tasks.worldforge.floorplans.walls import Piece
+from prefect_robomaker.tasks.worldforge.floorplans.walls import Piece, Walls
 
 SIZE = 3
 
