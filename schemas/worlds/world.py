@@ -164,6 +164,11 @@ class Preference(Model):
     outcome: PreferenceOutcome = Field(description="Whether the world grants it.")
     reason: str = Field(default="", description="Why not; empty when satisfied.")
 
+    @classmethod
+    def judged(cls, path: str, wish: str, reason: str = "", outcome: PreferenceOutcome = "missed") -> "Preference":
+        """A preference that was satisfied, unless there is a reason why not."""
+        return cls(path=path, wish=wish, outcome=outcome if reason else "satisfied", reason=reason)
+
 
 class Floorplan(Model):
     """Rooms, walls and passages; shared by every interior made for it."""

@@ -7,7 +7,7 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, WorldTemplateBody
 from ....schemas.templates.doorways import InteriorDoorwaySet
 from ....schemas.templates.targets import DoorwayTarget, TemplateTargetSet
-from ....schemas.worlds.world import Floorplan, Passage, Preference, PreferenceOutcome, Room
+from ....schemas.worlds.world import Floorplan, Passage, Preference, Room
 from .doors import hang_doors
 from .leaves import FULLY_OPEN_PERCENT
 from .parts import FINISHES, FORMS
@@ -89,19 +89,8 @@ def _preference(sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[in
     one_set = sets[number]
     percent = one_set.Door.InitialState.OpenPosition.Percent
     opening = "at random" if percent == "Random" else f"{percent:g} %"
-    outcome, reason = _outcome(sets, number, chosen, plan)
-    return Preference(
-        path=f"{INTERIOR_PATH}.Doorways.DoorwaySets[{number}]",
-        wish=f"doors of {one_set.Name} open {opening}",
-        outcome=outcome,
-        reason=reason,
-    )
-
-
-def _outcome(
-    sets: Sequence[InteriorDoorwaySet], number: int, chosen: dict[int, int], plan: Floorplan
-) -> tuple[PreferenceOutcome, str]:
-    target = sets[number].TargetSet
+    path, wish = f"{INTERIOR_PATH}.Doorways.DoorwaySets[{number}]", f"doors of {one_set.Name} open {opening}"
+    target = one_set.TargetSet
     rooms = {room.name: room for room in plan.rooms}
     meant = [
         index
@@ -111,7 +100,7 @@ def _outcome(
     mine = [index for index in meant if chosen[index] == number]
     if meant and not mine:
         others = sorted({sets[chosen[index]].Name for index in meant})
-        return "contradictory", f"its doorways follow {', '.join(others)}"
+        return Preference.judged(path, wish, f"its doorways follow {', '.join(others)}", "contradictory")
     problems = _missing(target, plan)
     if not meant and not problems:
         problems = [_nothing(target)]
@@ -119,7 +108,7 @@ def _outcome(
     if doorless:
         why = hang_doors(plan)[1]
         problems += [f"no door between {' and '.join(plan.passages[index].rooms)}: {why[index]}" for index in doorless]
-    return ("missed", "; ".join(problems)) if problems else ("satisfied", "")
+    return Preference.judged(path, wish, "; ".join(problems))
 
 
 def _missing(target: DoorwayTarget, plan: Floorplan) -> list[str]:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple, TypeVar
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import PassageKind, Point, Preference, PreferenceOutcome
+from ....schemas.worlds.world import PassageKind, Point, Preference
 from ..floorplans.connections import Way
 from ..floorplans.partition import UNITS_PER_M, Contact
 from ..floorplans.walls import Pane, Side, Walls
@@ -75,7 +75,7 @@ def fit_way(
     Raises:
         ConfigurationError: it lies in no wall, or does not fit there.
     """
-    what = "opening" if drawn.kind == "Opening" else "door"
+    path, what = f"{file}#{drawn.name}", "opening" if drawn.kind == "Opening" else "door"
     places = _places(drawn, moved)
     width_m = max(place.end - place.start for place in places) / UNITS_PER_M
     wish = f"{what} {drawn.name} of {width_m:.2f} m"
@@ -87,7 +87,7 @@ def fit_way(
                 f"{file}: {wish}: it lies in no wall of a room; draw it in a wall between two rooms"
             )
         reason = f"it leads out of {names[outer[2][4]]}, and worlds end at their outer walls"
-        return None, _told(file, drawn.name, wish, "missed", reason)
+        return None, Preference.judged(path, wish, reason)
     place, _, contact = inner
     if width_m < _NARROWEST_M:
         raise ConfigurationError(f"{file}: {wish}: it is narrower than {_NARROWEST_M:g} m; is the scale right?")
@@ -113,7 +113,7 @@ def fit_way(
         raise ConfigurationError(f"{file}: {wish} {between}: another door or opening is there")
     as_drawn = abs(width / UNITS_PER_M - width_m) <= 0.5 / UNITS_PER_M + 1e-6
     reason = f"it is {width / UNITS_PER_M:.2f} m wide here, so that 0.8 m stay clear"
-    return way, _told(file, drawn.name, f"{wish} {between}", *(("satisfied", "") if as_drawn else ("missed", reason)))
+    return way, Preference.judged(path, f"{wish} {between}", "" if as_drawn else reason)
 
 
 def fit_window(
@@ -127,16 +127,16 @@ def fit_window(
         moved: where coordinates of the drawing went.
         file: the drawing.
     """
-    places = _places(drawn, moved)
+    path, places = f"{file}#{drawn.name}", _places(drawn, moved)
     wish = f"window {drawn.name} of {max(each.end - each.start for each in places) / UNITS_PER_M:.2f} m"
     found = _nearest(places, [(side[:4], side) for side in sides])
     if found is None:
-        return None, _told(file, drawn.name, wish, "missed", "it lies in no outer wall")
+        return None, Preference.judged(path, wish, "it lies in no outer wall")
     place, _, (horizontal, at, low, high, room, _) = found
     start, end = max(round(place.start), low + 2), min(round(place.end), high - 2)
     if end - start < _LEAST_WINDOW:
-        return None, _told(file, drawn.name, wish, "missed", "its wall has no 0.4 m for it between the corners")
-    return Pane(horizontal, at, start, end, room), _told(file, drawn.name, wish, "satisfied", "")
+        return None, Preference.judged(path, wish, "its wall has no 0.4 m for it between the corners")
+    return Pane(horizontal, at, start, end, room), Preference.judged(path, wish)
 
 
 def _places(drawn: DrawnWay, moved: tuple[Lines, Lines]) -> list[_Place]:
@@ -168,7 +168,3 @@ def _nearest(
         return None
     off, index, place = min(found)
     return place, off, walls[index][1]
-
-
-def _told(file: str, name: str, wish: str, outcome: PreferenceOutcome, reason: str) -> Preference:
-    return Preference(path=f"{file}#{name}", wish=wish, outcome=outcome, reason=reason)

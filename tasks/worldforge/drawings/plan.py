@@ -100,7 +100,7 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
     )
     hung, doorless = hang_doors(plan)
     for index, why in doorless.items():
-        told.append(_told(drawn.file, f"a door between {' and '.join(plan.passages[index].rooms)}", why))
+        told.append(Preference.judged(drawn.file, f"a door between {' and '.join(plan.passages[index].rooms)}", why))
     wishes = [*(_area(drawn.file, room) for room in rooms), *told, *window_report]
     percents = {index: one.percent for index, one in enumerate(fitted) if one.percent is not None}
     x, y = (lines.start_m + at / UNITS_PER_M for lines, at in zip(squared.moved, origin, strict=True))
@@ -160,16 +160,7 @@ def _area(file: str, room: Room) -> Preference:
     made, wished = room.floor_m2, room.desired_area_m2
     near = abs(made / wished - 1) <= AREA_TOLERANCE
     reason = "" if near else f"its floor became {made:.1f} m2 on the grid of 5 cm, with walls of 10 and 20 cm"
-    return Preference(
-        path=f"{file}#{room.original_name or room.name}",
-        wish=f"{room.name} of {wished:.1f} m2",
-        outcome="satisfied" if near else "missed",
-        reason=reason,
-    )
-
-
-def _told(file: str, wish: str, reason: str) -> Preference:
-    return Preference(path=file, wish=wish, outcome="missed", reason=reason)
+    return Preference.judged(f"{file}#{room.original_name or room.name}", f"{room.name} of {wished:.1f} m2", reason)
 
 
 def _refuse_overlaps(rooms: Sequence[Corners], names: Sequence[str], file: str) -> None:

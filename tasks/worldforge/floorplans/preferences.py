@@ -39,100 +39,78 @@ def preference_report(
 
 def _footprint(preferences: TemplateFloorplan, brief: Brief, plan: Partition) -> Preference:
     ratio = plan.width / plan.height
-    preference = Preference(
-        path=f"{FLOORPLAN_PATH}.Footprint.DesiredAspectRatio",
-        wish=f"footprint with aspect ratio {_colon(preferences.Footprint.DesiredAspectRatio)}",
-        outcome="satisfied",
-    )
+    path = f"{FLOORPLAN_PATH}.Footprint.DesiredAspectRatio"
+    wish = f"footprint with aspect ratio {_colon(preferences.Footprint.DesiredAspectRatio)}"
     if deviation(ratio, brief.footprint_ratio) <= RATIO_TOLERANCE:
-        return preference
+        return Preference.judged(path, wish)
     if len(preferences.Rooms) == 1:
         # The one room is the footprint; its own preference wins.
         room_ratio = _colon(preferences.Rooms[0].DesiredShape.AspectRatio)
         reason = f"the only room fills the footprint and is wished to be {room_ratio}"
-        return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
+        return Preference.judged(path, wish, reason, "contradictory")
     rivals = competing_preferences(brief, plan, FOOTPRINT)
-    reason = f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}; {rivals}"
-    return preference.model_copy(update={"outcome": "missed", "reason": reason})
+    return Preference.judged(path, wish, f"it became {ratio:.2f} instead of {brief.footprint_ratio:.2f}; {rivals}")
 
 
 def _ceiling(preferences: TemplateFloorplan) -> Preference:
-    return Preference(
-        path=f"{FLOORPLAN_PATH}.Ceiling.Height",
-        wish=f"ceiling {preferences.Ceiling.Height:g} m above the floor",
-        outcome="satisfied",
-    )
+    wish = f"ceiling {preferences.Ceiling.Height:g} m above the floor"
+    return Preference.judged(f"{FLOORPLAN_PATH}.Ceiling.Height", wish)
 
 
 def _area(preferences: TemplateFloorplan, plan: Partition, number: int) -> Preference:
     room = preferences.Rooms[number]
-    preference = Preference(
-        path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.Area",
-        wish=f"{room.Name} of {room.DesiredShape.Area:g} m2",
-        outcome="satisfied",
-    )
-    actual = floor_areas(plan)[number] * UNIT_M**2
-    if abs(actual / room.DesiredShape.Area - 1) <= AREA_TOLERANCE:
-        return preference
-    reason = f"its floor became {actual:.1f} m2 instead of {room.DesiredShape.Area:g} m2"
-    return preference.model_copy(update={"outcome": "missed", "reason": reason})
+    actual, desired = floor_areas(plan)[number] * UNIT_M**2, room.DesiredShape.Area
+    near = abs(actual / desired - 1) <= AREA_TOLERANCE
+    reason = "" if near else f"its floor became {actual:.1f} m2 instead of {desired:g} m2"
+    path = f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.Area"
+    return Preference.judged(path, f"{room.Name} of {desired:g} m2", reason)
 
 
 def _ratio(preferences: TemplateFloorplan, brief: Brief, plan: Partition, number: int) -> Preference:
     room = preferences.Rooms[number]
-    desired = length_over_width(room.DesiredShape.AspectRatio)
-    preference = Preference(
-        path=f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.AspectRatio",
-        wish=f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}",
-        outcome="satisfied",
-    )
-    actual = floor_ratios(plan)[number]
+    actual, desired = floor_ratios(plan)[number], length_over_width(room.DesiredShape.AspectRatio)
+    path = f"{FLOORPLAN_PATH}.Rooms[{number}].DesiredShape.AspectRatio"
+    wish = f"{room.Name} with aspect ratio {_colon(room.DesiredShape.AspectRatio)}"
     if deviation(actual, desired) <= RATIO_TOLERANCE:
-        return preference
+        return Preference.judged(path, wish)
     least, width = MIN_SIDES_M[room.Type], (room.DesiredShape.Area / desired) ** 0.5
     if width + EXTERIOR_WALL * UNIT_M < least:
         cause = (
             f"at {room.DesiredShape.Area:g} m2 its floor would be {width:.2f} m wide, and between the middles of its "
             f"walls a room of this type is at least {least:g} m"
         )
-        return preference.model_copy(update={"outcome": "contradictory", "reason": cause})
-    reason = f"it became {actual:.2f} instead of {desired:.2f}; {competing_preferences(brief, plan, ratio_of(number))}"
-    return preference.model_copy(update={"outcome": "missed", "reason": reason})
+        return Preference.judged(path, wish, cause, "contradictory")
+    rivals = competing_preferences(brief, plan, ratio_of(number))
+    return Preference.judged(path, wish, f"it became {actual:.2f} instead of {desired:.2f}; {rivals}")
 
 
 def _connection(
     connection: DesiredConnection, index: int, pair: Pair, brief: Brief, plan: Partition, left: Counter[Pair]
 ) -> Preference:
     one, other = connection.Location
-    preference = Preference(
-        path=f"{FLOORPLAN_PATH}.DesiredConnections[{index}]",
-        wish=f"{connection.ConnectionType} between {one} and {other}",
-        outcome="satisfied",
-    )
+    path = f"{FLOORPLAN_PATH}.DesiredConnections[{index}]"
+    wish = f"{connection.ConnectionType} between {one} and {other}"
     if left[pair] > 0:
-        return preference
+        return Preference.judged(path, wish)
     walls = shared_walls(plan).get(pair, [])
-    needed = (
-        OPENING_WIDTH if connection.ConnectionType == "Opening" else DOOR_WIDTH + 2 * DOOR_CLEARANCE
-    ) + INTERIOR_WALL
-    if walls:
-        longest = walls[0].end - walls[0].start
-        reason = (
-            f"they share {longest * UNIT_M:.2f} m of wall, and it takes {needed * UNIT_M:.2f} m"
-            if longest < needed + INTERIOR_WALL
-            else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
-        )
-        rivals = competing_preferences(brief, plan, way_of(brief, pair))
-        return preference.model_copy(update={"outcome": "missed", "reason": f"{reason}; {rivals}"})
-    if together := forbidden_together({each for each, _, _ in brief.requests}, pair):
+    if not walls and (together := forbidden_together({each for each, _, _ in brief.requests}, pair)):
         ways = ", ".join(f"{brief.names[low]} - {brief.names[high]}" for low, high in together)
         reason = (
             f"no plan of rectangular rooms has these {len(together)} ways together, "
             f"while without any one of them the others go together: {ways}"
         )
-        return preference.model_copy(update={"outcome": "contradictory", "reason": reason})
-    reason = f"the two rooms share no wall in this plan; {competing_preferences(brief, plan, way_of(brief, pair))}"
-    return preference.model_copy(update={"outcome": "missed", "reason": reason})
+        return Preference.judged(path, wish, reason, "contradictory")
+    reason = "the two rooms share no wall in this plan"
+    if walls:
+        longest = walls[0].end - walls[0].start
+        least = OPENING_WIDTH if connection.ConnectionType == "Opening" else DOOR_WIDTH + 2 * DOOR_CLEARANCE
+        needed = least + INTERIOR_WALL
+        reason = (
+            f"they share {longest * UNIT_M:.2f} m of wall, and it takes {needed * UNIT_M:.2f} m"
+            if longest < needed + INTERIOR_WALL
+            else f"their shared wall of {longest * UNIT_M:.2f} m has no room for another doorway"
+        )
+    return Preference.judged(path, wish, f"{reason}; {competing_preferences(brief, plan, way_of(brief, pair))}")
 
 
 def _colon(ratio: TemplateAspectRatio) -> str:

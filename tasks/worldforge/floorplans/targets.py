@@ -55,12 +55,12 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
-) -> tuple[PreferenceOutcome, str]:
-    """Outcome of the preferences of a set without rooms: there are none, or other sets have them."""
+) -> tuple[str, PreferenceOutcome]:
+    """Why a set has no rooms, and the outcome of its preferences: there are none, or other sets have them."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet
         preferred = [target] if isinstance(target, str) else target.RoomNames or target.RoomTypes or []
-        return "missed", f"the plan has no room {', '.join(preferred)}"
+        return f"the plan has no room {', '.join(preferred)}", "missed"
     others = sorted({sets[chosen[room.name]].Name for room in wanted})
-    return "contradictory", f"its rooms follow {', '.join(others)}"
+    return f"its rooms follow {', '.join(others)}", "contradictory"

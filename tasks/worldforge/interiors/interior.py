@@ -88,14 +88,8 @@ def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dic
         return []
     short = {name: count for name, count in lying.items() if count < asked}
     found = [f"{name} has place for {count}, on tops and on the floor" for name, count in short.items()]
-    return [
-        Preference(
-            path=f"{_PATH}[{index}].LooseObjects",
-            wish=f"{asked} loose objects in each room of {arrangement.Name}",
-            outcome="missed" if found else "satisfied",
-            reason="; ".join(found),
-        )
-    ]
+    wish = f"{asked} loose objects in each room of {arrangement.Name}"
+    return [Preference.judged(f"{_PATH}[{index}].LooseObjects", wish, "; ".join(found))]
 
 
 def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
@@ -123,14 +117,9 @@ def _bare_preferences(
     lacking = _lacking(work, kinds)
     if not lacking or (arrangement is not None and arrangement.SampleSet is not None):
         return []
-    return [
-        Preference(
-            path=f"{INTERIOR_PATH}.Furniture",
-            wish=f"{' or '.join(lacking)} in {work.room.name}, which is a {work.room.type}",
-            outcome="missed",
-            reason="; ".join(dict.fromkeys(work.missed[kind] for kind in lacking if kind in work.missed)),
-        )
-    ]
+    wish = f"{' or '.join(lacking)} in {work.room.name}, which is a {work.room.type}"
+    reason = "; ".join(dict.fromkeys(work.missed[kind] for kind in lacking if kind in work.missed))
+    return [Preference(path=f"{INTERIOR_PATH}.Furniture", wish=wish, outcome="missed", reason=reason)]
 
 
 def _density(arrangement: FurnitureArrangement | None) -> Density:
@@ -153,18 +142,11 @@ def _preferences(
     bare = kinds is not None and not kinds
     preferences = [] if bare else _density_preferences(arrangement, index, rooms)
     for number, kind in enumerate(kinds or ()):
-        reason = "; ".join(work.missed[kind] for work in rooms if kind in work.missed)
-        outcome = "missed" if reason else "satisfied"
+        reason, outcome = "; ".join(work.missed[kind] for work in rooms if kind in work.missed), "missed"
         if not rooms:
-            outcome, reason = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
-        preferences.append(
-            Preference(
-                path=f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]",
-                wish=f"{kind} in {arrangement.Name}",
-                outcome=outcome,
-                reason=reason,
-            )
-        )
+            reason, outcome = why_unused(arrangement, arrangements, chosen, [work.room for work in done.values()])
+        path = f"{_PATH}[{index}].SampleSet.ModelTypes[{number}]"
+        preferences.append(Preference.judged(path, f"{kind} in {arrangement.Name}", reason, outcome))
     return preferences
 
 
@@ -180,11 +162,5 @@ def _density_preferences(
     ]
     if not rooms or "DesiredSpatialDensity" not in arrangement.model_fields_set:
         return []
-    return [
-        Preference(
-            path=f"{_PATH}[{index}].DesiredSpatialDensity",
-            wish=f"{density} furniture in {arrangement.Name}",
-            outcome="missed" if found else "satisfied",
-            reason="; ".join(found),
-        )
-    ]
+    path = f"{_PATH}[{index}].DesiredSpatialDensity"
+    return [Preference.judged(path, f"{density} furniture in {arrangement.Name}", "; ".join(found))]

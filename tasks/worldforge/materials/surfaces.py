@@ -94,19 +94,12 @@ def _preferences(
         return []
     mine = [room.name for room in rooms if chosen.get(room.name) == index]
     present = {materials[name] for name in mine}
+    missed = f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
+    path = f"{INTERIOR_PATH}.{part}.MaterialSets[{index}].SampleSet.MaterialTypes"
     preferences: list[Preference] = []
     for number, material in enumerate(one_set.SampleSet.MaterialTypes):
-        outcome, reason = "satisfied", ""
+        reason, outcome = "" if material in present else missed, "missed"
         if not mine:
-            outcome, reason = why_unused(one_set, sets, chosen, rooms)
-        elif material not in present:
-            outcome, reason = "missed", f"{len(one_set.SampleSet.MaterialTypes)} materials for {len(mine)} rooms"
-        preferences.append(
-            Preference(
-                path=f"{INTERIOR_PATH}.{part}.MaterialSets[{index}].SampleSet.MaterialTypes[{number}]",
-                wish=f"{material} in {one_set.Name}",
-                outcome=outcome,
-                reason=reason,
-            )
-        )
+            reason, outcome = why_unused(one_set, sets, chosen, rooms)
+        preferences.append(Preference.judged(f"{path}[{number}]", f"{material} in {one_set.Name}", reason, outcome))
     return preferences
