@@ -1,8 +1,14 @@
 """Polygons on the ground, such as the rooms of a floor plan."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from .world import Point
+
+
+def bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
+    """The box around some points: west, south, east and north."""
+    xs, ys = zip(*points, strict=True)
+    return min(xs), min(ys), max(xs), max(ys)
 
 
 def contains(polygon: Sequence[Point], x: float, y: float) -> bool:

@@ -1,13 +1,13 @@
 """Curtains that hang in folds beside windows, and roller blinds where there is no room for them."""
 
 from collections.abc import Iterator, Sequence
-from math import cos, pi, sin
+from math import pi
 from random import Random
 
 from ....schemas.worlds.world import World
 from ..geometry.parts import Color, Span, rgb
 from ..ornaments.forms import Shapes
-from ..ornaments.ornaments import Ornament, color_look
+from ..ornaments.ornaments import Ornament
 from .boxes import covered, free_height
 from .faces import Face, window_heights
 
@@ -54,15 +54,11 @@ def _pair(
     bottom = 0.03 if over == 0.0 else sill - 0.06
     if over > bottom:
         return
-    mesh = shapes.named("curtain", (wide, _DEEP_M, top - bottom))
+    size, yaw = (wide, _DEEP_M, top - bottom), 0.0 if face.along_x else pi / 2
     for index, side in enumerate(spans):
         center, _ = face.box(side, (_OFF_M, _OFF_M), (bottom, top))
-        quat = "" if face.along_x else f"{cos(pi / 4):.6f} 0 0 {sin(pi / 4):.6f}"
-        yield Ornament(f"curtain_{number}_{index}", "mesh", center, (), color_look(color), quat, mesh)
-    center, half = face.box((spans[0][0] - 0.05, spans[1][1] + 0.05), (_OFF_M, _OFF_M), (top, top))
-    length = half[0] if face.along_x else half[1]
-    quat = "0.707107 0 0.707107 0" if face.along_x else "0.707107 0.707107 0 0"
-    yield Ornament(f"curtain_{number}_rod", "cylinder", center, (0.012, length), color_look(_ROD), quat)
+        yield shapes.drawn(f"curtain_{number}_{index}", "curtain", size, center, color, yaw)
+    yield face.rod(f"curtain_{number}_rod", (spans[0][0] - 0.05, spans[1][1] + 0.05), _OFF_M, top, 0.012, _ROD)
 
 
 def _blind(face: Face, number: int, span: Span, world: World, dice: Random) -> Iterator[Ornament]:
@@ -71,12 +67,7 @@ def _blind(face: Face, number: int, span: Span, world: World, dice: Random) -> I
     off = -0.3 * face.wall.thickness_m
     down = dice.choice((0.12, 0.2, 0.32)) * (head - sill)
     sides = (span[0] + 0.01, span[1] - 0.01)
-    center, half = face.box(sides, (off, off), (head - 0.03, head - 0.03))
-    length = half[0] if face.along_x else half[1]
-    quat = "0.707107 0 0.707107 0" if face.along_x else "0.707107 0.707107 0 0"
-    look = color_look(_BLIND)
-    yield Ornament(f"blind_{number}_roll", "cylinder", center, (0.028, length), look, quat)
-    center, half = face.box(sides, (off - 0.003, off + 0.003), (head - down, head - 0.03))
-    yield Ornament(f"blind_{number}_cloth", "box", center, half, look)
-    center, half = face.box(sides, (off - 0.008, off + 0.008), (head - down - 0.02, head - down))
-    yield Ornament(f"blind_{number}_bar", "box", center, half, look)
+    cloth, bar = (off - 0.003, off + 0.003), (off - 0.008, off + 0.008)
+    yield face.rod(f"blind_{number}_roll", sides, off, head - 0.03, 0.028, _BLIND)
+    yield face.bar(f"blind_{number}_cloth", sides, cloth, (head - down, head - 0.03), _BLIND)
+    yield face.bar(f"blind_{number}_bar", sides, bar, (head - down - 0.02, head - down), _BLIND)

@@ -3,11 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.polygons import bounds, contains
 from ....schemas.worlds.world import Room, Wall, Window, World
 from ..geometry.boxes import Box
-from ..geometry.parts import Span, Vector
-from ..ornaments.ornaments import ALONG_X, ALONG_Y
+from ..geometry.parts import Color, Span, Vector
+from ..ornaments.ornaments import ALONG_X, ALONG_Y, CYLINDER_QUAT, Ornament, color_look
 
 WINDOW_SILL_M = 0.9
 WINDOW_HEAD_M = 2.1
@@ -44,6 +44,16 @@ class Face:
             return (middle, across, z), (half, deep, high)
         return (across, middle, z), (deep, half, high)
 
+    def bar(self, name: str, along: Span, off: Span, up: Span, color: Color) -> Ornament:
+        """A box by its distances off the face."""
+        return Ornament(name, "box", *self.box(along, off, up), color_look(color))
+
+    def rod(self, name: str, along: Span, off: float, up: float, radius: float, color: Color) -> Ornament:
+        """A cylinder along the wall."""
+        center, half = self.box(along, (off, off), (up, up))
+        quat = CYLINDER_QUAT["x" if self.along_x else "y"]
+        return Ornament(name, "cylinder", center, (radius, max(half)), color_look(color), quat)
+
     def strip(self, along: Span, near: float, far: float) -> Box:
         """Box between two distances off the face, seen from above."""
         one, other = sorted((self.at + self.inward * near, self.at + self.inward * far))
@@ -52,9 +62,8 @@ class Face:
     @property
     def inner(self) -> Span:
         """As much of it as lies in the room for sure: walls that end in others are longer."""
-        xs, ys = zip(*self.room.polygon, strict=True)
-        along = xs if self.along_x else ys
-        return max(self.span[0], min(along) + _WALL_M), min(self.span[1], max(along) - _WALL_M)
+        low, high = bounds(self.room.polygon)[1 - self.along_x :: 2]
+        return max(self.span[0], low + _WALL_M), min(self.span[1], high - _WALL_M)
 
     @property
     def quat(self) -> str:
@@ -62,8 +71,8 @@ class Face:
         return ALONG_X if self.along_x else ALONG_Y
 
 
-def wall_span(wall: Wall) -> tuple[bool, float, Span]:
-    """Whether a wall runs along x, where its centre line is, and its ends."""
+def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
+    """Whether a wall or a window runs along x, where the wall's centre line is, and its ends."""
     (x0, y0), (x1, y1) = wall.start, wall.end
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))
@@ -87,14 +96,6 @@ def faces(world: World) -> Iterator[Face]:
                     yield Face(number, wall, rooms[name], along_x, face_at, side, span, windows)
 
 
-def window_span(window: Window) -> tuple[bool, float, Span]:
-    """Whether a window runs along x, where its wall's centre line is, and its sides."""
-    (x0, y0), (x1, y1) = window.start, window.end
-    if abs(x1 - x0) >= abs(y1 - y0):
-        return True, y0, (min(x0, x1), max(x0, x1))
-    return False, x0, (min(y0, y1), max(y0, y1))
-
-
 def window_heights(world: World) -> Span:
     """Sill and head of all windows."""
     return WINDOW_SILL_M, min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
@@ -112,7 +113,7 @@ def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
     along_x, at, (low, high) = wall_span(wall)
     found = []
     for number, window in enumerate(world.floorplan.windows):
-        runs, line, span = window_span(window)
+        runs, line, span = wall_span(window)
         same = runs == along_x and abs(line - at) < _SAME_M
         if same and low - _SAME_M <= span[0] and span[1] <= high + _SAME_M:
             found.append((number, span))

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from random import Random
 
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Furniture, World
 from ..furniture.catalogue import styles_of
 from ..geometry.boxes import Box, pose_of
@@ -44,8 +45,8 @@ def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
         else:
             deep, wide = item.depth_m / 2 + 0.6, max(1.0, item.width_m / 2 + 0.45)
             box = pose.box(-deep, deep, -wide, wide)
-        xs, ys = zip(*rooms[item.room].polygon, strict=True)
-        box = _within(box, (min(xs) + 0.2, min(ys) + 0.2, max(xs) - 0.2, max(ys) - 0.2))
+        x0, y0, x1, y1 = bounds(rooms[item.room].polygon)
+        box = _within(box, (x0 + 0.2, y0 + 0.2, x1 - 0.2, y1 - 0.2))
         rim, middle = dice.choice(_RUGS)
         if len(rooms[item.room].polygon) != 4 or min(box[2] - box[0], box[3] - box[1]) < 0.8:
             continue
@@ -99,18 +100,13 @@ def _behind(item: Furniture, faces: Sequence[Face]) -> Face | None:
 
 
 def _cabinet(name: str, face: Face, span: Span, color: Color) -> Iterator[Ornament]:
-    yield _on(f"{name}_body", face, span, (0.0, _UPPER_DEEP_M - 0.02), _UPPER, color)
+    yield face.bar(f"{name}_body", span, (0.0, _UPPER_DEEP_M - 0.02), _UPPER, color)
     doors = 2 if span[1] - span[0] > 0.7 else 1
     wide = (span[1] - span[0]) / doors
     front = (_UPPER_DEEP_M - 0.02, _UPPER_DEEP_M)
     for index in range(doors):
         door = (span[0] + index * wide + 0.004, span[0] + (index + 1) * wide - 0.004)
-        yield _on(f"{name}_door_{index}", face, door, front, (_UPPER[0] + 0.004, _UPPER[1] - 0.004), color)
+        yield face.bar(f"{name}_door_{index}", door, front, (_UPPER[0] + 0.004, _UPPER[1] - 0.004), color)
         at = door[1] - 0.05 if index == 0 else door[0] + 0.05
         handle = (_UPPER_DEEP_M, _UPPER_DEEP_M + 0.012)
-        yield _on(f"{name}_handle_{index}", face, (at - 0.006, at + 0.006), handle, (1.5, 1.64), CHROME)
-
-
-def _on(name: str, face: Face, along: Span, off: Span, up: Span, color: Color) -> Ornament:
-    center, half = face.box(along, off, up)
-    return Ornament(name, "box", center, half, color_look(color))
+        yield face.bar(f"{name}_handle_{index}", (at - 0.006, at + 0.006), handle, (1.5, 1.64), CHROME)

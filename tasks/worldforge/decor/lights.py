@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from math import hypot
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Room, World
 from ..geometry.parts import Vector, rgb
 from ..interiors.placement import room_rects
@@ -48,13 +49,13 @@ def light_lines(world: World) -> Iterator[str]:
 
 def reach_m(world: World) -> float:
     """From the middle of a building to its corners."""
-    xs, ys = zip(*world.floorplan.footprint, strict=True)
-    return hypot(max(xs) - min(xs), max(ys) - min(ys)) / 2
+    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
+    return hypot(x1 - x0, y1 - y0) / 2
 
 
 def _middle(world: World) -> Vector:
-    xs, ys = zip(*world.floorplan.footprint, strict=True)
-    return (min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2, world.floorplan.ceiling_height_m / 2
+    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
+    return (x0 + x1) / 2, (y0 + y1) / 2, world.floorplan.ceiling_height_m / 2
 
 
 def _sun_direction(world: World) -> Vector:

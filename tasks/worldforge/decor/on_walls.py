@@ -9,8 +9,8 @@ from ....schemas.worlds.world import Room, RoomType, World
 from ..geometry.boxes import hits
 from ..geometry.parts import CHROME, MIRROR, WHITE, Color, Span, Vector, rgb
 from ..ornaments.books import book_row
-from ..ornaments.forms import Shapes, turned_quat
-from ..ornaments.ornaments import CYLINDER_QUAT, Ornament, color_look
+from ..ornaments.forms import Shapes
+from ..ornaments.ornaments import Ornament, color_look
 from ..ornaments.things import footprint_m, placed
 from .boxes import Standing, covered
 from .faces import Face
@@ -76,17 +76,6 @@ class _Wall:
         """A point by its distance off the wall."""
         return self.face.box((along, along), (off, off), (up, up))[0]
 
-    def bar(self, name: str, along: Span, off: Span, up: Span, color: Color) -> Ornament:
-        """A box along the wall."""
-        center, half = self.face.box(along, off, up)
-        return Ornament(name, "box", center, half, color_look(color))
-
-    def rail(self, name: str, along: Span, off: float, up: float) -> Ornament:
-        """A rod along the wall."""
-        quat = CYLINDER_QUAT["x" if self.face.along_x else "y"]
-        middle, half = (along[0] + along[1]) / 2, (along[1] - along[0]) / 2
-        return Ornament(name, "cylinder", self.spot(middle, off, up), (0.009, half), color_look(CHROME), quat)
-
 
 Hang = Callable[[str, _Wall, float, Shapes, Random], Iterator[Ornament]]
 
@@ -95,18 +84,18 @@ def _picture(name: str, wall: _Wall, at: float, _: Shapes, dice: Random) -> Iter
     wide, tall = dice.choice(_PICTURE_SIZES)
     frame, scene, share = dice.choice(_FRAMES), dice.choice(_SCENES), dice.choice((0.35, 0.45, 0.6))
     along, up = (at - wide / 2, at + wide / 2), (_EYES_M - tall / 2, _EYES_M + tall / 2)
-    yield wall.bar(f"{name}_frame", along, (0.0, 0.022), up, frame)
-    yield wall.bar(f"{name}_mount", _within(along, 0.025), (0.02, 0.024), _within(up, 0.025), _MOUNT)
+    yield wall.face.bar(f"{name}_frame", along, (0.0, 0.022), up, frame)
+    yield wall.face.bar(f"{name}_mount", _within(along, 0.025), (0.02, 0.024), _within(up, 0.025), _MOUNT)
     along, up = _within(along, 0.075), _within(up, 0.075)
     line = up[0] + share * (up[1] - up[0])
-    yield wall.bar(f"{name}_above", along, (0.022, 0.026), (line, up[1]), scene[0])
-    yield wall.bar(f"{name}_below", along, (0.022, 0.026), (up[0], line), scene[1])
+    yield wall.face.bar(f"{name}_above", along, (0.022, 0.026), (line, up[1]), scene[0])
+    yield wall.face.bar(f"{name}_below", along, (0.022, 0.026), (up[0], line), scene[1])
 
 
 def _mirror(name: str, wall: _Wall, at: float, _: Shapes, dice: Random) -> Iterator[Ornament]:
     along, up = (at - 0.25, at + 0.25), (0.95, 1.95)
-    yield wall.bar(f"{name}_frame", along, (0.0, 0.025), up, dice.choice(_FRAMES))
-    yield wall.bar(f"{name}_glass", _within(along, 0.03), (0.022, 0.028), _within(up, 0.03), MIRROR)
+    yield wall.face.bar(f"{name}_frame", along, (0.0, 0.025), up, dice.choice(_FRAMES))
+    yield wall.face.bar(f"{name}_glass", _within(along, 0.03), (0.022, 0.028), _within(up, 0.03), MIRROR)
 
 
 def _clock(name: str, wall: _Wall, at: float, _: Shapes, dice: Random) -> Iterator[Ornament]:
@@ -115,22 +104,17 @@ def _clock(name: str, wall: _Wall, at: float, _: Shapes, dice: Random) -> Iterat
         center = wall.spot(at, off / 2, middle)
         yield Ornament(f"{name}_{part}", "cylinder", center, (radius, off / 2), color_look(color), quat)
     dark = rgb("25282c")
-    yield wall.bar(f"{name}_minutes", (at - 0.004, at + 0.004), (0.02, 0.025), (middle, middle + 0.1), dark)
-    yield wall.bar(f"{name}_hours", (at, at + 0.07), (0.02, 0.025), (middle - 0.005, middle + 0.005), dark)
+    yield wall.face.bar(f"{name}_minutes", (at - 0.004, at + 0.004), (0.02, 0.025), (middle, middle + 0.1), dark)
+    yield wall.face.bar(f"{name}_hours", (at, at + 0.07), (0.02, 0.025), (middle - 0.005, middle + 0.005), dark)
 
 
 def _shelf(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """A board with things side by side."""
     along = (at - _SHELF_WIDE_M / 2, at + _SHELF_WIDE_M / 2)
-    yield wall.bar(f"{name}_board", along, (0.0, _SHELF_DEEP_M), (_SHELF_M - 0.028, _SHELF_M), dice.choice(_BOARDS))
+    board, bracket = (_SHELF_M - 0.028, _SHELF_M), (_SHELF_M - 0.05, _SHELF_M - 0.028)
+    yield wall.face.bar(f"{name}_board", along, (0.0, _SHELF_DEEP_M), board, dice.choice(_BOARDS))
     for end, side in enumerate((along[0] + 0.1, along[1] - 0.1)):
-        yield wall.bar(
-            f"{name}_bracket_{end}",
-            (side - 0.01, side + 0.01),
-            (0.0, 0.16),
-            (_SHELF_M - 0.05, _SHELF_M - 0.028),
-            CHROME,
-        )
+        yield wall.face.bar(f"{name}_bracket_{end}", (side - 0.01, side + 0.01), (0.0, 0.16), bracket, CHROME)
     left = along[0] + 0.03
     for number, thing in enumerate(_ON_SHELVES.get(wall.face.room.type, _USUALLY_ON_SHELVES)):
         deep, wide = (0.15, 0.32) if thing == "books" else footprint_m(thing)
@@ -146,29 +130,28 @@ def _shelf(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> I
 
 def _coats(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """Hooks on a board, most of them in use."""
-    yield wall.bar(f"{name}_board", (at - 0.45, at + 0.45), (0.0, 0.02), (1.62, 1.74), dice.choice(_BOARDS))
+    yield wall.face.bar(f"{name}_board", (at - 0.45, at + 0.45), (0.0, 0.02), (1.62, 1.74), dice.choice(_BOARDS))
     for hook in range(4):
         place = at - 0.36 + 0.24 * hook
-        yield wall.bar(f"{name}_hook_{hook}", (place - 0.008, place + 0.008), (0.02, 0.07), (1.65, 1.67), CHROME)
+        yield wall.face.bar(f"{name}_hook_{hook}", (place - 0.008, place + 0.008), (0.02, 0.07), (1.65, 1.67), CHROME)
         if hook != 2:
             tall = dice.choice((0.7, 0.85))
-            yield _hung(f"thing_{name}_coat_{hook}", wall, place, 0.06, 1.67, (0.1, 0.23, tall), shapes, dice)
+            yield _hung(f"thing_{name}_coat_{hook}", wall, place, 1.67, (0.1, 0.23, tall), shapes, dice)
 
 
 def _towels(name: str, wall: _Wall, at: float, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
     """Two towels over a rail."""
-    yield wall.rail(f"{name}_rail", (at - 0.45, at + 0.45), 0.06, 1.25)
+    yield wall.face.rod(f"{name}_rail", (at - 0.45, at + 0.45), 0.06, 1.25, 0.009, CHROME)
     for end, side in enumerate((at - 0.44, at + 0.44)):
-        yield wall.bar(f"{name}_end_{end}", (side - 0.01, side + 0.01), (0.0, 0.065), (1.24, 1.26), CHROME)
+        yield wall.face.bar(f"{name}_end_{end}", (side - 0.01, side + 0.01), (0.0, 0.065), (1.24, 1.26), CHROME)
         place = at + (0.5 - end) * 0.42
-        yield _hung(f"thing_{name}_towel_{end}", wall, place, 0.06, 1.265, (0.07, 0.36, 0.55), shapes, dice)
+        yield _hung(f"thing_{name}_towel_{end}", wall, place, 1.265, (0.07, 0.36, 0.55), shapes, dice)
 
 
 def _hung(
-    name: str, wall: _Wall, at: float, off: float, top: float, size: Vector, shapes: Shapes, dice: Random
+    name: str, wall: _Wall, at: float, top: float, size: Vector, shapes: Shapes, dice: Random
 ) -> Ornament:  # fmt: skip
-    look, quat = color_look(dice.choice(_CLOTH)), turned_quat(wall.yaw)
-    return Ornament(name, "mesh", wall.spot(at, off, top - size[2] / 2), (), look, quat, shapes.named("draped", size))
+    return shapes.drawn(name, "draped", size, wall.spot(at, 0.06, top - size[2] / 2), dice.choice(_CLOTH), wall.yaw)
 
 
 _HANGINGS: dict[str, tuple[Hang, float, float]] = {

@@ -12,7 +12,7 @@ import numpy as np
 from ....schemas.worlds.world import Wall, World
 from ..geometry.parts import Color, Span, Vector, rgb
 from ..materials.textures import texture_size_m
-from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, color_look, joined, sheet
+from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, joined, sheet
 from .faces import Face, wall_span, window_heights, windows_in
 
 Rectangle = tuple[float, float, float, float]
@@ -125,8 +125,7 @@ def window_frames(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
     for face in faces:
         for number, span in face.windows:
             for name, along, off, high, color in _bars(face, span, up):
-                center, half = face.box(along, off, high)
-                yield Ornament(f"window_{number}_{name}", "box", center, half, color_look(color))
+                yield face.bar(f"window_{number}_{name}", along, off, high, color)
 
 
 def _bars(face: Face, span: Span, up: Span) -> Iterator[tuple[str, Span, Span, Span, Color]]:

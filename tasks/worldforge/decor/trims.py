@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from ....schemas.worlds.world import World
 from ..geometry.parts import rgb
 from ..materials.materials import surface_finish, surface_name
-from ..ornaments.ornaments import Ornament, color_look
+from ..ornaments.ornaments import Ornament
 from .faces import Face
 
 SKIRTED = ("plain", "stripes", "trellis", "sprigs", "panels")
@@ -28,5 +28,4 @@ def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
         # Casings of doors stand beside the doorway, as far out as the board.
         low, high = low + _CASING_M * (first in ends), high - _CASING_M * (last in ends)
         if high - low > 0.02:
-            center, half = face.box((low, high), (0.0, _THICK_M), (0.0, _HEIGHT_M))
-            yield Ornament(f"skirting_{number}", "box", center, half, color_look(_COLOR))
+            yield face.bar(f"skirting_{number}", (low, high), (0.0, _THICK_M), (0.0, _HEIGHT_M), _COLOR)

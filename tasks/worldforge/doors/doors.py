@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.polygons import bounds, contains
 from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Room, RoomType
+from ..geometry.boxes import Box, strip
 from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_corners
-from .leaves import HANDLE_M, Box, box_between, leaf_outlines, open_box
+from .leaves import HANDLE_M, leaf_outlines, lintel_over, open_box
 
 THICKNESS_M = 0.04
 """Thickness of the leaf, in metres."""
@@ -70,7 +71,7 @@ class Hanging(NamedTuple):
         west, south, east, north = box[0] - x, box[1] - y, box[2] - x, box[3] - y
         # All directions are along axes: two opposite corners say everything.
         one, other = (west * u + south * v, west * p + south * q), (east * u + north * v, east * p + north * q)
-        return box_between(one, other)
+        return bounds((one, other))
 
     def sweeps(self, box: Box, margin: float = 0.0) -> bool:
         """Whether the leaf or its handle passes within a margin of a box."""
@@ -91,7 +92,7 @@ class Hanging(NamedTuple):
     @property
     def open_leaf(self) -> Box:
         """Box of the leaf when it is fully open, handles included."""
-        return box_between(self.at(-HANDLE_M, 0), self.at(THICKNESS_M + HANDLE_M, self.leaf_m))
+        return bounds((self.at(-HANDLE_M, 0), self.at(THICKNESS_M + HANDLE_M, self.leaf_m)))
 
 
 def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
@@ -103,7 +104,7 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
     Returns:
         The plan with doors; for the doorways without one, by their place in `passages`, the reason.
     """
-    walls = [_corners_box(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
+    walls = [bounds(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     doorways = [index for index, passage in enumerate(plan.passages) if passage.kind == "Doorway"]
     options: dict[int, list[Hanging]] = {}
     reasons: dict[int, str] = {}
@@ -113,7 +114,12 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
     passages = list(plan.passages)
     for number, index in enumerate(doorways):
         if index in chosen:
-            door = _door(f"door-{number + 1}", chosen[index], plan.passages[index], _head_m(plan, plan.passages[index]))
+            door = _door(
+                f"door-{number + 1}",
+                chosen[index],
+                plan.passages[index],
+                lintel_over(plan, plan.passages[index]).bottom_m,
+            )
             passages[index] = passages[index].model_copy(update={"door": door})
             del reasons[index]
         else:
@@ -125,7 +131,7 @@ def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
 def _without_cages(plan: Floorplan, reasons: dict[int, str]) -> Floorplan:
     """Takes off doors whose open leaves would together keep a robot out of a room; hardly ever any."""
     doors = [index for index, passage in enumerate(plan.passages) if passage.door]
-    walls = [_corners_box(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
+    walls = [bounds(wall_corners(wall)) for wall in plan.walls if not wall.lintel]
     leaves = [passage.door for passage in plan.passages if passage.door]
     if not any(_overlap(_before_tip(door), wall) for door in leaves for wall in walls):
         return plan
@@ -162,7 +168,7 @@ def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Ha
     """The ways to hang one door, cheapest first; the reason if there is none."""
     passage = plan.passages[index]
     others = [other for number, other in enumerate(plan.passages) if number != index]
-    west, south, east, north = box_between(passage.start, passage.end)
+    west, south, east, north = bounds((passage.start, passage.end))
     reach = passage.width_m + _CORNER_SPAN_M
     near = (west - reach, south - reach, east + reach, north + reach)
     walls = [wall for wall in walls if _overlap(wall, near)]
@@ -184,7 +190,7 @@ def _options(plan: Floorplan, index: int, walls: Sequence[Box]) -> tuple[list[Ha
 def _hangings(plan: Floorplan, passage: Passage, walls: Sequence[Box]) -> list[Hanging]:
     """All four: either jamb, either room."""
     (x0, y0), (x1, y1) = passage.start, passage.end
-    half = _thickness_m(plan, passage) / 2
+    half = lintel_over(plan, passage).thickness_m / 2
     rooms = [room for room in plan.rooms if room.name in passage.rooms]
     larger = max(rooms, key=lambda room: room.area_m2)
     made: list[Hanging] = []
@@ -262,34 +268,9 @@ def _door(identifier: str, hanging: Hanging, passage: Passage, head_m: float) ->
     )
 
 
-def _lintel(plan: Floorplan, passage: Passage) -> tuple[float, float]:
-    """Height of the lintel's lower edge over a doorway, and the wall's thickness."""
-    ends = {passage.start, passage.end}
-    return next(
-        ((wall.bottom_m, wall.thickness_m) for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends),
-        (2.1, 0.1),
-    )
-
-
-def _head_m(plan: Floorplan, passage: Passage) -> float:
-    return _lintel(plan, passage)[0]
-
-
-def _thickness_m(plan: Floorplan, passage: Passage) -> float:
-    return _lintel(plan, passage)[1]
-
-
 def _approach(passage: Passage) -> Box:
     """The place before a way, on both sides."""
-    west, south, east, north = box_between(passage.start, passage.end)
-    if east - west > north - south:
-        return west, south - _APPROACH_M, east, north + _APPROACH_M
-    return west - _APPROACH_M, south, east + _APPROACH_M, north
-
-
-def _corners_box(corners: Sequence[Point]) -> Box:
-    xs, ys = zip(*corners, strict=True)
-    return min(xs), min(ys), max(xs), max(ys)
+    return strip(passage.start, passage.end, _APPROACH_M)
 
 
 def _overlap(one: Box, other: Box) -> bool:
@@ -314,7 +295,7 @@ def _near(one: Hanging, other: Hanging) -> bool:
 
 def _meet(one: Sequence[Point], other: Sequence[Point]) -> bool:
     """Whether two convex polygons overlap: no edge of either separates them."""
-    if not _overlap(_corners_box(one), _corners_box(other)):
+    if not _overlap(bounds(one), bounds(other)):
         return False
     for polygon in (one, other):
         for index in range(len(polygon)):

@@ -2,20 +2,20 @@
 
 from math import cos, sin
 
-from ....schemas.worlds.world import Door, Floorplan, Point
+from ....schemas.worlds.polygons import bounds
+from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Wall
+from ..geometry.boxes import Box
 
 FULLY_OPEN_PERCENT = 100.0
 
 HANDLE_M = 0.06
 """How far handles stand off the leaf."""
 
-Box = tuple[float, float, float, float]
-"""West, south, east, north, metres."""
 
-
-def box_between(one: Point, other: Point) -> Box:
-    """The box with two points as opposite corners."""
-    return min(one[0], other[0]), min(one[1], other[1]), max(one[0], other[0]), max(one[1], other[1])
+def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
+    """The piece of wall over a doorway."""
+    ends = {passage.start, passage.end}
+    return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 
 
 def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
@@ -61,4 +61,4 @@ def _local_box(door: Door, one: Point, other: Point) -> Box:
     into = (-door.swing * along[1], door.swing * along[0])
     (x, y), points = door.hinge, (one, other)
     first, last = ((x + a * along[0] + b * into[0], y + a * along[1] + b * into[1]) for a, b in points)
-    return box_between(first, last)
+    return bounds((first, last))

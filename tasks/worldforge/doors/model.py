@@ -3,8 +3,9 @@
 from collections.abc import Callable, Iterator
 from math import cos, sin
 
-from ....schemas.worlds.world import Door, Floorplan, Wall
+from ....schemas.worlds.world import Door, Floorplan
 from ..furniture.solids import Solid
+from .leaves import lintel_over
 from .parts import FORMS, HANDLE_KG, MASS_KG, door_parts, frame_solids
 
 _FRICTION_NM = 0.4
@@ -45,19 +46,7 @@ def doorframe_solids(plan: Floorplan) -> Iterator[Solid]:
     """The frames of all doors."""
     for number, passage in enumerate(plan.passages):
         if passage.door:
-            yield from frame_solids(number, passage, lintel_over(plan, number))
-
-
-def lintel_over(plan: Floorplan, number: int) -> Wall:
-    """The piece of wall over a doorway.
-
-    Args:
-        plan: the plan.
-        number: the doorway's place in `passages`.
-    """
-    passage = plan.passages[number]
-    ends = {passage.start, passage.end}
-    return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
+            yield from frame_solids(number, passage, lintel_over(plan, passage))
 
 
 def door_lines(plan: Floorplan, write: WriteGeom, *, solid_only: bool = False) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Point
 from .dxf_doors import DoorError, Swing, belongs, doorways
 from .shapes import Drawing, Kind, Label, Shape, kind_of
@@ -207,7 +208,6 @@ def _shape(part: Part, kind: Kind | None = None) -> Shape:
 
 def _box(parts: Sequence[Part], kind: Kind) -> Shape:
     """The extent of a block."""
-    xs, ys = zip(*(point for part in parts for point in part.points), strict=True)
-    west, south, east, north = min(xs), min(ys), max(xs), max(ys)
+    west, south, east, north = bounds(point for part in parts for point in part.points)
     corners = [(west, south), (east, south), (east, north), (west, north)]
     return _shape(parts[0]._replace(points=corners, closed=True, curved=False), kind)

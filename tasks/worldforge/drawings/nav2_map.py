@@ -15,7 +15,7 @@ from scipy import ndimage
 from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point, RoomType
-from ..floorplans.partition import Corners
+from ..floorplans.partition import Corners, extent, turns
 from .outline import outline_of, room_units
 from .shapes import Drawing, Shape
 
@@ -188,21 +188,10 @@ def _straight(corners: Corners, near: int) -> Corners:
         chosen = lines[axis]
         at = one[axis]
         chosen.setdefault(at, next((line for line in sorted(chosen.values()) if abs(line - at) <= near), at))
-    moved = [(lines[0][x], lines[1][y]) for x, y in corners]
-    kept = moved
-    while (fewer := _fewer(kept)) != kept:
+    kept = tuple((lines[0][x], lines[1][y]) for x, y in corners)
+    while (fewer := turns(kept)) != kept:
         kept = fewer
-    return tuple(kept)
-
-
-def _fewer(corners: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Without corners that are doubled or lie on a straight edge."""
-    apart = [corner for index, corner in enumerate(corners) if corner != corners[index - 1]]
-    return [
-        corner
-        for index, corner in enumerate(apart)
-        if not any(apart[index - 1][axis] == corner[axis] == apart[(index + 1) % len(apart)][axis] for axis in (0, 1))
-    ]
+    return kept
 
 
 def _doors(regions: NDArray[np.int64], order: Sequence[int], read: _Map) -> Iterator[tuple[tuple[int, int], Shape]]:
@@ -240,8 +229,8 @@ def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None
 
 def _guess(corners: Corners, place: int, doors: int) -> RoomType:
     """The type of a room by its form and its ways: the notes may know better."""
-    xs, ys = zip(*corners, strict=True)
-    short, long = sorted((max(xs) - min(xs), max(ys) - min(ys)))
+    box = extent(corners)
+    short, long = sorted((box.x1 - box.x0, box.y1 - box.y0))
     if doors >= 3 and (long >= _LONG * short or len(corners) > 4):
         return "Hallway"
     return "Living" if place == 1 else "Bedroom"

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ..floorplans.partition import UNITS_PER_M, Corners, extent
+from ..floorplans.partition import UNITS_PER_M, Corners, area, extent, turns
 from ..floorplans.walls import Piece
 
 Node = tuple[int, int]
@@ -67,17 +67,6 @@ def outline_of(around: Sequence[Step]) -> Corners:
             loop.append(following)
         if not steps[loop[-1]]:
             del steps[loop[-1]]
-        if _doubled_area(loop) > _doubled_area(best):
+        if area(loop) > area(best):
             best = loop
-    turns = [
-        corner
-        for index, corner in enumerate(best)
-        if not (best[index - 1][0] == corner[0] == best[(index + 1) % len(best)][0])
-        and not (best[index - 1][1] == corner[1] == best[(index + 1) % len(best)][1])
-    ]
-    return tuple(turns)
-
-
-def _doubled_area(loop: Sequence[Node]) -> int:
-    following = [*loop[1:], *loop[:1]]
-    return sum(x * v - u * y for (x, y), (u, v) in zip(loop, following, strict=True))
+    return turns(best)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Floorplan, Point, Preference, Room, RoomType
 from ..doors.doors import hang_doors
 from ..floorplans.floorplan import (
@@ -117,8 +118,8 @@ def _room(
     sides = sorted((int(np.ptp(rows)) + 1, int(np.ptp(columns)) + 1)) if len(rows) else [1, 1]
     floor_m2, area_m2 = int(cells.sum()) / UNITS_PER_M**2, units_area(corners)
     desired_m2 = outline_area(drawn.corners)
-    xs, ys = zip(*drawn.corners, strict=True)
-    span = sorted((max(xs) - min(xs), max(ys) - min(ys)))
+    x0, y0, x1, y1 = bounds(drawn.corners)
+    span = sorted((x1 - x0, y1 - y0))
     if not on_faces:  # what was drawn holds the walls' halves
         desired_m2 -= area_m2 - floor_m2
         box = extent(corners)

@@ -5,7 +5,7 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from typing import Literal, NamedTuple
 
-from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.polygons import bounds, contains
 from ....schemas.worlds.world import Point, RoomType
 
 Kind = Literal["room", "door", "opening", "window", "other"]
@@ -57,8 +57,7 @@ class Shape(NamedTuple):
     @property
     def box(self) -> tuple[float, float, float, float]:
         """West, south, east, north."""
-        xs, ys = zip(*self.points, strict=True)
-        return min(xs), min(ys), max(xs), max(ys)
+        return bounds(self.points)
 
 
 class Label(NamedTuple):

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point
 from ..floorplans.brief import EXTERIOR_WALL
-from ..floorplans.partition import UNITS_PER_M, Corners, area
+from ..floorplans.partition import UNITS_PER_M, Corners, area, turns
 
 THICKEST_M = 0.5
 """Gaps up to this between rooms are walls."""
@@ -100,7 +100,7 @@ def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
         (one[1], other[1]) if other[0] else (other[1], one[1])
         for one, other in zip([lines[-1], *lines[:-1]], lines, strict=True)
     ]
-    return tuple(corners) if _signed_area(corners) > 0 else tuple(reversed(corners))
+    return tuple(corners) if area(corners) > 0 else tuple(reversed(corners))
 
 
 def square(outlines: Outlines, on_faces: bool | None) -> Squared:
@@ -123,7 +123,7 @@ def square(outlines: Outlines, on_faces: bool | None) -> Squared:
             tuple((across.get(one, across.get(other, 0)), up.get(one, up.get(other, 0))) for one, other in ends)
         )
     moved = (_went(edges[0], across), _went(edges[1], up))
-    return Squared([_simple(corners) for corners in rooms], moved, faces)
+    return Squared([turns(corners) for corners in rooms], moved, faces)
 
 
 def _edges(outlines: Outlines, axis: int) -> list[Edge]:
@@ -190,27 +190,9 @@ def _went(edges: Sequence[Edge], targets: dict[tuple[int, int], int]) -> Lines:
     return Lines([at for at, _ in went], [made for _, made in went])
 
 
-def _simple(corners: Corners) -> Corners:
-    """Without corners that lie on a straight edge, or on one another."""
-    kept = [corner for index, corner in enumerate(corners) if corner != corners[index - 1]]
-    return tuple(
-        corner
-        for index, corner in enumerate(kept)
-        if not (
-            kept[index - 1][0] == corner[0] == kept[(index + 1) % len(kept)][0]
-            or kept[index - 1][1] == corner[1] == kept[(index + 1) % len(kept)][1]
-        )
-    )
-
-
-def _signed_area(corners: Sequence[Point]) -> float:
-    following = [*corners[1:], corners[0]]
-    return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
-
-
 def outline_area(corners: Sequence[Point]) -> float:
     """Area of an outline in square metres."""
-    return abs(_signed_area(corners))
+    return abs(area(corners))
 
 
 def units_area(corners: Corners) -> float:

@@ -178,9 +178,9 @@ def extent(corners: Sequence[tuple[int, int]]) -> Box:
     return Box(min(xs), min(ys), max(xs), max(ys))
 
 
-def area(corners: Corners) -> float:
-    """Area in square units, by the shoelace formula."""
-    following = (*corners[1:], corners[0])
+def area(corners: Sequence[tuple[float, float]]) -> float:
+    """Area in square units, by the shoelace formula; negative where the corners run clockwise."""
+    following = (*corners[1:], *corners[:1])
     return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
 
 
@@ -278,10 +278,16 @@ def outline(plan: Partition) -> Corners:
     corners = [min(following)]
     while (corner := following[corners[-1]]) != corners[0]:
         corners.append(corner)
+    return turns(corners)
+
+
+def turns(points: Sequence[tuple[int, int]]) -> Corners:
+    """An outline without points that are doubled, or lie on a straight edge."""
+    kept = [point for index, point in enumerate(points) if point != points[index - 1]]
     return tuple(
-        corner
-        for before, corner, after in zip((corners[-1], *corners), corners, (*corners[1:], corners[0]), strict=False)
-        if not (before[0] == corner[0] == after[0] or before[1] == corner[1] == after[1])
+        point
+        for index, point in enumerate(kept)
+        if not any(kept[index - 1][axis] == point[axis] == kept[(index + 1) % len(kept)][axis] for axis in (0, 1))
     )
 
 

@@ -6,7 +6,8 @@ Plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would c
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from ....schemas.worlds.world import Furniture
+from ....schemas.worlds.polygons import bounds
+from ....schemas.worlds.world import Furniture, Point
 
 Box = tuple[float, float, float, float]
 """West, south, east, north, metres."""
@@ -61,6 +62,14 @@ def footprint(pose: Pose, width_m: float, depth_m: float) -> Box:
     """Box that a piece at a pose would cover, with the pose rounded to whole millimetres."""
     pose = Pose(round(pose.x, 3), round(pose.y, 3), pose.quarter)
     return pose.box(-depth_m / 2, depth_m / 2, -width_m / 2, width_m / 2)
+
+
+def strip(start: Point, end: Point, depth_m: float) -> Box:
+    """The strip on both sides of a line along an axis."""
+    x0, y0, x1, y1 = bounds((start, end))
+    if x1 - x0 > y1 - y0:
+        return x0, y0 - depth_m, x1, y1 + depth_m
+    return x0 - depth_m, y0, x1 + depth_m, y1
 
 
 def hits(box: Box, others: Iterable[Box]) -> bool:

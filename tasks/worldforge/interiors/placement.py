@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.polygons import bounds, contains
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall
 from ..doors.leaves import open_box, swept_box
-from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over
+from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over, strip
 from ..geometry.occupancy import wall_corners
 from .ways import Ways
 
@@ -79,8 +79,7 @@ class RoomSpace:
 
     def __init__(self, room: Room, floorplan: Floorplan) -> None:
         self.room = room
-        xs, ys = zip(*room.polygon, strict=True)
-        self.bounds = (min(xs), min(ys), max(xs), max(ys))
+        self.bounds = bounds(room.polygon)
         self.sides = _sides_of(room, floorplan)
         outside = _complement(room)
         walls = _walls_near(self.bounds, floorplan)
@@ -89,7 +88,7 @@ class RoomSpace:
         self._keep = [(-_ORIGIN_HALF_M, -_ORIGIN_HALF_M, _ORIGIN_HALF_M, _ORIGIN_HALF_M)]
         for passage in passages:
             self._keep += _clear_at(passage, room)
-        self._glass = [_around(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
+        self._glass = [strip(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
         self._zones: dict[str, list[Box]] = {}
         leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
         gates = [_gate(room, passage.start, passage.end) for passage in passages]
@@ -190,7 +189,7 @@ def _edges(room: Room) -> list[tuple[Point, Point]]:
 
 def _clear_at(passage: Passage, room: Room) -> list[Box]:
     """Boxes that stay free at a way in: the approach, and the swing of its door."""
-    found = [_around(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
+    found = [strip(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
     if passage.door is not None and passage.door.room == room.name:
         found.append(swept_box(passage.door))
     return found
@@ -231,20 +230,7 @@ def room_rects(room: Room) -> Rects:
     return np.array(rows)
 
 
-def _walls_near(bounds: Box, floorplan: Floorplan) -> list[Box]:
-    near = (bounds[0] - 0.3, bounds[1] - 0.3, bounds[2] + 0.3, bounds[3] + 0.3)
-    found: list[Box] = []
-    for wall in floorplan.walls:
-        if not wall.lintel:
-            xs, ys = zip(*wall_corners(wall), strict=True)
-            found.append((min(xs), min(ys), max(xs), max(ys)))
-    return [box for box in found if hits(near, (box,))]
-
-
-def _around(start: Point, end: Point, depth: float) -> Box:
-    """The strip on both sides of a line along an axis."""
-    x0, x1 = sorted((start[0], end[0]))
-    y0, y1 = sorted((start[1], end[1]))
-    if x1 - x0 > y1 - y0:
-        return x0, y0 - depth, x1, y1 + depth
-    return x0 - depth, y0, x1 + depth, y1
+def _walls_near(box: Box, floorplan: Floorplan) -> list[Box]:
+    near = (box[0] - 0.3, box[1] - 0.3, box[2] + 0.3, box[3] + 0.3)
+    walls = [bounds(wall_corners(wall)) for wall in floorplan.walls if not wall.lintel]
+    return [wall for wall in walls if hits(near, (wall,))]

@@ -28,7 +28,7 @@ from collections.abc import Iterator
 from math import cos, hypot, radians, sin, tan
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
-from ....schemas.worlds.polygons import contains
+from ....schemas.worlds.polygons import bounds, contains
 from ....schemas.worlds.world import Furniture, Room, Wall, World
 from ..decor.decor import Decoration, decorate
 from ..decor.faces import WINDOW_HEAD_M as WINDOW_HEAD_M
@@ -143,11 +143,6 @@ def _text(world: World, made: Decoration, shapes: Shapes | None) -> str:
     return "\n".join([*lines, "  </worldbody>", "</mujoco>", ""])
 
 
-def _extent(world: World) -> tuple[float, float, float, float]:
-    xs, ys = zip(*world.floorplan.footprint, strict=True)
-    return min(xs), min(ys), max(xs), max(ys)
-
-
 def _sky(textured: bool) -> str:
     look = 'builtin="gradient" width="64" height="384" rgb1="0.93 0.95 0.97" rgb2="0.74 0.8 0.86"'
     if textured:
@@ -157,7 +152,7 @@ def _sky(textured: bool) -> str:
 
 def _visual(world: World) -> Iterator[str]:
     lit = APPEARANCES[DAY]
-    x0, y0, x1, y1 = _extent(world)
+    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     height = world.floorplan.ceiling_height_m
     center = _numbers((x0 + x1) / 2, (y0 + y1) / 2, height / 2)
     yield f'  <statistic center="{center}" extent="{_numbers(reach_m(world))}" meansize="0.3"/>'
@@ -191,7 +186,7 @@ def _materials(world: World, textured: bool) -> Iterator[str]:
 
 
 def _cameras(world: World) -> Iterator[str]:
-    x0, y0, x1, y1 = _extent(world)
+    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     x, y = (x0 + x1) / 2, (y0 + y1) / 2
     half = max((y1 - y0) / 2, (x1 - x0) / 2 / _ASPECT) + 0.4
     height = half / tan(radians(_FOVY_DEG / 2)) + world.floorplan.ceiling_height_m

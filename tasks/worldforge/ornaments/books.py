@@ -5,8 +5,8 @@ from random import Random
 
 from ..furniture.solids import turn
 from ..geometry.parts import Vector
-from .forms import Shapes, turned_quat
-from .ornaments import Ornament, color_look
+from .forms import Shapes
+from .ornaments import Ornament
 from .things import SPINES
 
 _THICK_M = (0.026, 0.034, 0.042)
@@ -35,8 +35,7 @@ def book_row(
     while (thick := dice.choice(_THICK_M)) and at + thick <= wide / 2:
         high = max(_STEP_M, int(tall * dice.choice(_HEIGHTS) / _STEP_M) * _STEP_M)
         x, y = -0.01 * dice.randrange(2), at + thick / 2
-        mesh = shapes.named("block", (_DEEP_M, thick - 0.002, high))
         center = (foot[0] + c * x - s * y, foot[1] + s * x + c * y, foot[2] + high / 2)
-        look = color_look(dice.choice(SPINES))
-        yield Ornament(f"{name}_{number}", "mesh", center, (), look, turned_quat(yaw), mesh)
+        size = (_DEEP_M, thick - 0.002, high)
+        yield shapes.drawn(f"{name}_{number}", "block", size, center, dice.choice(SPINES), yaw)
         at, number = at + thick, number + 1

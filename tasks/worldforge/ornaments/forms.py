@@ -7,8 +7,9 @@ from collections.abc import Iterator
 from functools import lru_cache
 from math import cos, sin
 
-from ..geometry.parts import Part, Vector
+from ..geometry.parts import Color, Part, Vector
 from . import shapes
+from .ornaments import Ornament, color_look
 from .shapes import Shape, bevelled, lathed
 
 _ROUNDING_M = 0.012
@@ -102,6 +103,10 @@ class Shapes:
         if name not in self._lines:
             self._lines[name] = _mesh_line(name, form, size)
         return name
+
+    def drawn(self, name: str, form: str, size: Vector, center: Vector, color: Color, yaw: float) -> Ornament:
+        """A shape that is seen somewhere, turned about z."""
+        return Ornament(name, "mesh", center, (), color_look(color), turned_quat(yaw), self.named(form, size))
 
     def lines(self) -> Iterator[str]:
         """All of them as assets of MJCF."""

@@ -8,8 +8,8 @@ from ..furniture.catalogue import parts_of
 from ..furniture.solids import Solid, solids_of
 from ..geometry.parts import Part
 from .books import book_row
-from .forms import Shapes, form_of, turned_quat
-from .ornaments import Ornament, color_look
+from .forms import Shapes, form_of
+from .ornaments import Ornament
 
 
 def shaped(item: Furniture, shapes: Shapes) -> Iterator[tuple[Solid, list[Ornament]]]:
@@ -20,12 +20,7 @@ def shaped(item: Furniture, shapes: Shapes) -> Iterator[tuple[Solid, list[Orname
             continue
         form = form_of(item.model_type, part)
         name = f"{solid.name}_seen" if part.solid else solid.name
-        yield solid, [_as(form, name, item, part, solid, shapes)] if form else []
-
-
-def _as(form: str, name: str, item: Furniture, part: Part, solid: Solid, shapes: Shapes) -> Ornament:
-    look, mesh = color_look(part.color), shapes.named(form, part.size)
-    return Ornament(name, "mesh", solid.center, (), look, turned_quat(item.yaw), mesh)
+        yield solid, [shapes.drawn(name, form, part.size, solid.center, part.color, item.yaw)] if form else []
 
 
 def _books(item: Furniture, part: Part, solid: Solid, shapes: Shapes) -> Iterator[Ornament]:

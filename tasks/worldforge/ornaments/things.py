@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from random import Random
 
 from ..geometry.parts import CERAMIC, CHROME, STEEL, WHITE, Color, Vector, rgb
-from .forms import Shapes, turned_quat
-from .ornaments import Ornament, color_look
+from .forms import Shapes
+from .ornaments import Ornament
 
 _LEAF, _DARK_LEAF, _CLAY = rgb("5f8a56"), rgb("47714a"), rgb("b5694a")
 _CLOTH = (rgb("d8d2c4"), rgb("7f9aa8"), rgb("b98a7a"), rgb("8fa58b"), rgb("c9b079"))
@@ -101,6 +101,5 @@ def placed(
     """A thing as geoms; the first has its name, others are numbered."""
     for index, piece in enumerate(THINGS[thing]):
         center = (spot[0], spot[1], spot[2] + piece.up + piece.size[2] / 2)
-        look, quat = color_look(dice.choice(piece.colors)), turned_quat(yaw + piece.turn)
-        mesh = shapes.named(piece.form, piece.size)
-        yield Ornament(name if index == 0 else f"{name}_{index}", "mesh", center, (), look, quat, mesh)
+        numbered, color = name if index == 0 else f"{name}_{index}", dice.choice(piece.colors)
+        yield shapes.drawn(numbered, piece.form, piece.size, center, color, yaw + piece.turn)

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ....schemas.worlds.polygons import contains
 from ....schemas.worlds.world import Furniture, Point, Room
 
 NAME_PX = 15
@@ -89,7 +90,7 @@ def widest_box(room: Room) -> Box:
     gaps = [
         ((x0 + x1) / 2, (y0 + y1) / 2)
         for (x0, x1), (y0, y1) in product(pairwise(xs), pairwise(ys))
-        if not _inside(room.polygon, ((x0 + x1) / 2, (y0 + y1) / 2))
+        if not contains(room.polygon, (x0 + x1) / 2, (y0 + y1) / 2)
     ]
     boxes = [
         (x0, y0, x1, y1)
@@ -98,12 +99,3 @@ def widest_box(room: Room) -> Box:
         if x0 < x1 and y0 < y1 and not any(x0 < x < x1 and y0 < y < y1 for x, y in gaps)
     ]
     return max(boxes, key=lambda box: (box[2] - box[0]) * (box[3] - box[1]))
-
-
-def _inside(polygon: list[Point], point: Point) -> bool:
-    """Whether an eastward ray from the point crosses the polygon's border an odd number of times."""
-    x, y = point
-    crossings = 0
-    for (x0, y0), (_, y1) in pairwise([*polygon, polygon[0]]):
-        crossings += x < x0 and min(y0, y1) <= y < max(y0, y1)
-    return crossings % 2 == 1

@@ -14,6 +14,7 @@ from html import escape
 from math import degrees, hypot
 from re import sub
 
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Floorplan, Furniture, Passage, Point, Room, Wall, Window, World
 from ..decor.faces import walls_of_windows
 from .plan_doors import DARK_DOOR_STYLE, DOOR_STYLE, door_svg
@@ -132,8 +133,8 @@ def _thickness(plan: Floorplan) -> float:
 
 def _sheet(plan: Floorplan) -> _Sheet:
     half = _thickness(plan) / 2
-    xs, ys = zip(*plan.footprint, strict=True)
-    west, east, south, north = min(xs) - half, max(xs) + half, min(ys) - half, max(ys) + half
+    x0, y0, x1, y1 = bounds(plan.footprint)
+    west, south, east, north = x0 - half, y0 - half, x1 + half, y1 + half
     scale = min(_MAX_SCALE_PX, _LONGEST_SIDE_PX / max(east - west, north - south))
     drawn_width, drawn_height = (east - west) * scale, (north - south) * scale
     width = max(_MIN_WIDTH_PX, drawn_width + 2 * _MARGIN_PX)

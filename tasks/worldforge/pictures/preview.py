@@ -11,10 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
 
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Wall, Window, World
 from ..decor.faces import walls_of_windows
 from ..doors.model import cut_door_solids
 from ..furniture.solids import Solid, solids_of, turn
+from ..geometry.boxes import strip
 from ..geometry.parts import Color, Vector, rgb
 from ..interiors.placement import room_rects
 from ..materials.materials import surface_name
@@ -63,21 +65,16 @@ def render_preview(world: World) -> bytes:
     _lay_patterns(raster, palette, colors)
     _draw_outlines(raster, colors)
     reduced = np.asarray(PilImage.fromarray(colors).reduce(_SUPERSAMPLING))
-    light = _light(raster, palette, LightMap.of(blocks, _extent(world)))
+    light = _light(raster, palette, LightMap.of(blocks, bounds(world.floorplan.footprint)))
     picture = PilImage.fromarray((reduced * light[..., None]).astype(np.uint8))
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", compress_level=2)
     return buffer.getvalue()
 
 
-def _extent(world: World) -> tuple[float, float, float, float]:
-    xs, ys = zip(*world.floorplan.footprint, strict=True)
-    return min(xs), min(ys), max(xs), max(ys)
-
-
 def _view(world: World) -> View:
     """The whole building, as large as it fits."""
-    x0, y0, x1, y1 = _extent(world)
+    x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     unit = View(_AZIMUTH_DEG, _ELEVATION_DEG, 1.0, (0.0, 0.0), (1, 1))
     wall = 0.15
     corners = [
@@ -130,14 +127,9 @@ def _draw_wall(wall: Wall, top_m: float, world: World, raster: Raster, palette: 
 
 
 def _draw_window(window: Window, wall: Wall, world: World, raster: Raster, palette: Palette) -> None:
-    half = wall.thickness_m / 2 + 0.012
-    x0, x1 = sorted((window.start[0], window.end[0]))
-    y0, y1 = sorted((window.start[1], window.end[1]))
-    along_x = x1 - x0 > y1 - y0
-    low = (x0, y0 - half) if along_x else (x0 - half, y0)
-    high = (x1, y1 + half) if along_x else (x1 + half, y1)
+    x0, y0, x1, y1 = strip(window.start, window.end, wall.thickness_m / 2 + 0.012)
     top = _top_m(wall, world) + 0.012
-    _draw_box(raster, palette, (*low, top - 0.35), (*high, top), _GLASS, {})
+    _draw_box(raster, palette, (x0, y0, top - 0.35), (x1, y1, top), _GLASS, {})
 
 
 def _draw_solid(solid: Solid, raster: Raster, palette: Palette) -> None:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from ....schemas.worlds.checks import PreferenceCount, RoomMeasures, RoomWay, WorldChecks
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Floorplan, Passage, Room, World
 from ..doors.leaves import FULLY_OPEN_PERCENT, leaf_outlines
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
@@ -179,8 +180,8 @@ def _gap(passage: Passage, plan: Floorplan) -> float:
 
 
 def _aspect(plan: Floorplan) -> float:
-    xs, ys = zip(*plan.footprint, strict=True)
-    return round((max(xs) - min(xs)) / (max(ys) - min(ys)), 4)
+    x0, y0, x1, y1 = bounds(plan.footprint)
+    return round((x1 - x0) / (y1 - y0), 4)
 
 
 def _preferences(world: World) -> PreferenceCount:

@@ -13,6 +13,7 @@ from typing import Any
 from markupsafe import Markup
 from trimesh import resources
 
+from ....schemas.worlds.polygons import bounds
 from ....schemas.worlds.world import Room, World
 from ..bundle.bundle import read_world
 from ..exports.glb import world_glb
@@ -83,22 +84,22 @@ def _verdict(world: World) -> dict[str, Any]:
 
 
 def _room(room: Room) -> dict[str, Any]:
-    xs, ys = zip(*room.polygon, strict=True)
+    west, south, east, north = bounds(room.polygon)
     return {
         "name": room.original_name or room.name,
         "area_m2": room.floor_m2,
         "x": room.goal[0],
         "y": room.goal[1],
-        "west": min(xs),
-        "east": max(xs),
-        "south": min(ys),
-        "north": max(ys),
+        "west": west,
+        "east": east,
+        "south": south,
+        "north": north,
     }
 
 
 def _bounds(world: World) -> tuple[list[float], list[float]]:
     """West, floor, north and east, ceiling, south as the page has them: y up, z south."""
-    xs, ys = zip(*world.floorplan.footprint, strict=True)
+    west, south, east, north = bounds(world.floorplan.footprint)
     wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2
-    low = [min(xs) - wall, 0.0, -max(ys) - wall]
-    return low, [max(xs) + wall, world.floorplan.ceiling_height_m, wall - min(ys)]
+    low = [west - wall, 0.0, -north - wall]
+    return low, [east + wall, world.floorplan.ceiling_height_m, wall - south]
