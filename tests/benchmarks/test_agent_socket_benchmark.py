@@ -40,7 +40,7 @@ from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
@@ -56,12 +56,13 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+
 
 with connect() as simulation:
     world_dir = pathlib.Path(simulation.hello["world_dir"])
     world = World.model_validate_json((world_dir / "world.json").read_bytes())
-    context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=NullRecorder())
+    context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=Recorder())
     simulation.run(make_agent(context, simulation))
 """
 ECHO = """
@@ -117,7 +118,7 @@ class Stopwatch:
 
 def run(make_environment: Callable[[], Any], make_agent: Callable[[Any], Any]) -> tuple[Episode, Laps]:
     watch = Stopwatch()
-    episode = run_episode(make_environment, make_agent, mark=watch.mark, stop=Going(), recorder=NullRecorder())
+    episode = run_episode(make_environment, make_agent, mark=watch.mark, stop=Going(), recorder=Recorder())
     return episode, watch.laps()
 
 
@@ -174,7 +175,7 @@ def make_context(tmp_path: Path, world_dir: Path | None = None) -> SimulationCon
     )  # fmt: skip
     return SimulationContext(
         plan=plan, rng=np.random.default_rng(1), world=read_world(world_dir) if world_dir else None,
-        world_dir=world_dir, data_dir=None, output_dir=tmp_path, environment={}, recorder=NullRecorder(),
+        world_dir=world_dir, data_dir=None, output_dir=tmp_path, environment={}, recorder=Recorder(),
     )  # fmt: skip
 
 

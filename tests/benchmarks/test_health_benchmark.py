@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
@@ -57,15 +57,13 @@ def test_health_beside_a_step(tmp_path: Path) -> None:
     quickstart = YAML(typ="safe").load((REPOSITORY / "deployments" / "specs" / "quickstart.yaml").read_text())
     body = WorldTemplateBody.model_validate(quickstart["steps"]["template"]["input"]["templateBody"])
     write_bundle(generate_world(body, *seeds_for(7, 0, 0)), folder)
-    task = NavigationTask(read_world(folder), SCOUT, np.random.default_rng(1), NullRecorder(), 1e6)
+    task = NavigationTask(read_world(folder), SCOUT, np.random.default_rng(1), Recorder(), 1e6)
     flat = IndoorNavigation(assemble(folder / "world.xml", SCOUT), task, SCOUT)
     flat.reset()
     report("Scout in a flat", flat, np.array([0.1, 0.1]))
 
     swinger = _swinger()
-    context = SimpleNamespace(
-        rng=np.random.default_rng(1), recorder=NullRecorder(), environment={"TIME_LIMIT_S": "1e6"}
-    )
+    context = SimpleNamespace(rng=np.random.default_rng(1), recorder=Recorder(), environment={"TIME_LIMIT_S": "1e6"})
     pendulum = swinger.make_environment(context)
     pendulum.reset()
     report("a pendulum", pendulum, np.array([0.1]))

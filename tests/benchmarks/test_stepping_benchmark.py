@@ -37,7 +37,8 @@ from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT
 from prefect_robomaker.tasks.runtime.robots.walker import WALKER
@@ -126,9 +127,7 @@ class Witness:
         return [None if is_same else each for each, is_same in zip(self.controls, same, strict=True)]
 
 
-def run_job(
-    folder: Path, robot: Robot, recorder: McapRecorder | NullRecorder, watchers: tuple[Witness, ...] = ()
-) -> Laps:
+def run_job(folder: Path, robot: Robot, recorder: Recorder, watchers: tuple[Witness, ...] = ()) -> Laps:
     """Drives a robot through the world as a job's process does; returns the CPU seconds of the laps of its loop."""
     plan = RunPlan(
         job_id="sim-1", job_arn="arn", run_id="run-1", seed=1, max_duration_s=600.0, world_dir=folder,
@@ -210,12 +209,12 @@ def test_job_against_physics_alone(
     assert robot.lidar is not None
     robot = replace(robot, lidar=replace(robot.lidar, rate_hz=scans_hz))
     witness = Witness()
-    run_job(folder, robot, NullRecorder(), (witness,))
+    run_job(folder, robot, Recorder(), (witness,))
     physics, sensors, silent, recorded = [], [], [], []
     for number in range(ROUNDS):
         physics.append(step_only(witness))
         sensors.append(step_only(witness, sensors=True))
-        silent.append(run_job(folder, robot, NullRecorder()))
+        silent.append(run_job(folder, robot, Recorder()))
         recorded.append(run_job(folder, robot, McapRecorder(tmp_path / f"{number}.mcap")))
     count = len(witness.controls) * CONTACT_SAMPLE_STEPS // SUBSTEPS
     loop, rays, job, job_recorded = (

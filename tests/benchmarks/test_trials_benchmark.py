@@ -28,7 +28,7 @@ from prefect_robomaker.tasks.runtime.process.attempt import applications_of, con
 from prefect_robomaker.tasks.runtime.process.run_request import RunRequest
 from prefect_robomaker.tasks.runtime.process.trial_runs import run_trials
 from prefect_robomaker.tasks.runtime.process.trial_stage import renews
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
@@ -77,7 +77,7 @@ def bare_loop(plan: RunPlan, trials: Trials) -> int:
     agent: Any = None
     for number in range(trials.count):
         rng = np.random.default_rng(trials.trial(number, plan.seed).seed)
-        context, robot_context = contexts_of(plan, rng, world, NullRecorder())
+        context, robot_context = contexts_of(plan, rng, world, Recorder())
         if renews(environment):
             environment.renew(context)
         else:

@@ -22,7 +22,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION
@@ -69,7 +69,7 @@ def test_scout_drives_through_it(earlier: Path, tmp_path: Path) -> None:
     )  # fmt: skip
     context = SimulationContext(
         plan=plan, rng=np.random.default_rng(3), world=read_world(earlier), world_dir=earlier, data_dir=None,
-        output_dir=tmp_path, environment={}, recorder=NullRecorder(),
+        output_dir=tmp_path, environment={}, recorder=Recorder(),
     )  # fmt: skip
     before = content_hash(earlier)
     environment = make_environment(context)

@@ -9,7 +9,7 @@ import dm_env
 from ....schemas.runs.plan import RecordedActions
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import ActionError, SimulationContext
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..episode.stops import RunEnded
 from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
 from .agent_client import ACTION_HEADER
@@ -21,7 +21,7 @@ _INVALID = "InvalidInput"
 _NO_NUMBER = ACTION_HEADER.pack(0)
 
 
-class RecordedRobot:
+class RecordedRobot(Observer):
     """The robot's side of a rerun: repeats a program's actions, in place of a `remote_robot.RemoteRobot`."""
 
     next_time_s = math.inf
@@ -79,9 +79,6 @@ class RecordedRobot:
 
     def actions(self) -> None:
         """Records no actions in a rerun."""
-
-    def watch(self, environment: Any, time_s: float) -> None:
-        """Never called: there is nothing to look at."""
 
     def close(self, ended_by: str | None) -> Findings:
         """Returns what the result says about the robot."""

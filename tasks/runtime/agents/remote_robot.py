@@ -12,7 +12,7 @@ from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import SimulationContext
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..episode.stops import RunStopped
 from .action_log import ACTIONS_FILE, header_of
 from .action_log_writer import ActionRecorder
@@ -29,7 +29,7 @@ _INVALID = "InvalidInput"
 _FAILED = "the run failed; the reason is the job's failureReason"
 
 
-class RemoteRobot:
+class RemoteRobot(Observer):
     """The robot's side of a run whose robot application is a program.
 
     It listens from the beginning, and is told of the end as an observer of the run (`observers.Observer`).
@@ -104,9 +104,6 @@ class RemoteRobot:
     def actions(self) -> ActionsSummary | None:
         """Summary of the log of actions; None until the end, and when there is no log."""
         return self._keeper.summary if self._keeper is not None else None
-
-    def watch(self, environment: Any, time_s: float) -> None:
-        """Never called: there is nothing to look at besides what the agent is shown."""
 
     def close(self, ended_by: str | None) -> Findings:
         """Tells the robot how the run ended, and closes everything.

@@ -16,7 +16,7 @@ from dm_control.rl.control import PhysicsError
 from ....schemas.runs.plan import Requirement
 from .contact_forces import floor_geoms
 from .physics import raw_physics
-from .results import Findings
+from .results import Findings, Observer
 from .robot_body import robot_bodies, robot_body
 
 LOOK_EVERY_STEPS = 50
@@ -49,7 +49,7 @@ class _First:
         return f"{self.text}, first in step {self.step}, at {self.time_s:.3f} s"
 
 
-class PhysicsHealth:
+class PhysicsHealth(Observer):
     """Watches each step of a run; what it finds is part of the verdict (see `verdicts`).
 
     It looks after every step, whatever the simulated time does.

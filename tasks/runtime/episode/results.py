@@ -77,6 +77,39 @@ class Findings:
     """Digest of the run's states."""
 
 
+class Observer:
+    """Looks at the physics of a run from time to time, and says at the end what it found.
+
+    It must not change the run: with and without it, the same seed gives the same states.
+    """
+
+    next_time_s: float = 0.0
+    """Simulated time at which it wants to look next."""
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Look, and move `next_time_s` on.
+
+        Raises:
+            RunEnded: The run is to end now.
+        """
+
+    def close(self, ended_by: str | None) -> Findings:  # noqa: ARG002 - for those who need it
+        """Finish its files and return what it found; called once, also when the run failed.
+
+        Args:
+            ended_by: The cause of the run's end; None when it failed.
+        """
+        return Findings()
+
+    def state(self) -> Any:
+        """Return all that counts from here on, for a checkpoint; files it writes hold everything so far."""
+        return self.next_time_s
+
+    def restore(self, state: Any, environment: Any) -> None:  # noqa: ARG002 - for those who need it
+        """Continue from where `state` was taken, in a new process; what its files have beyond is cut off."""
+        self.next_time_s = state
+
+
 @dataclass(frozen=True)
 class Episode:
     """How a run's loop ended, before it is written down."""
@@ -101,6 +134,9 @@ class Episode:
 
     unanswered: str = ""
     """Says who did not answer at the duration limit and had to be interrupted; empty: everything answered."""
+
+    records_itself: bool = False
+    """Whether the environment says that it records its clock and joints, so that nothing else does."""
 
 
 def read_report(environment: object) -> EnvironmentReport:

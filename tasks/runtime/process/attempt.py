@@ -17,17 +17,17 @@ from ..episode.context import SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import load_factory
 from ..episode.progress import Phase, Progress
-from ..episode.results import Episode, ReportingEnvironment, make_result, write_result
+from ..episode.results import Episode, Findings, Observer, ReportingEnvironment, make_result, write_result
 from ..episode.stops import Stop
-from ..recording.recording import McapRecorder, NullRecorder, RecordingError
+from ..recording.recorder import Recorder
+from ..recording.recording import McapRecorder, RecordingError
 from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder
-from ..video.camera_recorder import CameraRecorder
+from ..video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
 from ..video.recorded_camera_settings import camera_recording
 from .failures import report_of
 from .loop import run_episode
-from .observers import Observer, make_observers
-from .own_recording import OwnRecording
+from .observers import make_observers
 from .run_request import RunRequest
 
 RECORDING_FILE = "recording.mcap"
@@ -39,6 +39,9 @@ BUILT_IN_ENVIRONMENT = ApplicationPlan(
 BUILT_IN_AGENT = ApplicationPlan(
     role="robot", name="scout", attribute="prefect_robomaker.tasks.runtime.applications.scout.make_agent"
 )
+
+_OF_THE_CAMERA = {TOPIC, INFO_TOPIC, "/tf_static"}
+"""Topics that a run writes for an environment; a camera that moves has `/tf` too, which may be the environment's."""
 
 
 def seed_globals(seed: int) -> None:
@@ -63,16 +66,16 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     rng = np.random.default_rng(plan.seed)
     checkpoints = Checkpointer(plan, rng) if plan.checkpoint_dir and plan.checkpoint_every_s else None
     resumes = checkpoints is not None and checkpoints.resumes
-    recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else NullRecorder()
+    recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else Recorder()
     remote = _remote_robot(plan, stop)
     observers = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
     if camera := camera_recording(plan):
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
-    health, own = PhysicsHealth(), OwnRecording(recorder)
+    health = PhysicsHealth()
     try:
-        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints, own)
+        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints)
     except BaseException as error:
         for observer in observers:
             if isinstance(observer, FailureRecorder) and (where := observer.explain()):
@@ -91,25 +94,36 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     progress.mark(Phase.FINISHING)
     findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
     recorder.close()
-    write_result(make_result(episode, plan.seed, [*findings, own.findings()]), plan.output_dir)
+    write_result(make_result(episode, plan.seed, [*findings, recording_findings(episode, recorder)]), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
+
+
+def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
+    """Note where an environment says that it records itself, so that nothing else did, and has not.
+
+    Args:
+        episode: How the run ended.
+        recorder: The recording, which is closed.
+    """
+    if not (episode.records_itself and recorder.enabled) or recorder.topics - _OF_THE_CAMERA:
+        return Findings()
+    return Findings(notes=["the environment says records_itself, and wrote nothing to the recording"])
 
 
 def _run(
     plan: RunPlan,
     rng: np.random.Generator,
-    recorder: McapRecorder | NullRecorder,
+    recorder: Recorder,
     progress: Progress,
     stop: Stop,
     watched: tuple[PhysicsHealth, Sequence[Observer]],
     remote: RemoteRobot | RecordedRobot | None,
     checkpoints: Checkpointer | None,
-    own: OwnRecording,
 ) -> Episode:
     simulation, robot = applications_of(plan)
     context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
     return run_episode(
-        lambda: own.look_at(watched_environment(factory_of(simulation)(context), progress)),
+        lambda: watched_environment(factory_of(simulation)(context), progress),
         lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
         mark=progress.mark,
         count_step=progress.count_step,
@@ -129,7 +143,7 @@ def watched_environment(environment: Any, progress: Progress) -> Any:
 
 
 def contexts_of(
-    plan: RunPlan, rng: np.random.Generator, world: World | None, recorder: McapRecorder | NullRecorder
+    plan: RunPlan, rng: np.random.Generator, world: World | None, recorder: Recorder
 ) -> tuple[SimulationContext, SimulationContext]:
     """Returns the contexts for the factories of environment and agent.
 

@@ -3,15 +3,15 @@
 from typing import Any
 
 from ..episode.physics import raw_physics
+from ..episode.results import Observer
 from ..recording.recorder import Recorder
 from ..recording.state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 
 
-class JointStateWatcher:
+class JointStateWatcher(Observer):
     """Records `/clock` and `/joint_states` for environments that record nothing themselves."""
 
     def __init__(self, recorder: Recorder) -> None:
-        self.next_time_s = 0.0
         self._recorder = recorder
         self._series: StateSeries | None = None
 
@@ -28,12 +28,3 @@ class JointStateWatcher:
         series.sample(self._recorder)
         # From now rather than from the time it was due: control steps may be longer than the interval.
         self.next_time_s = time_s + 1.0 / STATE_RATE_HZ
-
-    def state(self) -> float:
-        """See `checkpoints.ResumableObserver`."""
-        return self.next_time_s
-
-    def restore(self, state: float, environment: Any) -> None:
-        """See `checkpoints.ResumableObserver`."""
-        del environment
-        self.next_time_s = state

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from typing import Any, Protocol
+from typing import Any
 
 import dm_env
 import numpy as np
@@ -12,28 +12,13 @@ from ....schemas.runs.stops import RunStop
 from ..episode.context import ActionError, ObservationError
 from ..episode.health import PhysicsHealth
 from ..episode.progress import Phase, unanswered
-from ..episode.results import EnvironmentReport, Episode, ReportingEnvironment, read_report
+from ..episode.results import EnvironmentReport, Episode, Observer, ReportingEnvironment, read_report
 from ..episode.stops import RunEnded, RunStopped, Stop
 from ..recording.recorder import Recorder
 from ..states.checkpoints import Checkpointer, LoopState, RunParts
 from .joint_states import JointStateWatcher
 
 Agent = Callable[[dm_env.TimeStep], Any]
-
-
-class PhysicsWatcher(Protocol):
-    """An observer of the physics at intervals, such as the video."""
-
-    next_time_s: float
-    """Simulated time at which it wants to look next."""
-
-    def watch(self, environment: Any, time_s: float) -> None:
-        """Looks, and moves `next_time_s` on.
-
-        Raises:
-            RunEnded: The run is to end now.
-        """
-        ...
 
 
 def run_episode(
@@ -43,7 +28,7 @@ def run_episode(
     mark: Callable[[int], None],
     stop: Stop,
     recorder: Recorder,
-    watchers: Sequence[PhysicsWatcher] = (),
+    watchers: Sequence[Observer] = (),
     health: PhysicsHealth | None = None,
     checkpoints: Checkpointer | None = None,
     keep_open: bool = False,
@@ -222,7 +207,8 @@ class _Loop:
         judges = isinstance(environment, ReportingEnvironment)
         is_cut = self.interrupted is not None and self._stop.reason == RunStop.DURATION_LIMIT
         silence = unanswered(self.interrupted, self._steps, time_s) if is_cut and self.interrupted else ""
-        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence)
+        records = bool(getattr(environment, "records_itself", False))
+        return Episode(self.ended_by, report, self._steps, time_s, self._wall_time_s, judges, silence, records)
 
 
 def _has_bad_numbers(action: Any) -> bool:
@@ -252,7 +238,7 @@ def _shown(value: object) -> str:
 class _SimulatedClock:
     """Follows the time of an environment's physics, if it has one."""
 
-    def __init__(self, environment: Any, watchers: Sequence[PhysicsWatcher]) -> None:
+    def __init__(self, environment: Any, watchers: Sequence[Observer]) -> None:
         self.time_s = 0.0
         self._environment = environment
         self._watchers = watchers

@@ -1,15 +1,10 @@
-"""Observers of a run: video, requirements, log of states.
+"""Observers of a run: provenance, video, requirements, log of states (see `results.Observer`)."""
 
-An observer looks at the physics from time to time and says at the end what it found. It must not change
-the run: with and without it, the same seed gives the same states.
-"""
-
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from collections.abc import Sequence
+from typing import Any
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
-from ..episode.results import Findings
+from ..episode.results import Observer
 from ..episode.stops import RunEnded
 from ..requirements.observer import RequirementsObserver
 from ..states.failure_state import FailureRecorder
@@ -22,115 +17,16 @@ from ..video.video_settings import settings_of
 from .path_note import PathNote
 
 
-class Observer(Protocol):
-    """A watcher of the run's loop (see `loop.PhysicsWatcher`) with something to say at its end."""
-
-    next_time_s: float
-    """Simulated time at which it wants to look next."""
-
-    def watch(self, environment: Any, time_s: float) -> None:
-        """Looks, and moves `next_time_s` on.
-
-        Raises:
-            RunEnded: The run is to end now.
-        """
-        ...
-
-    def close(self, ended_by: str | None) -> Findings:
-        """Finishes its files and returns what it found.
-
-        Called once, also when the run failed.
-
-        Args:
-            ended_by: What ended the run; None when it failed.
-        """
-        ...
-
-
-class EndAt:
+class EndAt(Observer):
     """Ends a rerun where the first run was stopped from outside."""
 
     def __init__(self, time_s: float) -> None:
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Ends the run, like the run that is repeated."""
+        """End the run, like the run that is repeated."""
         del environment, time_s
         raise RunEnded("duration limit")
-
-    def state(self) -> None:
-        """Has nothing to keep."""
-
-    def restore(self, state: None, environment: Any) -> None:
-        """Has nothing to put back."""
-
-    def close(self, ended_by: str | None) -> Findings:
-        """Has found nothing."""
-        del ended_by
-        return Findings()
-
-
-@dataclass(frozen=True)
-class _Watched:
-    """Parts of the run that observers are made from; see `make_observers`."""
-
-    plan: RunPlan
-    video_backend: str | None
-    applications: Sequence[ApplicationPlan]
-    actions: Actions | None
-
-
-def _provenance(run: _Watched) -> Observer:
-    return ProvenanceRecorder(run.plan, run.applications, run.actions)
-
-
-def _failure_state(run: _Watched) -> Observer:
-    return FailureRecorder(run.plan.output_dir)
-
-
-def _state_log(run: _Watched) -> Observer | None:
-    """For videos that are made afterwards (`failure_videos`), too."""
-    if run.plan.video == "none":
-        return None
-    return StateLogger(run.plan.work_dir / STATE_LOG_FOLDER, settings_of(run.plan).rate_hz)
-
-
-def _video(run: _Watched) -> Observer | None:
-    if run.plan.video != "always":
-        return None
-    return VideoWatcher(run.plan.output_dir, run.video_backend, settings_of(run.plan))
-
-
-def _requirements(run: _Watched) -> Observer:
-    return RequirementsObserver(run.plan)
-
-
-def _live_view(run: _Watched) -> Observer | None:
-    if run.plan.live_view_port is None:
-        return None
-    return LiveView(run.plan, run.video_backend, settings_of(run.plan))
-
-
-def _path_note(run: _Watched) -> Observer | None:
-    """For plans of worlds with the path so far."""
-    return None if run.plan.world_dir is None else PathNote(run.plan.work_dir)
-
-
-def _end(run: _Watched) -> Observer | None:
-    return None if run.plan.end_at_s is None else EndAt(run.plan.end_at_s)
-
-
-# In the order in which they look: video before requirements, so that it shows the state that ended the run.
-_MAKERS: tuple[Callable[[_Watched], Observer | None], ...] = (
-    _provenance,
-    _failure_state,
-    _state_log,
-    _video,
-    _requirements,
-    _live_view,
-    _path_note,
-    _end,
-)
 
 
 def make_observers(
@@ -147,5 +43,16 @@ def make_observers(
         applications: What makes environment and agent, built-in ones included.
         actions: See `ProvenanceRecorder`.
     """
-    run = _Watched(plan, video_backend, applications, actions)
-    return [observer for make in _MAKERS if (observer := make(run)) is not None]
+    found: list[Observer] = [ProvenanceRecorder(plan, applications, actions), FailureRecorder(plan.output_dir)]
+    if plan.video != "none":  # also for videos that are made afterwards (`failure_videos`)
+        found.append(StateLogger(plan.work_dir / STATE_LOG_FOLDER, settings_of(plan).rate_hz))
+    if plan.video == "always":  # before the requirements, so that it shows the state that ended the run
+        found.append(VideoWatcher(plan.output_dir, video_backend, settings_of(plan)))
+    found.append(RequirementsObserver(plan))
+    if plan.live_view_port is not None:
+        found.append(LiveView(plan, video_backend, settings_of(plan)))
+    if plan.world_dir is not None:  # for plans of worlds with the path so far
+        found.append(PathNote(plan.work_dir))
+    if plan.end_at_s is not None:
+        found.append(EndAt(plan.end_at_s))
+    return found

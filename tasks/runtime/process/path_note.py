@@ -13,7 +13,7 @@ import mujoco
 
 from ..episode.driven_path import PATH_FILE, line_of
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Observer
 from ..episode.robot_body import robot_body
 
 _PERIOD_S = 0.5
@@ -26,7 +26,7 @@ _WRITE_EVERY_S = 0.5
 _FLAGS = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
-class PathNote:
+class PathNote(Observer):
     """Adds to the file of the path, at most twice a second; a run that is over sooner writes none."""
 
     def __init__(self, work_dir: Path, clock: Callable[[], float] = time.monotonic) -> None:
@@ -36,7 +36,6 @@ class PathNote:
             work_dir: The run's.
             clock: Seconds.
         """
-        self.next_time_s = 0.0
         self._path, self._clock = work_dir / PATH_FILE, clock
         self._model: mujoco.MjModel | None = None
         self._body: int | None = None
@@ -59,17 +58,6 @@ class PathNote:
             self._period_s *= 2
         if self._clock() >= self._due_s:
             self._write()
-
-    def close(self, ended_by: str | None) -> Findings:
-        """Has found nothing; the run's result has its path."""
-        del ended_by
-        return Findings()
-
-    def state(self) -> None:
-        """Has nothing to keep; see `checkpoints.Resumable`."""
-
-    def restore(self, state: None, environment: Any) -> None:
-        """Has nothing to put back: what was noted after the checkpoint is noted again."""
 
     def _write(self) -> None:
         try:

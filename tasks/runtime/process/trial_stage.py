@@ -19,7 +19,7 @@ from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress
 from ..episode.results import Episode, make_result
 from ..episode.stops import Stop
-from ..recording.recording import NullRecorder
+from ..recording.recorder import Recorder
 from ..requirements.observer import RequirementsObserver
 from ..states.digest import LOOK_EVERY_S, ModelDigests, StateDigest
 from ..states.failure_state import FailureRecorder
@@ -77,7 +77,7 @@ class TrialStage:
         self._make_agent = factory_of(robot)
         self._world = read_world(plan.world_dir)
         self._digests = ModelDigests()
-        self._recorder = NullRecorder()
+        self._recorder = Recorder()
         self._environment: Any = None
         self._agent: Any = None
         self._parameters: Mapping[str, str] = {}

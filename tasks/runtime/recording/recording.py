@@ -14,6 +14,7 @@ from .foxglove import LAYOUT_FILE, layout
 from .mcap_file import McapFile
 from .mcap_messages import Rows
 from .messages import TFMessage, TransformStamped
+from .recorder import Recorder
 from .recording_streams import Nowhere, Unbuffered
 from .rosbag2 import METADATA_FILE, RecordedTopic, channel_metadata, metadata
 
@@ -29,37 +30,7 @@ class RecordingError(OSError):
     """The recording cannot be written, for example because the disk is full."""
 
 
-class NullRecorder:
-    """Records nothing."""
-
-    enabled: bool = False
-
-    def write(self, topic: str, message: Message, time_s: float) -> None:
-        """Does nothing."""
-
-    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
-        """Does nothing."""
-
-    def add_series(self, series: Series) -> None:
-        """Does nothing."""
-
-    def remove_series(self, series: Series) -> None:
-        """Does nothing."""
-
-    def flush_when_due(self, full: bool = False) -> None:
-        """Does nothing."""
-
-    def state(self) -> None:
-        """Has nothing to keep."""
-
-    def restore(self, state: None) -> None:
-        """Does nothing."""
-
-    def close(self) -> None:
-        """Does nothing."""
-
-
-class McapRecorder:
+class McapRecorder(Recorder):
     """Writes messages to an MCAP file: profile `ros2`, CDR, zstd chunks.
 
     Memory stays bounded however long the run, and every finished chunk is on its way to the disk at
@@ -80,8 +51,6 @@ class McapRecorder:
         Raises:
             RecordingError: The file cannot be opened.
         """
-        self.topics: set[str] = set()
-        """Topics that have messages; known when it is closed."""
         self._channels: dict[str, tuple[int, type]] = {}
         self._series: list[tuple[Series, RowEncoder]] = []
         self._static: dict[str, TransformStamped] = {}
@@ -247,7 +216,7 @@ class McapRecorder:
     def _write_companions(self) -> None:
         """Writes what makes the folder a rosbag2, and the layout for Foxglove."""
         counts, start_ns, end_ns = self._file.contents()
-        self.topics = {topic for topic, (number, _) in self._channels.items() if counts.get(number, 0)}
+        self.topics = frozenset(topic for topic, (number, _) in self._channels.items() if counts.get(number, 0))
         topics = [
             RecordedTopic(topic, kind.ROS_TYPE, type_hash(kind.ROS_TYPE), counts.get(number, 0))
             for topic, (number, kind) in self._channels.items()

@@ -10,7 +10,7 @@ from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..episode.stops import RunEnded
 from .measurements import Look, RequirementError, Scene, bind, make_rules
 from .rules import ClearanceRule, CollisionRule, GoalRule, Rule, TimeLimitRule
@@ -20,7 +20,7 @@ _NEVER_BEGAN = "the run ended before there was an environment"
 _ROUNDING_S = 5e-7
 
 
-class RequirementsObserver:
+class RequirementsObserver(Observer):
     """Checks the requirements of the job and of its environment, each at its own cadence.
 
     A run without any costs one call. What cannot be judged fails the run at its first step, before time is spent.
@@ -33,7 +33,6 @@ class RequirementsObserver:
             plan: The run; its requirements replace those of the environment that have the same names.
             world: Its world; absent: it is read when it is needed.
         """
-        self.next_time_s = 0.0
         self._plan = plan
         self._rules: list[Rule] | None = None
         self._checks: list[_Check] = []

@@ -19,6 +19,7 @@ import numpy as np
 from ....schemas.runs.plan import RunPlan
 from ..episode.physics import raw_physics
 from ..episode.program_names import program_in_words
+from ..episode.results import Observer
 from .checkpoint_files import (
     LOCK_FILE,
     PLAN_FILE,
@@ -56,41 +57,13 @@ class Resumable(Protocol):
         ...
 
 
-@runtime_checkable
-class ResumableObserver(Protocol):
-    """Interface of observers that can resume a run from a checkpoint."""
-
-    next_time_s: float
-
-    def state(self) -> Any:
-        """Returns all that counts from here on; files it writes hold everything so far."""
-        ...
-
-    def restore(self, state: Any, environment: Any) -> None:
-        """Goes on from where `state` was taken; what its files have beyond is cut off."""
-        ...
-
-
-@runtime_checkable
-class ResumableRecorder(Protocol):
-    """A recorder whose file can be continued."""
-
-    def state(self) -> Any:
-        """Writes what is pending; returns what `restore` needs."""
-        ...
-
-    def restore(self, state: Any) -> None:
-        """Goes on from where `state` was taken."""
-        ...
-
-
 @dataclass(frozen=True)
 class RunParts:
     """Parts of a run: environment, agent, watchers, recorder."""
 
     environment: Any
     agent: Any
-    watchers: Sequence[Any]
+    watchers: Sequence[Observer]
     recorder: Any
 
 
@@ -276,13 +249,6 @@ def _why_not_resumable(parts: RunParts) -> list[str]:
         for role, part in (("environment", parts.environment), ("agent", parts.agent))
         if not isinstance(part, Resumable)
     ]
-    reasons += [
-        f"{type(watcher).__name__} cannot be continued"
-        for watcher in parts.watchers
-        if not isinstance(watcher, ResumableObserver)
-    ]
-    if not isinstance(parts.recorder, ResumableRecorder):
-        reasons.append(f"{type(parts.recorder).__name__} cannot be continued")
     if not hasattr(getattr(parts.environment, "physics", None), "data"):
         reasons.append("the environment has no physics")
     return reasons

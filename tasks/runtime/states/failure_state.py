@@ -25,7 +25,7 @@ from ....schemas.runs.failure_state import (
     StrongContact,
 )
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from .digest import digest_of_model
 
 KEEP_EVERY_S = 0.05
@@ -37,7 +37,7 @@ _OF_A_POSITION = (mujoco.mjtWarning.mjWARN_BADQPOS,)
 _OF_A_VELOCITY = (mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC)
 
 
-class FailureRecorder:
+class FailureRecorder(Observer):
     """Observes a run; counts MuJoCo's warnings, and writes the state down when the run breaks after one."""
 
     def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
@@ -48,7 +48,6 @@ class FailureRecorder:
             keep_every_s: Simulated time between two states that are kept.
         """
         self._keep_every_s = keep_every_s
-        self.next_time_s = 0.0
         self._output_dir = output_dir
         self._model: mujoco.MjModel | None = None
         self._data: mujoco.MjData | None = None
@@ -66,11 +65,8 @@ class FailureRecorder:
         mujoco.mj_getState(model, data, self._states[0], _STATE)
         self.next_time_s = time_s + self._keep_every_s
 
-    def state(self) -> None:
-        """Has nothing to keep: a run that is continued keeps states anew."""
-
-    def restore(self, state: None, environment: Any) -> None:
-        """Has nothing to put back."""
+    def restore(self, state: float, environment: Any) -> None:
+        """Keep nothing: a run that is continued looks at its states anew, at once."""
 
     def close(self, ended_by: str | None) -> Findings:
         """Returns how often MuJoCo warned; writes the files if a run failed through its physics.

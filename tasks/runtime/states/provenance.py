@@ -20,7 +20,7 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, ApplicationDigest, MachineFacts, Provenance
 from ....schemas.runs.variables import without_secrets
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .folder_digests import digest_of_folder
 from .imported_code import imported_code
@@ -40,7 +40,7 @@ Actions = Callable[[], ActionsSummary | None]
 """Says what a log of actions has once it is complete; None: there is none."""
 
 
-class ProvenanceRecorder:
+class ProvenanceRecorder(Observer):
     """Observes a run, writes `provenance.json` and `digest.bin`.
 
     The first is there from the first look on, so that a run that is killed has one too.
@@ -56,12 +56,10 @@ class ProvenanceRecorder:
             applications: What its environment and its agent are made by, built-in ones included.
             actions: Says at the end what a robot's program did; absent: the robot is none.
         """
-        self.next_time_s = 0.0
         self._plan = plan
         self._applications = applications
         self._actions = actions
         self._digest = StateDigest(plan.output_dir / DIGEST_FILE)
-        self._model: mujoco.MjModel | None = None
         self._data: mujoco.MjData | None = None
         self._world_sha256: str | None = None
         self._resumed_at_s: list[float] = []

@@ -17,7 +17,7 @@ import numpy as np
 import zstandard
 
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from .state_log import (
     ABOUT_FILE,
     CHUNK,
@@ -151,7 +151,7 @@ class StateLogWriter:
         self._in_tail = 0
 
 
-class StateLogger:
+class StateLogger(Observer):
     """Observes a run and keeps the log of its states, at the rate of a video.
 
     A log that cannot be written does not fail the run: the reason goes to the error log and, as
@@ -165,7 +165,6 @@ class StateLogger:
             folder: Where the log will be.
             rate_hz: States per simulated second.
         """
-        self.next_time_s = 0.0
         self._folder, self._rate_hz = folder, rate_hz
         self._writer: StateLogWriter | None = None
         self._error: str | None = None
@@ -183,7 +182,7 @@ class StateLogger:
             self._give_up(error)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the log; see `observers.Observer`."""
+        """Finishes the log; see `results.Observer`."""
         del ended_by
         try:
             if self._writer is not None and self._error is None:
@@ -192,13 +191,9 @@ class StateLogger:
             self._give_up(error)
         return Findings({"state_log_error": self._error} if self._error else {})
 
-    def state(self) -> float:
-        """When the next state is due; see `checkpoints.Resumable`."""
-        return self.next_time_s
-
     def restore(self, state: float, environment: Any) -> None:
         """Goes on with the log of a process that was killed, from a moment that lies before its end."""
-        self.next_time_s = state
+        super().restore(state, environment)
         try:
             if not self._folder.exists():
                 return

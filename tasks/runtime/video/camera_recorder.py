@@ -13,7 +13,7 @@ import mujoco
 from PIL import Image as PillowImage
 
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..recording import messages as ros
 from ..recording.camera_frames import CAMERA_FRAME, OPTICAL_FRAME, TO_OPTICAL, Mount, camera_info, find_mount, frames_of
 from ..recording.display_messages import CompressedImage
@@ -31,7 +31,7 @@ _JPEG_QUALITY = 80
 _FRONT = "front"
 
 
-class CameraRecorder:
+class CameraRecorder(Observer):
     """Records JPEG pictures, 320 x 240, as `sensor_msgs/CompressedImage` on `/camera/image_raw/compressed`.
 
     `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, says how to project into them, and `/tf` or
@@ -49,7 +49,6 @@ class CameraRecorder:
             settings: Which camera, how often.
             backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None takes rays.
         """
-        self.next_time_s = 0.0
         self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
         self._renderer: ViewRenderer | None = None
         self._error: str | None = None
@@ -90,15 +89,6 @@ class CameraRecorder:
         if self._renderer is not None:
             self._renderer.close()
         return Findings({"camera_error": self._error} if self._error else {})
-
-    def state(self) -> float:
-        """When the next picture is due; see `checkpoints.Resumable`."""
-        return self.next_time_s
-
-    def restore(self, state: float, environment: Any) -> None:
-        """Continues after the pictures that were recorded before."""
-        del environment
-        self.next_time_s = state
 
     def _aimed(self, environment: Any) -> tuple[ViewRenderer, mujoco.MjData]:
         """Returns the renderer for the environment's current model, and the state to render."""

@@ -25,7 +25,7 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 from ....schemas.runs.plan import RunPlan
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..rendering.views import BOTH, FOLLOW, TOP
 from ..states.checkpoint_files import write_whole
 from .live_frames import LiveFrames
@@ -42,7 +42,7 @@ _LOCAL_NAMES = frozenset({"127.0.0.1", "localhost", "[::1]"})
 _BOUNDARY = "frame"
 
 
-class LiveView:
+class LiveView(Observer):
     """Observes a run and serves its page.
 
     A page that cannot be served, because the port is taken for example, does not fail the run: the error log
@@ -66,7 +66,6 @@ class LiveView:
             clock: Seconds.
             patience_s: How long a request waits for the next picture.
         """
-        self.next_time_s = 0.0
         self.url: str | None = None
         self._server: _Server | None = None
         self._plan, self._clock = plan, clock
@@ -103,11 +102,8 @@ class LiveView:
             self._server.stop()
         return Findings()
 
-    def state(self) -> None:
-        """Has nothing to keep; see `checkpoints.Resumable`."""
-
-    def restore(self, state: None, environment: Any) -> None:
-        """Has nothing to put back."""
+    def restore(self, state: float, environment: Any) -> None:
+        """Keep nothing: the page of a run that is continued begins anew."""
 
     def status(self) -> dict[str, Any]:
         """Returns the status that the page shows beside the picture; times in seconds."""

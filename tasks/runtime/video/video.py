@@ -12,7 +12,7 @@ import mujoco
 from PIL import Image as PillowImage
 
 from ..episode.physics import raw_physics
-from ..episode.results import Findings
+from ..episode.results import Findings, Observer
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError
 from .encoder import VideoWriter
@@ -23,7 +23,7 @@ from .view_renderer import RAYS, ViewRenderer
 POSTER_TIME_S = 2.0
 
 
-class VideoWatcher:
+class VideoWatcher(Observer):
     """Records a video of an environment's physics, at a fixed number of frames per simulated second.
 
     A video that cannot be made does not fail the run: the reason goes to the error log and, as
@@ -38,7 +38,7 @@ class VideoWatcher:
             backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None renders with rays.
             settings: Camera, size and rate.
         """
-        self.next_time_s = self._begins_s = 0.0
+        self._begins_s = 0.0
         self._output_dir = output_dir
         self._backend = backend or RAYS
         self._settings = settings
@@ -96,14 +96,10 @@ class VideoWatcher:
             {"video_backend": self._backend} | ({"video_begins_s": self._begins_s} if self._begins_s else {})
         )
 
-    def state(self) -> float:
-        """When the next frame is due; see `checkpoints.Resumable`."""
-        return self.next_time_s
-
     def restore(self, state: float, environment: Any) -> None:
         """Begins a new video where a run is continued: the earlier one was lost with its process."""
-        del environment
-        self.next_time_s = self._begins_s = state
+        super().restore(state, environment)
+        self._begins_s = state
 
     def _picture(self, environment: Any) -> Image:
         model, data = raw_physics(environment.physics)

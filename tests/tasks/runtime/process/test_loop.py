@@ -17,10 +17,11 @@ from mcap_ros2.decoder import DecoderFactory
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
+from prefect_robomaker.tasks.runtime.process.attempt import recording_findings
 from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
-from prefect_robomaker.tasks.runtime.process.own_recording import OwnRecording
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import TOPIC
 
 MODEL = """
@@ -73,7 +74,7 @@ def run(
     agent: Callable[[Any], Any] = lambda environment: lambda timestep: np.array([2.0]),
     **options: Any,
 ) -> Episode:
-    defaults = {"mark": lambda phase: None, "stop": StopFlag(), "recorder": NullRecorder()}
+    defaults = {"mark": lambda phase: None, "stop": StopFlag(), "recorder": Recorder()}
     return run_episode(environment, agent, **(defaults | options))
 
 
@@ -221,32 +222,28 @@ def test_an_environment_that_says_it_records_and_does_not_is_noted(
     tmp_path: Path, promises: bool, writes: str, notes: int
 ) -> None:
     recorder = McapRecorder(tmp_path / "r.mcap")
-    own = OwnRecording(recorder)
 
     def make() -> Any:
         environment: Any = physical()
         if promises:
             environment.records_itself = True
-        return own.look_at(environment)
+        return environment
 
-    run(make, recorder=recorder)
+    episode = run(make, recorder=recorder)
     if writes:
         recorder.write(writes, Clock(Time(1, 0)), 1.0)
     recorder.close()
-    found = own.findings().notes
+    found = recording_findings(episode, recorder).notes
     assert found == ["the environment says records_itself, and wrote nothing to the recording"] * notes
 
 
 def test_where_nothing_is_recorded_no_environment_is_asked_for_it() -> None:
-    own = OwnRecording(NullRecorder())
-
     def make() -> Any:
         environment: Any = physical()
         environment.records_itself = True
-        return own.look_at(environment)
+        return environment
 
-    run(make)
-    assert own.findings().notes == []
+    assert recording_findings(run(make), Recorder()).notes == []
 
 
 def test_watchers_look_when_they_want_to() -> None:

@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
 from prefect_robomaker.tasks.runtime.episode.results import EnvironmentReport, make_result
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 
 MODEL = """
 <mujoco><option timestep="0.01">{flag}</option>{size}<worldbody>
@@ -70,7 +70,7 @@ def run(yard: Yard, action: float = 0.0) -> RunResult:
     health = PhysicsHealth()
     episode = run_episode(
         lambda: yard, lambda environment: lambda timestep: np.array([action]), mark=lambda phase: None,
-        stop=StopFlag(), recorder=NullRecorder(), health=health, wall_clock=itertools.count(0.0, 1.0).__next__,
+        stop=StopFlag(), recorder=Recorder(), health=health, wall_clock=itertools.count(0.0, 1.0).__next__,
     )  # fmt: skip
     return make_result(episode, 1, [health.close(episode.ended_by)])
 

@@ -22,7 +22,8 @@ from ruamel.yaml import YAML
 
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.foxglove import layout
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, NullRecorder, RecordingError
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, RecordingError
 
 
 def header(time_s: float, frame: str = "odom") -> ros.Header:
@@ -309,7 +310,7 @@ def test_closing_twice_is_harmless(tmp_path: Path) -> None:
 
 
 def test_recording_nothing() -> None:
-    recorder = NullRecorder()
+    recorder = Recorder()
     recorder.write("/clock", ros.Clock(ros.Time(0, 0)), 0.0)
     recorder.close()
     assert not recorder.enabled

@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.episode.stops import RunEnded
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.runtime.requirements.measurements import RequirementError
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 
@@ -81,7 +81,7 @@ def judged(folder: Path, *requirements: dict[str, Any], arena: Any = None, watch
     observer = RequirementsObserver(plan)
     episode = run_episode(
         lambda: arena or Arena(), lambda environment: lambda timestep: np.array([0.5]), mark=lambda phase: None,
-        stop=StopFlag(), recorder=NullRecorder(), watchers=[observer, *watchers],
+        stop=StopFlag(), recorder=Recorder(), watchers=[observer, *watchers],
         wall_clock=itertools.count(0.0, 1.0).__next__,
     )  # fmt: skip
     return make_result(episode, 1, [observer.close(episode.ended_by)])

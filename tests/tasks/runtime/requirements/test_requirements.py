@@ -19,7 +19,7 @@ from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.episode.robot_body import robot_body
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 
 MODEL = """
@@ -91,7 +91,7 @@ def judge(tmp_path: Path) -> Callable[..., RunResult]:
         agent = (lambda timestep: np.array(action)) if not callable(action) else action
         episode = run_episode(
             make, lambda environment: agent, mark=lambda phase: None, stop=StopFlag(),
-            recorder=NullRecorder(), watchers=[observer], wall_clock=itertools.count(0.0, 1.0).__next__,
+            recorder=Recorder(), watchers=[observer], wall_clock=itertools.count(0.0, 1.0).__next__,
         )  # fmt: skip
         return make_result(episode, 1, [observer.close(episode.ended_by)])
 

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.runs.failure_state import FailureState
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ApplicationRole
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
 from prefect_robomaker.tasks.runtime.states.failure_state import FailureRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
@@ -65,7 +65,7 @@ def run(environment: Any, folder: Path) -> Any:
     try:
         episode = run_episode(
             lambda: environment, lambda environment: lambda timestep: None, mark=lambda phase: None,
-            stop=StopFlag(), recorder=NullRecorder(), watchers=[keeper],
+            stop=StopFlag(), recorder=Recorder(), watchers=[keeper],
         )  # fmt: skip
     except BaseException:
         keeper.close(None)

@@ -21,13 +21,14 @@ import pathlib, types
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.recording.recording import NullRecorder
+from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+
 
 with connect() as simulation:
     world_dir = pathlib.Path(simulation.hello["world_dir"])
     world = World.model_validate_json((world_dir / "world.json").read_bytes())
     # What a robot thinks is recorded in the simulation's process only.
-    context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=NullRecorder())
+    context = types.SimpleNamespace(world=world, world_dir=world_dir, recorder=Recorder())
     simulation.run(make_agent(context, simulation))
 """
 
