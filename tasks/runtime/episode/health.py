@@ -115,12 +115,12 @@ class PhysicsHealth(Observer):
             self._look_for_numbers()
 
     def state(self) -> dict[str, Any]:
-        """See `checkpoints.Resumable`."""
+        """See `results.Observer`."""
         kept = ("_steps", "_timesteps", "_time_s", "_still_steps", "_broken", "_missed", "_noted")
         return {name: getattr(self, name) for name in kept}
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """See `checkpoints.ResumableObserver`."""
+        """See `results.Observer`."""
         self.__dict__.update(state)
         self._bind(environment)
 

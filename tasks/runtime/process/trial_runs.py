@@ -17,7 +17,7 @@ from ....schemas.runs.trials import Trial, Trials
 from ..episode.progress import Phase, Progress
 from ..episode.stops import RunStopped, Stop
 from ..limits.run_notes import add_note
-from ..states.provenance import note_run_of_trials
+from ..states.provenance import note_run
 from ..states.trial_checkpoints import TrialCheckpoints
 from ..trials.completion import complete_trials
 from ..trials.journal import TrialJournal, journal_path
@@ -46,7 +46,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[
     """
     plan = run.plan
     assert plan.trials is not None
-    note_run_of_trials(plan)
+    note_run(plan)
     tally = Tally(plan.trials)
     checkpoints = TrialCheckpoints(plan, clock)
     journal = TrialJournal(journal_path(plan), tally.take)
@@ -61,7 +61,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[
     if tally.is_whole:
         _record_some(run, plan.trials, tally, stop)
     result = complete_trials(plan, stop.reason, tally)
-    note_run_of_trials(plan, () if result.ended_by == "canceled" else applications_of(plan), result.ended_by)
+    note_run(plan, () if result.ended_by == "canceled" else applications_of(plan), result.ended_by)
     progress.write_report({"ended_by": result.ended_by})
 
 

@@ -19,6 +19,9 @@ PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"
 LOCK_FILE = "lock"
 
+KEPT = 2
+"""Checkpoints that are kept: the last may have been cut off by a machine that died."""
+
 _PATTERN = "checkpoint-*.bin"
 _MOST_BYTES = 4 << 30
 _MOST_REASON_BYTES = 64 * 1024
@@ -93,9 +96,54 @@ def _reason_in(folder: Path) -> str:
         return ""
 
 
-def checkpoint_file(number: int) -> str:
-    """Returns the name of a checkpoint's file; the first is 1."""
-    return _PATTERN.replace("*", f"{number:08d}")
+def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
+    """Take the folder of a run's checkpoints and store the plan there.
+
+    Returns:
+        The lock, which is held until this descriptor is closed.
+
+    Raises:
+        RunTakenError: Another process runs the run.
+        OSError: The folder cannot be written.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = take_lock(folder / LOCK_FILE)
+    write_whole(folder / PLAN_FILE, plan.model_dump_json().encode())
+    return lock
+
+
+def write_checkpoint(
+    folder: Path, number: int, payload: bytes, *, sim_time_s: float, steps: int, wall_time_s: float
+) -> None:
+    """Write a checkpoint and remove those before the last two.
+
+    Args:
+        folder: The plan's `checkpoint_dir`.
+        number: Its number; the first is 1.
+        payload: The state.
+        sim_time_s: Simulated time so far.
+        steps: Steps of the environment so far, or trials that have finished.
+        wall_time_s: Time of all attempts together.
+
+    Raises:
+        OSError: The folder is full or cannot be written.
+    """
+    header = CheckpointHeader(
+        sim_time_s=sim_time_s,
+        steps=steps,
+        wall_time_s=wall_time_s,
+        payload_bytes=len(payload),
+        payload_crc32=zlib.crc32(payload),
+    )
+    path = folder / _PATTERN.replace("*", f"{number:08d}")
+    write_whole(path, header.model_dump_json().encode() + b"\n", payload)
+    for old in checkpoints_in(folder)[:-KEPT]:
+        old.unlink()
+
+
+def number_of(path: Path) -> int:
+    """Return the number of a checkpoint."""
+    return int(path.stem.rpartition("-")[2])
 
 
 def checkpoints_in(folder: Path) -> list[Path]:

@@ -9,7 +9,6 @@ import os
 import pickle
 import random
 import time
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -21,22 +20,17 @@ from ..episode.physics import raw_physics
 from ..episode.program_names import program_in_words
 from ..episode.results import Observer
 from .checkpoint_files import (
-    LOCK_FILE,
-    PLAN_FILE,
     REASON_FILE,
     CheckpointError,
-    CheckpointHeader,
-    checkpoint_file,
-    checkpoints_in,
+    begin_checkpoints,
     last_checkpoint,
+    number_of,
     payload_of,
-    take_lock,
+    write_checkpoint,
     write_whole,
 )
 from .physics_state import KeptPhysics, copy_physics
 
-KEPT = 2
-"""Checkpoints that are kept: the last may have been cut off by a machine that died."""
 COST_SHARE = 0.01
 """Most of the time that may go into checkpoints; where one costs more, they become rarer."""
 
@@ -114,10 +108,8 @@ class Checkpointer:
         self._next_time_s = self._every_s if self._every_s is not None else float("inf")
         # What took less than this is done again as soon as it is read back: half a second for the usual interval.
         self._not_before = self._began + _WORTH_KEEPING * (self._every_s or 0.0)
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._lock = take_lock(self._folder / LOCK_FILE)
+        self._lock = begin_checkpoints(self._folder, plan)
         self._physics = KeptPhysics(self._folder)
-        write_whole(self._folder / PLAN_FILE, plan.model_dump_json().encode())
         self._resumed = last_checkpoint(self._folder)
 
     @property
@@ -162,17 +154,11 @@ class Checkpointer:
         except Exception as error:  # of the applications' own code
             self.give_up(f"its state cannot be kept: {type(error).__name__}: {error}")
             return
-        header = CheckpointHeader(
-            sim_time_s=loop.time_s,
-            steps=loop.steps,
-            wall_time_s=self._used_s + self._clock() - self._began,
-            payload_bytes=len(payload),
-            payload_crc32=zlib.crc32(payload),
-        )
         self._number += 1
-        write_whole(self._folder / checkpoint_file(self._number), header.model_dump_json().encode() + b"\n", payload)
-        for old in checkpoints_in(self._folder)[:-KEPT]:
-            old.unlink()
+        wall_time_s = self._used_s + self._clock() - self._began
+        write_checkpoint(
+            self._folder, self._number, payload, sim_time_s=loop.time_s, steps=loop.steps, wall_time_s=wall_time_s
+        )
         now = self._clock()
         self._not_before = now + (now - began) * (1 / COST_SHARE - 1)
 
@@ -197,7 +183,7 @@ class Checkpointer:
             raise
         except Exception as error:  # of applications whose code has changed, for one
             raise CheckpointError(f"{type(error).__name__}: {error}") from error
-        self._number = int(path.stem.rpartition("-")[2])
+        self._number = number_of(path)
         self._used_s = header.wall_time_s
         self._next_time_s = header.sim_time_s + (self._every_s or float("inf"))
         return kept["loop"]

@@ -21,6 +21,7 @@ from ....schemas.runs.provenance import PROVENANCE_FILE, ActionsSummary, Applica
 from ....schemas.runs.variables import without_secrets
 from ..episode.physics import raw_physics
 from ..episode.results import Findings, Observer
+from .checkpoint_files import write_whole
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
 from .folder_digests import digest_of_folder
 from .imported_code import imported_code
@@ -88,7 +89,7 @@ class ProvenanceRecorder(Observer):
         return Findings(state_digest=digest.value if digest else None)
 
     def state(self) -> dict[str, Any]:
-        """See `checkpoints.Resumable`."""
+        """See `results.Observer`."""
         return {
             "next_time_s": self.next_time_s,
             "digest": self._digest.state(),
@@ -97,7 +98,7 @@ class ProvenanceRecorder(Observer):
         }
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """See `checkpoints.ResumableObserver`."""
+        """See `results.Observer`."""
         model, data = raw_physics(environment.physics)
         self._data = data
         self.next_time_s = state["next_time_s"]
@@ -109,9 +110,8 @@ class ProvenanceRecorder(Observer):
     def _write(self, **members: Any) -> None:
         if self._world_sha256 is None and self._plan.world_dir is not None:
             self._world_sha256 = digest_of_folder(self._plan.world_dir)
-        provenance = Provenance(
-            plan=self._plan,
-            machine=machine_facts(),
+        _write_provenance(
+            self._plan,
             world_sha256=self._world_sha256,
             model_sha256=self._digest.model_sha256,
             positions=self._digest.positions,
@@ -119,42 +119,25 @@ class ProvenanceRecorder(Observer):
             resumed_at_s=self._resumed_at_s,
             **members,
         )
-        _write_provenance(provenance)
 
 
-def note_run_of_programs(plan: RunPlan) -> None:
-    """Writes `provenance.json` of a run without a process of its own, which only has programs.
-
-    Raises:
-        OSError: It cannot be written.
-    """
-    world_sha256 = digest_of_folder(plan.world_dir) if plan.world_dir else None
-    _write_provenance(Provenance(plan=plan, machine=machine_facts(), world_sha256=world_sha256))
-
-
-def note_run_of_trials(
-    plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_by: str | None = None
-) -> None:
-    """Writes `provenance.json` of a run with trials, whose digests are in the rows of its table.
+def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_by: str | None = None) -> None:
+    """Write `provenance.json` of a run that only has programs, or of one with trials, whose table has the digests.
 
     Args:
         plan: The run.
-        applications: What its environments and agents were made by, once it has ended.
-        ended_by: What ended it; None: it goes on.
+        applications: The makers of its environments and agents, once it has ended.
+        ended_by: The cause of its end; None: it continues.
 
     Raises:
         OSError: It cannot be written.
     """
-    world_sha256 = digest_of_folder(plan.world_dir) if plan.world_dir else None
     _write_provenance(
-        Provenance(
-            plan=plan,
-            machine=machine_facts(),
-            world_sha256=world_sha256,
-            applications=_digests_of(applications),
-            imported=_imported_by(applications),
-            ended_by=ended_by,
-        )
+        plan,
+        world_sha256=digest_of_folder(plan.world_dir) if plan.world_dir else None,
+        applications=_digests_of(applications),
+        imported=_imported_by(applications) if applications else {},
+        ended_by=ended_by,
     )
 
 
@@ -172,12 +155,9 @@ def machine_facts() -> MachineFacts:
     )
 
 
-def _write_provenance(provenance: Provenance) -> None:
-    path = provenance.plan.output_dir / PROVENANCE_FILE
-    provenance = provenance.model_copy(update={"plan": without_secrets(provenance.plan)})
-    unfinished = path.with_name(f".{PROVENANCE_FILE}.unfinished")
-    unfinished.write_text(provenance.model_dump_json(indent=1) + "\n")
-    unfinished.replace(path)
+def _write_provenance(plan: RunPlan, **members: Any) -> None:
+    provenance = Provenance(plan=without_secrets(plan), machine=machine_facts(), **members)
+    write_whole(plan.output_dir / PROVENANCE_FILE, provenance.model_dump_json(indent=1).encode() + b"\n")
 
 
 def _digests_of(applications: Sequence[ApplicationPlan]) -> list[ApplicationDigest]:

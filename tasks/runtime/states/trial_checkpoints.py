@@ -5,24 +5,13 @@ The journal has the rows; a checkpoint says only that there are some, and how mu
 
 import os
 import time
-import zlib
 from collections.abc import Callable
 
 from ....schemas.runs.plan import RunPlan
-from .checkpoint_files import (
-    LOCK_FILE,
-    PLAN_FILE,
-    CheckpointHeader,
-    checkpoint_file,
-    checkpoints_in,
-    last_checkpoint,
-    take_lock,
-    write_whole,
-)
+from .checkpoint_files import begin_checkpoints, last_checkpoint, number_of, write_checkpoint
 
 EVERY_S = 1.0
 """Wall-clock time between two checkpoints."""
-_KEPT = 2
 _PAYLOAD = b"the trials are in the journal"
 
 
@@ -48,11 +37,9 @@ class TrialCheckpoints:
         self._lock: int | None = None
         if self._folder is None:
             return
-        self._folder.mkdir(parents=True, exist_ok=True)
-        self._lock = take_lock(self._folder / LOCK_FILE)
-        write_whole(self._folder / PLAN_FILE, plan.model_dump_json().encode())
+        self._lock = begin_checkpoints(self._folder, plan)
         if (last := last_checkpoint(self._folder)) is not None:
-            self._number, self._used_s = int(last[0].stem.rpartition("-")[2]), last[1].wall_time_s
+            self._number, self._used_s = number_of(last[0]), last[1].wall_time_s
 
     def save_if_due(self, trials: int, sim_time_s: float) -> None:
         """Makes a checkpoint if the last one is a while ago.
@@ -68,17 +55,11 @@ class TrialCheckpoints:
         if self._folder is None or now < self._due:
             return
         self._due = now + EVERY_S
-        header = CheckpointHeader(
-            sim_time_s=sim_time_s,
-            steps=trials,
-            wall_time_s=self._used_s + now - self._began,
-            payload_bytes=len(_PAYLOAD),
-            payload_crc32=zlib.crc32(_PAYLOAD),
-        )
         self._number += 1
-        write_whole(self._folder / checkpoint_file(self._number), header.model_dump_json().encode() + b"\n", _PAYLOAD)
-        for old in checkpoints_in(self._folder)[:-_KEPT]:
-            old.unlink()
+        wall_time_s = self._used_s + now - self._began
+        write_checkpoint(
+            self._folder, self._number, _PAYLOAD, sim_time_s=sim_time_s, steps=trials, wall_time_s=wall_time_s
+        )
 
     def close(self) -> None:
         """Gives the folder back."""

@@ -29,7 +29,7 @@ from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..sandbox.box import Box
 from ..sandbox.run_marks import mark_run
 from ..sandbox.views import Sight
-from ..states.provenance import note_run_of_programs
+from ..states.provenance import note_run
 from .process_supervision import Supervision
 
 
@@ -130,7 +130,7 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
         supervision.prepare()
         if not request.plan.has_episode:
             with suppress(OSError):  # a full disk fails the run when its result is written
-                note_run_of_programs(request.for_run_process().plan)
+                note_run(request.for_run_process().plan)
     except (LaunchError, OSError) as error:
         kill_children()
         with suppress(OSError):  # the launcher may be gone

@@ -90,7 +90,7 @@ def test_a_killed_run_goes_on_to_the_bit(launcher: Launcher, swing: Callable[...
     assert 0.5 <= resumed_at_s <= 3.0
     # The agent was made twice, but what was written before stays.
     assert (broken.output_dir / "logs" / "stdout.log").read_text() == "agent begins\n" * 2
-    assert 1 <= len(list((broken.checkpoint_dir or Path()).glob("checkpoint-*.bin"))) <= checkpoints.KEPT
+    assert 1 <= len(list((broken.checkpoint_dir or Path()).glob("checkpoint-*.bin"))) <= checkpoint_files.KEPT
 
 
 def test_time_that_was_used_counts(launcher: Launcher, swing: Callable[..., RunPlan]) -> None:

@@ -10,7 +10,7 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.runs.provenance import PROVENANCE_FILE, Provenance
-from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts, note_run_of_programs
+from prefect_robomaker.tasks.runtime.states.provenance import digest_of_folder, machine_facts, note_run
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
@@ -125,7 +125,7 @@ def test_secrets_are_not_written(make_plan: Callable[..., RunPlan]) -> None:
     given = {"MARKED": marked, "ROBOMAKER_SECRETS": "MARKED", "SPEED": "2"}
     plan = plan.model_copy(update={"environment": given})
     plan.output_dir.mkdir(parents=True)
-    note_run_of_programs(plan)
+    note_run(plan)
 
     text = (plan.output_dir / "provenance.json").read_text()
     assert [each for each in secrets if each in text] == []

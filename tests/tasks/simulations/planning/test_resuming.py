@@ -26,7 +26,7 @@ from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointHeader, checkpoint_file
+from prefect_robomaker.tasks.runtime.states.checkpoint_files import write_checkpoint
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.resuming import checkpoint_every_s, plan_to_resume
 from prefect_robomaker.tasks.simulations.ros.domains import own_domain
@@ -260,8 +260,7 @@ def test_a_plan_that_is_not_the_runs_own_is_not_gone_on_with(
         work_dir=run / "work", output_dir=run / "output", root_dir=run / "root", checkpoint_dir=run / "checkpoints",
     )  # fmt: skip
     run.joinpath("checkpoints").mkdir(parents=True)
-    header = CheckpointHeader(sim_time_s=1.0, steps=1, wall_time_s=1.0, payload_bytes=0, payload_crc32=0)
-    (run / "checkpoints" / checkpoint_file(1)).write_text(header.model_dump_json() + "\n")
+    write_checkpoint(run / "checkpoints", 1, b"", sim_time_s=1.0, steps=1, wall_time_s=1.0)
     plan_file = run / "checkpoints" / "plan.json"
     plan_file.write_text(plan.model_dump_json())
     assert plan_to_resume(job, run) == plan
