@@ -19,6 +19,7 @@
 | `failure-state.json`, `.npy`, `failure-model.mjb` | the physics of a run that broke after MuJoCo had warned |
 """
 
+from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -145,6 +146,21 @@ class RunPlan(Model):
     def is_rerun(self) -> bool:
         """Whether it ends where another run ended, also where that one was stopped from outside."""
         return self.end_at_s is not None or self.recorded_actions is not None
+
+    def with_paths(self, change: Callable[[Path], Path]) -> "RunPlan":
+        """Return the plan with other paths of its folders, applications and programs.
+
+        Args:
+            change: Called with each path that the plan has.
+        """
+        folders = ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir", "checkpoint_dir")
+        changes: dict[str, Any] = {name: change(path) for name in folders if (path := getattr(self, name)) is not None}
+        for name in ("simulation_application", "robot_application"):
+            application = getattr(self, name)
+            if application is not None and application.path is not None:
+                changes[name] = application.model_copy(update={"path": change(application.path)})
+        programs = [program.model_copy(update={"folder": change(program.folder)}) for program in self.programs]
+        return self.model_copy(update={**changes, "programs": programs})
 
 
 class RunOutcome(Model):

@@ -37,6 +37,9 @@ class ProcessState:
     resident_bytes: int
     """Resident memory, with pages that it shares with others."""
 
+    started: int = 0
+    """Start time, in ticks since the machine started; numbers of processes come again."""
+
 
 def adopt_orphans() -> None:
     """Makes this process the parent of descendants whose parents die."""
@@ -73,6 +76,7 @@ def process_state(pid: int) -> ProcessState | None:
         session=int(fields[3]),
         threads=int(fields[17]),
         resident_bytes=int(fields[21]) * _PAGE_BYTES,
+        started=int(fields[19]),
     )
 
 

@@ -17,7 +17,7 @@ from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError
 from ..episode.physics import raw_physics
 from ..episode.progress import Phase, Progress
-from ..episode.results import Episode, make_result
+from ..episode.results import Episode, Observer, make_result
 from ..episode.stops import Stop
 from ..recording.recorder import Recorder
 from ..requirements.observer import RequirementsObserver
@@ -128,7 +128,7 @@ class TrialStage:
         if episode.ended_by in _STOPPED:
             self.unanswered = episode.unanswered
             return None
-        summary = digest.close()
+        summary = digest.finish()
         findings = [observer.close(episode.ended_by) for observer in (health, failures, requirements)]
         row = _row(self._told(trial), make_result(episode, plan.seed, findings), episode, summary)
         return row.model_copy(update={"model_sha256": digest.model_sha256})
@@ -166,11 +166,10 @@ class TrialStage:
         return self._agent
 
 
-class _TrialDigest:
+class _TrialDigest(Observer):
     """Keeps the digest of a trial's states; see `ProvenanceRecorder`."""
 
     def __init__(self, digests: ModelDigests) -> None:
-        self.next_time_s = 0.0
         self._digest = StateDigest(None, digests.of)
         self._data: Any = None
 
@@ -179,7 +178,7 @@ class _TrialDigest:
         self._digest.look(model, self._data)
         self.next_time_s = time_s + LOOK_EVERY_S
 
-    def close(self) -> StateDigestSummary | None:
+    def finish(self) -> StateDigestSummary | None:
         return self._digest.finish(self._data)
 
     @property

@@ -88,7 +88,8 @@ class Reproduction:
             FileNotFoundError: It is no such folder.
         """
         self.folder = folder.resolve()
-        self.plan = _moved(RunPlan.model_validate_json((self.folder / PLAN_FILE).read_bytes()), self.folder)
+        plan = RunPlan.model_validate_json((self.folder / PLAN_FILE).read_bytes())
+        self.plan = plan.with_paths(lambda path: self.folder / path)
 
     @cached_property
     def first(self) -> RunOutputs:
@@ -245,20 +246,5 @@ def _copied(plan: RunPlan, folder: Path) -> RunPlan:
         "work_dir": Path("work"),
         "output_dir": Path("output"),
         "checkpoint_dir": None,
-    }
-    return plan.model_copy(update={**folders, **applications})
-
-
-def _moved(plan: RunPlan, folder: Path) -> RunPlan:
-    """A plan of paths inside a folder, with absolute ones."""
-    folders = {
-        name: folder / value
-        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir")
-        if (value := getattr(plan, name)) is not None
-    }
-    applications = {
-        name: application.model_copy(update={"path": folder / application.path})
-        for name in ("simulation_application", "robot_application")
-        if (application := getattr(plan, name)) is not None and application.path is not None
     }
     return plan.model_copy(update={**folders, **applications})

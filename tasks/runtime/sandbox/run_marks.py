@@ -8,11 +8,11 @@ import os
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
-from typing import NamedTuple
 
 from pydantic import Field, ValidationError
 
 from ....schemas.wire.base import Model
+from ..limits.processes import process_state
 
 _MARK = "supervisor.json"
 _MOST_BYTES = 4096
@@ -28,14 +28,6 @@ class _Mark(Model):
     job: str = Field(description="ARN of the job.")
 
 
-class Process(NamedTuple):
-    """Parent and start time of a process."""
-
-    parent: int
-    started: int
-    """Start time, in ticks since the machine started."""
-
-
 def mark_run(folder: Path, job: str) -> None:
     """Notes that this process supervises a run.
 
@@ -46,7 +38,7 @@ def mark_run(folder: Path, job: str) -> None:
     Raises:
         OSError: it cannot be written.
     """
-    process = process_of(os.getpid())
+    process = process_state(os.getpid())
     assert process is not None
     written = folder / f".{_MARK}"
     written.write_text(_Mark(pid=os.getpid(), started=process.started, job=job).model_dump_json())
@@ -64,27 +56,17 @@ def marked_runs(home: Path) -> Mapping[int, str]:
         with suppress(OSError, ValidationError):
             with path.open("rb") as file:
                 mark = _Mark.model_validate_json(file.read(_MOST_BYTES))
-            process = process_of(mark.pid)
+            process = process_state(mark.pid)
             if process is not None and process.started == mark.started:
                 found[mark.pid] = mark.job
     return found
-
-
-def process_of(pid: int) -> Process | None:
-    """Parent and start of a process; `None` if there is none."""
-    try:
-        text = Path(f"/proc/{pid}/stat").read_bytes()
-    except OSError:
-        return None
-    fields = text.rpartition(b")")[2].split()  # a name may have anything in it
-    return Process(parent=int(fields[1]), started=int(fields[19]))
 
 
 def ancestors(pid: int) -> list[int] | None:
     """A process and those that it descends from, up to the first; `None` if one of them has ended meanwhile."""
     found = [pid]
     while len(found) < _MOST_ANCESTORS:
-        process = process_of(found[-1])
+        process = process_state(found[-1])
         if process is None:
             return None
         if process.parent == 0:

@@ -12,6 +12,7 @@ import time
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import asdict
 from datetime import UTC, datetime
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -139,26 +140,16 @@ class Launcher:
             ended = attribute_disk_use(ended, plan)
         decided = crash.outcome(stopped_for) or decide_outcome_with_log(ended, stopped_for, plan)
         if was_killed(ended, stopped_for) and try_again():
-            return RunOutcome(
-                status=decided.status,
-                failure_code=decided.failure_code,
-                failure_reason=decided.failure_reason,
-                started_at=started_at,
-                ended_at=ended_at,
-                was_killed=True,
-            )
+            return RunOutcome(**asdict(decided), started_at=started_at, ended_at=ended_at, was_killed=True)
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
         result = read_result(plan.output_dir) if decided.status == "Completed" else None
         outcome = RunOutcome(
-            status=decided.status,
+            **asdict(decided),
             verdict=result.verdict if result else None,
             verdict_reason=result.reason if result else None,
-            failure_code=decided.failure_code,
-            failure_reason=decided.failure_reason,
             started_at=started_at,
             ended_at=ended_at,
             cpu_time_s=ended.cpu_time_s if ended else None,
-            timed_out=decided.timed_out,
             finished=finished,
         )
         is_drawn = is_filmed(plan, outcome)

@@ -87,21 +87,12 @@ class Exit:
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> "Exit":
         """Reads what `to_message` made."""
-        crash = Crash(**message["crash"]) if message["crash"] else None
-        tools = [ToolEnds.model_validate(tool) for tool in message["tools"]]
-        return cls(
-            message["exit_code"],
-            message["signal"],
-            Phase(message["phase"]),
-            message["report"],
-            crash,
-            tools,
-            message["trial"],
-            message["cpu_time_s"],
-            message["steps"],
-            message["sim_time_s"],
-            message["judges"],
-        )
+        read = {
+            "phase": Phase(message["phase"]),
+            "crash": Crash(**message["crash"]) if message["crash"] else None,
+            "tools": [ToolEnds.model_validate(tool) for tool in message["tools"]],
+        }
+        return cls(**{**message, **read})
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
     Raises:
         LaunchError: The variables ask for an impossible video or recording.
     """
-    plan = _with_absolute_paths(plan)
+    plan = plan.with_paths(Path.absolute)  # here, where relative ones still mean what the caller meant
     # Trials are filmed when they are run once more, at the end of the run.
     records_video = plan.video == "always" or (plan.trials is not None and plan.video == "on-failure")
     if plan.video != "none":
@@ -122,19 +122,3 @@ def _fixed_variables(plan: RunPlan) -> dict[str, str]:
     elif not os.environ.get(_GPU_VARIABLES[0]):
         variables[_GPU_VARIABLES[0]] = "0"
     return variables
-
-
-def _with_absolute_paths(plan: RunPlan) -> RunPlan:
-    """Paths become absolute here, where relative ones still mean what the caller meant."""
-    folders = {
-        name: value.absolute()
-        for name in ("world_dir", "data_dir", "root_dir", "work_dir", "output_dir", "checkpoint_dir")
-        if (value := getattr(plan, name)) is not None
-    }
-    applications = {
-        name: application.model_copy(update={"path": application.path.absolute()})
-        for name in ("simulation_application", "robot_application")
-        if (application := getattr(plan, name)) is not None and application.path is not None
-    }
-    programs = [program.model_copy(update={"folder": program.folder.absolute()}) for program in plan.programs]
-    return plan.model_copy(update={**folders, **applications, "programs": programs})

@@ -87,16 +87,11 @@ def _request(plan: RunPlan) -> VideoRequest:
     log_dir, output_dir = plan.work_dir.absolute() / STATE_LOG_FOLDER, plan.output_dir.absolute()
     if not log_dir.exists():
         raise FileNotFoundError("no state was noted: it failed before its first step or has no `physics`")
-    settings = settings_of(plan)
     return VideoRequest(
         log_dir=log_dir,
         output_dir=output_dir,
         backend=best_video_backend(),
-        camera=settings.camera,
-        size=settings.size,
-        rate_hz=settings.rate_hz,
-        appearance=settings.appearance,
-        seed=settings.seed,
+        settings=settings_of(plan),
         whole_video=not (output_dir / VIDEO_FILE).exists(),
         parent_pid=os.getpid(),
     )

@@ -1,7 +1,6 @@
 """Settings of the recorded camera, from the variables of a run's launch configurations."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.variables import number_in, variables_of
@@ -12,12 +11,10 @@ RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
 CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
 _MAX_RATE_HZ = 60.0
 _BOTH = "both"
-_INVALID = "InvalidInput"
 
 
-@dataclass(frozen=True)
-class CameraRecording:
-    """Settings of the recorded camera: which one, and its frame rate."""
+class CameraRecording(NamedTuple):
+    """Settings of the recorded camera: its frame rate, and which one it is."""
 
     rate_hz: float
     """Pictures per simulated second."""
@@ -39,28 +36,19 @@ def camera_recording(plan: RunPlan) -> CameraRecording | None:
         LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,
             or there is no such appearance.
     """
-    if not plan.record:
-        return None
-    found = _read(variables_of(plan))
-    return found and replace(found, appearance=appearance_of(plan), seed=plan.seed)
-
-
-def _read(variables: Mapping[str, str]) -> CameraRecording | None:
-    text = variables.get(RATE_VARIABLE)
-    if text is None:
+    variables = variables_of(plan)
+    if not plan.record or (text := variables.get(RATE_VARIABLE)) is None:
         return None
     rate_hz = number_in(text)
     if not 0 < rate_hz <= _MAX_RATE_HZ:
         raise LaunchError(
             f"{RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "
-            f"{_MAX_RATE_HZ:g}, such as 5",
-            _INVALID,
+            f"{_MAX_RATE_HZ:g}, such as 5"
         )
     camera = variables.get(CAMERA_VARIABLE) or None
     if camera == _BOTH:
         raise LaunchError(
             f"{CAMERA_VARIABLE} is {camera!r}, but a picture of two views has no camera_info that is true of it; it "
-            "has to be follow, top, or the name of one of the model's cameras (videos may have both)",
-            _INVALID,
+            "has to be follow, top, or the name of one of the model's cameras (videos may have both)"
         )
-    return CameraRecording(rate_hz, camera)
+    return CameraRecording(rate_hz, camera, appearance_of(plan), plan.seed)

@@ -7,11 +7,9 @@ clip of the last seconds comes first: it says most, should there be no time for 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
-import ctypes
 import math
 import os
 import shutil
-import signal
 import sys
 import traceback
 from collections.abc import Iterator
@@ -21,6 +19,7 @@ import mujoco
 import numpy as np
 from PIL import Image as PillowImage
 
+from ..limits.processes import die_with_parent
 from ..rendering.cameras import Image
 from ..rendering.drawing import awake, work_out_places
 from ..rendering.views import CameraNameError
@@ -31,7 +30,6 @@ from .video_settings import VideoSettings
 from .view_renderer import ViewRenderer
 
 CLIP_S = 10.0
-_PR_SET_PDEATHSIG = 1
 _NICENESS = 15
 """Drawing gets a thirtieth of a processor that a simulation wants, and all of one that none does."""
 _TOLERANCE_S = 5e-7
@@ -49,11 +47,10 @@ def write_videos(request: VideoRequest) -> None:
     log = StateLog.open(request.log_dir)
     if not log.frames:
         raise ValueError("no state was noted")
-    settings = VideoSettings(request.camera, request.size, request.rate_hz, request.appearance, request.seed)
     clip, video = request.output_dir / CLIP_FILE, request.output_dir / VIDEO_FILE
     is_short = log.end_s <= CLIP_S
     # For a short run the clip is the whole video.
-    last = write_video(log, clip, settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
+    last = write_video(log, clip, request.settings, request.backend, begin_s=max(0.0, log.end_s - CLIP_S))
     poster = request.output_dir / POSTER_FILE
     for path in (poster, video) if request.whole_video else (poster,):
         path.unlink(missing_ok=True)  # programs may have left a link there
@@ -61,7 +58,7 @@ def write_videos(request: VideoRequest) -> None:
     if request.whole_video and is_short:
         shutil.copyfile(clip, video)
     elif request.whole_video:
-        write_video(log, video, settings, request.backend)
+        write_video(log, video, request.settings, request.backend)
 
 
 def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
@@ -130,7 +127,7 @@ def _pictures_of(
 def main() -> int:
     """Makes the videos of the request on the command line; the last line of standard error says what went wrong."""
     request = VideoRequest.model_validate_json(sys.argv[1])
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    die_with_parent()
     if os.getppid() != request.parent_pid:
         return 1
     os.nice(_NICENESS)  # runs that are still going on come first

@@ -5,6 +5,7 @@ from pathlib import Path
 from pydantic import Field
 
 from ....schemas.wire.base import Model
+from .video_settings import VideoSettings
 
 VIDEO_FILE = "video.mp4"
 POSTER_FILE = "poster.png"
@@ -20,11 +21,7 @@ class VideoRequest(Model):
     log_dir: Path = Field(description="The log.")
     output_dir: Path = Field(description="Folder that the videos are written to.")
     backend: str = Field(description="`egl`, `osmesa` or `rays`.")
-    camera: str | None = Field(description="See `VideoSettings`.")
-    size: tuple[int, int] | None = Field(description="See `VideoSettings`.")
-    rate_hz: int = Field(description="See `VideoSettings`.")
-    appearance: str | None = Field(default=None, description="See `VideoSettings`.")
-    seed: int = Field(default=0, description="See `VideoSettings`.")
+    settings: VideoSettings = Field(description="Camera, size and rate.")
     whole_video: bool = Field(description="Whether `video.mp4` is made too.")
     parent_pid: int = Field(description="The rendering process ends with this process.")
 

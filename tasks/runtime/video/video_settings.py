@@ -20,7 +20,6 @@ DEFAULT_SIZE = (640, 480)
 DEFAULT_RATE_HZ = 15
 _SMALLEST, _LARGEST = 64, 2048
 _MAX_RATE_HZ = 60
-_INVALID = "InvalidInput"
 
 
 @dataclass(frozen=True)
@@ -84,7 +83,7 @@ def appearance_of(plan: RunPlan) -> str | None:
     try:
         appearance_named(name)
     except ValueError as cause:
-        raise LaunchError(f"{APPEARANCE_VARIABLE}: {cause}", _INVALID) from cause
+        raise LaunchError(f"{APPEARANCE_VARIABLE}: {cause}") from cause
     return name
 
 
@@ -107,4 +106,4 @@ def _rate_hz(text: str) -> int:
 
 
 def _wrong(variable: str, value: str, right: str) -> LaunchError:
-    return LaunchError(f"{variable} is {value!r}; it has to be {right}", _INVALID)
+    return LaunchError(f"{variable} is {value!r}; it has to be {right}")

@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 from helpers.processes import wait_for
 
+from prefect_robomaker.tasks.runtime.limits.processes import process_state
 from prefect_robomaker.tasks.runtime.sandbox.connections import Address, Callers, ConnectionEnd, end_of_connection
-from prefect_robomaker.tasks.runtime.sandbox.run_marks import mark_run, marked_runs, process_of
+from prefect_robomaker.tasks.runtime.sandbox.run_marks import mark_run, marked_runs
 
 JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1"
 SLEEPS = "import socket, sys, time; s = socket.create_connection(('127.0.0.1', int(sys.argv[1]))); time.sleep(600)"
@@ -55,7 +56,7 @@ def test_a_process_below_a_supervisor_is_its_job(tmp_path: Path) -> None:
 
 def test_a_mark_of_a_process_that_has_ended_counts_no_more(tmp_path: Path) -> None:
     """Its number may be that of another process by now."""
-    process = process_of(os.getpid())
+    process = process_state(os.getpid())
     assert process is not None
     note(tmp_path, os.getpid(), process.started + 1)
     assert marked_runs(tmp_path) == {}
