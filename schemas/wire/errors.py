@@ -202,9 +202,12 @@ class AttestationError(RobomakerError):
 
 
 class LaunchError(RobomakerError):
-    """An application cannot be started; `failure_code` is the simulation job's failure code."""
+    """An application cannot be started; `failure_code` is the simulation job's failure code.
 
-    def __init__(self, message: str, failure_code: str) -> None:
+    It is `InvalidInput` where something in the request has to be changed.
+    """
+
+    def __init__(self, message: str, failure_code: str = "InvalidInput") -> None:
         self.failure_code = failure_code
         super().__init__(message)
 

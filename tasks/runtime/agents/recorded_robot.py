@@ -17,7 +17,6 @@ from .agent_protocol import ActionReader
 from .remote_agent import RobotProgramError
 from .remote_robot import action_layout
 
-_INVALID = "InvalidInput"
 _NO_NUMBER = ACTION_HEADER.pack(0)
 
 
@@ -39,7 +38,7 @@ class RecordedRobot(Observer):
         try:
             self._log = ActionLog(recorded.path)
         except ActionLogError as error:
-            raise LaunchError(f"the recorded actions of robot application {robot}: {error}", _INVALID) from error
+            raise LaunchError(f"the recorded actions of robot application {robot}: {error}") from error
         self._ended_by = recorded.ended_by
         self._robot = robot
         self._taken = 0
@@ -59,8 +58,7 @@ class RecordedRobot(Observer):
         if _form(header_of(self._log.header.mode, layout)) != _form(self._log.header):
             raise LaunchError(
                 f"the recorded actions of robot application {self._robot} are {self._log.header}; this "
-                f"environment takes {layout.summary()}",
-                _INVALID,
+                f"environment takes {layout.summary()}"
             )
         reader, actions = ActionReader(layout), iter(self._log)
 

@@ -25,7 +25,6 @@ from .remote_agent import RemoteAgent
 
 CONNECT_TIMEOUT_S = 60.0
 
-_INVALID = "InvalidInput"
 _FAILED = "the run failed; the reason is the job's failureReason"
 
 
@@ -167,8 +166,7 @@ def action_layout(environment: Any) -> Layout:
     action = _layout(environment, "action_spec", ACTION_HEADER.size)
     if action.left_out:
         raise LaunchError(
-            f"the environment's action_spec() cannot be sent: {', '.join(action.left_out)} is no array of numbers",
-            _INVALID,
+            f"the environment's action_spec() cannot be sent: {', '.join(action.left_out)} is no array of numbers"
         )
     return action
 
@@ -180,11 +178,11 @@ def _layouts(environment: Any) -> tuple[Layout, Layout]:
 def _layout(environment: Any, name: str, header_bytes: int) -> Layout:
     method = getattr(environment, name, None)
     if not callable(method):
-        raise LaunchError(f"the environment has no {name}(); a robot application that is a program needs it", _INVALID)
+        raise LaunchError(f"the environment has no {name}(); a robot application that is a program needs it")
     try:
         return Layout(method(), header_bytes)
     except ValueError as error:
-        raise LaunchError(f"the environment's {name}() cannot be sent: {error}", _INVALID) from error
+        raise LaunchError(f"the environment's {name}() cannot be sent: {error}") from error
 
 
 def _control_timestep_s(environment: Any) -> float | None:
@@ -207,6 +205,6 @@ def _connect_timeout_s(variables: Mapping[str, str]) -> float:
     timeout_s = number_in(text)
     if not (math.isfinite(timeout_s) and timeout_s > 0):
         raise LaunchError(
-            f"{CONNECT_TIMEOUT_VARIABLE}: {text!r} is no time limit; it has to be seconds above 0, such as 60", _INVALID
+            f"{CONNECT_TIMEOUT_VARIABLE}: {text!r} is no time limit; it has to be seconds above 0, such as 60"
         )
     return timeout_s

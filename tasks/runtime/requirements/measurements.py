@@ -36,9 +36,6 @@ _MAX_SHOWN = 12
 class RequirementError(LaunchError):
     """A requirement cannot be checked; the fault is the request's, not an application's."""
 
-    def __init__(self, message: str) -> None:
-        super().__init__(message, "InvalidInput")
-
 
 @dataclass(frozen=True)
 class Scene:

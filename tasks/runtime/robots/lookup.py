@@ -32,7 +32,6 @@ ROBOT_VARIABLE = "ROBOMAKER_ROBOT"
 BUILT_IN: Mapping[str, Robot] = {"scout": SCOUT, "walker": WALKER}
 
 _PACKAGE = f"{__name__.rsplit('.', 2)[0]}.applications"
-_INVALID_INPUT = "InvalidInput"
 _MAX_NAME = 60
 
 
@@ -112,13 +111,10 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
         hint = alternatives(named, BUILT_IN, "robots")
         raise LaunchError(
             f"{ROBOT_VARIABLE}: there is no robot {named!r}; {hint} Known are {', '.join(known)}, and mapping files of "
-            "the robot application, such as robots/arm.yaml",
-            _INVALID_INPUT,
+            "the robot application, such as robots/arm.yaml"
         )
     if Path(named).is_absolute() or ".." in Path(named).parts:
-        raise LaunchError(
-            f"{ROBOT_VARIABLE}: {named!r} is outside of the robot application; give a path within it", _INVALID_INPUT
-        )
+        raise LaunchError(f"{ROBOT_VARIABLE}: {named!r} is outside of the robot application; give a path within it")
     package = _package_of(application) if application is not None else None
     for folder in package.folders if package is not None else ():
         if (folder / named).is_file():
@@ -126,7 +122,7 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
             return _from_file(folder / named, package.root, variables, application)
     name = application.name if application else "scout"
     hint = "" if package is not None else "; files are looked for in bundles and installed packages, not in containers"
-    raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}{hint}", _INVALID_INPUT)
+    raise LaunchError(f"{ROBOT_VARIABLE}: the robot application {name} has no file {named!r}{hint}")
 
 
 def _from_file(

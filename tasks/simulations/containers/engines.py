@@ -152,8 +152,7 @@ def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
             said.append(f"{name} does not answer ({error})")
     raise LaunchError(
         f"container images need docker or podman, and this machine has none that works: {'; '.join(said)}; "
-        f"install one, or say with {ENGINE_VARIABLE} where it is",
-        "InvalidInput",
+        f"install one, or say with {ENGINE_VARIABLE} where it is"
     )
 
 
@@ -182,7 +181,7 @@ def get_image(
         LaunchError: it cannot be had, is another one, or breaks the rules for images.
     """
     if uri.startswith("-"):  # an option, to an engine
-        raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0", "InvalidInput")
+        raise LaunchError(f"{uri!r} is no image; give a name such as my/robot:1.0")
     code = role.capitalize()
     image = _inspect(engine, uri)
     if image is None or not ("@" in uri or (digest is None and _may_be_built_here(engine, uri, image))):
@@ -207,8 +206,7 @@ def get_image(
         if values:
             raise LaunchError(
                 f"the image {uri} has {instruction} {' '.join(values)}, which jobs do not allow; remove it from the "
-                "Dockerfile (ports are opened with portForwardingConfig)",
-                "InvalidInput",
+                "Dockerfile (ports are opened with portForwardingConfig)"
             )
     return image
 

@@ -116,9 +116,7 @@ def _make(container: Container, note: ContainerNote, folder: Path) -> None:
         try:
             container.engine.call(*create_arguments(container, Path(variables.name)), timeout_s=CREATE_TIMEOUT_S)
         except EngineError as error:
-            raise LaunchError(
-                f"the container of the image {note.image} cannot be made: {error}", "InvalidInput"
-            ) from error
+            raise LaunchError(f"the container of the image {note.image} cannot be made: {error}") from error
 
 
 def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> str:
@@ -141,8 +139,7 @@ def check_gpu(container: Container, name: str) -> None:
         if NO_PROGRAM not in str(error):  # which is the last that is looked at
             needed = "a description by `nvidia-ctk cdi generate`" if engine.is_podman else "NVIDIA's container toolkit"
             raise LaunchError(
-                f"{engine.program} cannot give the container GPU {container.gpu}; it needs {needed}: {error}",
-                "InvalidInput",
+                f"{engine.program} cannot give the container GPU {container.gpu}; it needs {needed}: {error}"
             ) from error
 
 
@@ -192,8 +189,7 @@ def _make_mount_point(sandbox: Sandbox, path: str) -> None:
         if place.is_symlink() or (place.exists() and not place.is_dir()):
             raise LaunchError(
                 f"the data source's destination {path} cannot be there: the image has something at "
-                f"/{place.relative_to(sandbox.root)} that is no folder",
-                "InvalidInput",
+                f"/{place.relative_to(sandbox.root)} that is no folder"
             )
         place.mkdir(exist_ok=True)
 

@@ -49,8 +49,7 @@ def compute_limits(
     if wants_gpu and not has_gpu(gpu):
         raise LaunchError(
             f"compute.computeType is {compute['computeType']} with gpuUnitLimit {compute['gpuUnitLimit']}, but this "
-            f"machine has no GPU ({gpu} is not there); request CPU, or run the job where there is one",
-            "InvalidInput",
+            f"machine has no GPU ({gpu} is not there); request CPU, or run the job where there is one"
         )
     units = compute["simulationUnitLimit"]
     there = cpus or len(os.sched_getaffinity(0))

@@ -114,8 +114,7 @@ def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[st
             f"robot application {robot[0]} is the factory {robot[1].attribute}, which steps an environment, but "
             f"simulation application {simulation[0]} is a program and makes none; give the robot application a "
             "launchConfig.command too, or the simulation application a packageName and launchFile such as my_nav and "
-            "arena.make_environment",
-            "InvalidInput",
+            "arena.make_environment"
         )
 
 
@@ -154,8 +153,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
     needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
     raise LaunchError(
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
-        "install ROS here, put the application into a container image, or start it with launchConfig.command",
-        "InvalidInput",
+        "install ROS here, put the application into a container image, or start it with launchConfig.command"
     )
 
 
@@ -171,8 +169,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
     raise LaunchError(
         f"{code.role} application {code.name}: the colcon bundle's {program.name} of ROS {distribution} needs "
         f"{interpreter}, which this machine does not have; build a container image from ros:{distribution}, or run the "
-        "job on a machine with the Ubuntu that the bundle was made on",
-        "InvalidInput",
+        "job on a machine with the Ubuntu that the bundle was made on"
     )
 
 

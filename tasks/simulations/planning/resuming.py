@@ -38,8 +38,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
     every_s = number_in(text)
     if not 0 <= every_s < math.inf:
         raise LaunchError(
-            f"{EVERY_VARIABLE} is {text!r}; seconds of simulated time, or 0 for no checkpoints, would be right",
-            "InvalidInput",
+            f"{EVERY_VARIABLE} is {text!r}; seconds of simulated time, or 0 for no checkpoints, would be right"
         )
     return every_s or None
 

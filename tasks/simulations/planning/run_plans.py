@@ -121,8 +121,7 @@ def _check_trials(plan: RunPlan) -> None:
         role = "robot" if plan.has_robot_program or plan.simulation_application is None else "simulation"
         raise LaunchError(
             f"trials: the {role} application is a program, which cannot be begun anew for each trial; "
-            "trials need applications that are factories (make_environment, make_agent), or a job for each seed",
-            "InvalidInput",
+            "trials need applications that are factories (make_environment, make_agent), or a job for each seed"
         )
 
 
@@ -151,7 +150,7 @@ def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> li
         world = World.model_validate_json((world_dir / WORLD_FILE).read_bytes())
         asked = [(f"requirements[{index}].room", room) for index, room in rooms_of(requirements)]
         if problem := unknown_room(asked, [room.name for room in world.floorplan.rooms]):
-            raise LaunchError(problem, "InvalidInput")
+            raise LaunchError(problem)
     return requirements
 
 

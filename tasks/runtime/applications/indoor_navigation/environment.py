@@ -24,7 +24,6 @@ from .telemetry import frames_of_bodies
 
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 
-_INVALID = "InvalidInput"
 _logger = logging.getLogger(__name__)
 
 
@@ -87,8 +86,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
     if context.world is None or context.world_dir is None:
         raise LaunchError(
             "indoor-navigation drives through a world and the job names none; "
-            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
-            _INVALID,
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
         )
     found = find_robot(context.plan.robot_application, {**os.environ, **context.environment})
     sys.stdout.write(f"{found}\n")
@@ -97,7 +95,7 @@ def make_environment(context: SimulationContext) -> IndoorNavigation:
     try:
         physics = assemble(context.world_dir / "world.xml", robot)
     except ValueError as cause:
-        raise LaunchError(str(cause), _INVALID) from cause
+        raise LaunchError(str(cause)) from cause
     known = _known_map(context.world_dir) if context.recorder.enabled else None
     task = NavigationTask(context.world, robot, context.rng, context.recorder, limit_s, known)
     return IndoorNavigation(physics, task, robot)
@@ -121,7 +119,6 @@ def _time_limit_s(text: str | None, world: World, robot: Robot) -> float:
     limit_s = number_in(text)
     if not (math.isfinite(limit_s) and limit_s > 0):
         raise LaunchError(
-            f"{TIME_LIMIT_VARIABLE}: {text!r} is not a limit; it has to be simulated seconds above 0, such as 300",
-            _INVALID,
+            f"{TIME_LIMIT_VARIABLE}: {text!r} is not a limit; it has to be simulated seconds above 0, such as 300"
         )
     return limit_s

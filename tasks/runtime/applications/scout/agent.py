@@ -252,21 +252,19 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
     if context.world is None or context.world_dir is None:
         raise LaunchError(
             "scout plans on the map of a world and the job names none; "
-            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]',
-            "InvalidInput",
+            'name one in the simulation application: worldConfigs: [{"world": "<ARN of a world>"}]'
         )
     given: Any = environment.observation_spec()
     missing = {"time", "pose", "velocity", "scan", "proximity", "scan_time"} - set(given)
     if missing:
         raise LaunchError(
             f"scout needs observations that the environment does not give: {', '.join(sorted(missing))}; "
-            "use it with indoor-navigation",
-            "InvalidInput",
+            "use it with indoor-navigation"
         )
     try:
         known = read_world_map(context.world_dir)
     except (OSError, ValueError) as cause:
-        raise LaunchError(f"scout cannot read the world's map: {cause}", "InvalidInput") from cause
+        raise LaunchError(f"scout cannot read the world's map: {cause}") from cause
     robot = robot_of(environment)
     goals = {room.name: room.goal for room in context.world.floorplan.rooms}
     lidar = robot.lidar if robot else None

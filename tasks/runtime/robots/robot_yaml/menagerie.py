@@ -11,7 +11,6 @@ from .problems import alternatives
 MENAGERIE = "menagerie:"
 ROOT_VARIABLE = "MENAGERIE_ROOT"
 
-_INVALID_INPUT = "InvalidInput"
 _FREE_JOINT_NUMBERS = 7
 
 
@@ -26,12 +25,11 @@ def menagerie_root(variables: Mapping[str, str]) -> Path:
     if not text:
         raise LaunchError(
             f"{ROOT_VARIABLE} is not set; it has to be the folder of a checkout of MuJoCo Menagerie ({clone}), in the "
-            "environment of the worker or in a launch configuration's environmentVariables",
-            _INVALID_INPUT,
+            "environment of the worker or in a launch configuration's environmentVariables"
         )
     root = Path(text)
     if not root.is_dir():
-        raise LaunchError(f"{ROOT_VARIABLE}: there is no folder {text!r}; {clone}", _INVALID_INPUT)
+        raise LaunchError(f"{ROOT_VARIABLE}: there is no folder {text!r}; {clone}")
     return root
 
 
@@ -45,9 +43,7 @@ def menagerie_file(reference: str, root: Path) -> Path:
     folder = _folder(name, root)
     if not file or not (folder / file).is_file():
         there = _model_files(folder)
-        raise LaunchError(
-            f"{reference}: {name} has no file {file!r}; {alternatives(file, there, 'models')}", _INVALID_INPUT
-        )
+        raise LaunchError(f"{reference}: {name} has no file {file!r}; {alternatives(file, there, 'models')}")
     return folder / file
 
 
@@ -68,14 +64,13 @@ def menagerie_mapping(reference: str, root: Path) -> Path:
         f"none of its own). Write it there, or into a robot application with `model: {MENAGERIE}{name}/"
         f"{models[0] if models else 'file.xml'}`; docs/robots.md has all members. To begin with:\n"
         + _template(folder, models),
-        _INVALID_INPUT,
     )
 
 
 def _folder(name: str, root: Path) -> Path:
     models = sorted(each.name for each in root.iterdir() if each.is_dir() and _model_files(each))
     if name not in models:
-        raise LaunchError(f"{MENAGERIE}{name}: {root} {_lacks(name, models)}", _INVALID_INPUT)
+        raise LaunchError(f"{MENAGERIE}{name}: {root} {_lacks(name, models)}")
     return root / name
 
 
