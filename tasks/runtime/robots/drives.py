@@ -13,7 +13,7 @@ from dm_env import specs
 
 from ..episode.context import ActionError
 from ..episode.resumable import KeepsAttributes
-from .robot import CONTROL_TIMESTEP_S, Action, Controller, Limits, velocity_action_spec
+from .robot import CONTROL_TIMESTEP_S, Action, Controller, Limits
 
 
 class VelocityController(KeepsAttributes):
@@ -60,10 +60,22 @@ class VelocityController(KeepsAttributes):
 
 
 @dataclass(frozen=True)
-class DifferentialDrive:
-    """Velocity-controlled wheels on the left and on the right."""
+class VelocityDrive:
+    """A drive that takes velocity commands."""
 
     limits: Limits
+
+    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
+        """Forward velocity in m/s and turning rate in rad/s, counter-clockwise positive; see `Drive`."""
+        del model, prefix
+        limit = np.array((self.limits.linear_mps, self.limits.angular_radps))
+        return specs.BoundedArray((2,), np.float64, -limit, limit, name="velocity_command")
+
+
+@dataclass(frozen=True)
+class DifferentialDrive(VelocityDrive):
+    """Velocity-controlled wheels on the left and on the right."""
+
     left: tuple[str, ...]
     """Names of actuators."""
 
@@ -74,11 +86,6 @@ class DifferentialDrive:
 
     directions: tuple[tuple[float, ...], tuple[float, ...]] | None = None
     """Factors from a wheel's speed (rad/s, forward positive) to the command of each actuator; absent: 1."""
-
-    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """See `Drive`."""
-        del model, prefix
-        return velocity_action_spec(self.limits)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
         """See `Drive`."""
@@ -100,10 +107,9 @@ class DifferentialDrive:
 
 
 @dataclass(frozen=True)
-class PlanarDrive:
+class PlanarDrive(VelocityDrive):
     """Velocity actuators that move the base over the floor."""
 
-    limits: Limits
     x: str
     """Name of an actuator, m/s."""
 
@@ -115,11 +121,6 @@ class PlanarDrive:
 
     yaw_joint: str | None = None
     """Hinge that tells the heading; x and y are along the world's axes then, otherwise along the robot's."""
-
-    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """See `Drive`."""
-        del model, prefix
-        return velocity_action_spec(self.limits)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
         """See `Drive`."""

@@ -177,10 +177,41 @@ class Robot:
         return int(model.body(f"{self.prefix}{self.footprint or self.base}").id)
 
 
-def velocity_action_spec(limits: Limits) -> specs.BoundedArray:
-    """Forward velocity in m/s and turning rate in rad/s, counter-clockwise positive."""
-    limit = np.array((limits.linear_mps, limits.angular_radps))
-    return specs.BoundedArray((2,), np.float64, -limit, limit, name="velocity_command")
+def add_look(
+    body: mujoco.MjsBody, shape: mujoco.mjtGeom, pos: Sequence[float], size: Sequence[float], rgba: Sequence[float]
+) -> None:
+    """Add a geom that is only seen: it neither weighs nor collides."""
+    body.add_geom(type=shape, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
+
+
+def add_camera(
+    body: mujoco.MjsBody, name: str, pos: Sequence[float], up: Sequence[float], fovy_deg: float = 62
+) -> None:
+    """Add a camera whose picture has the robot's right on its right.
+
+    Args:
+        body: The part that it is mounted on.
+        name: Its name.
+        pos: Its place on the part, metres.
+        up: Direction on the part that is up in the picture.
+        fovy_deg: Vertical field of view.
+    """
+    camera = body.add_camera(name=name, pos=pos, fovy=fovy_deg)
+    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
+    camera.alt.xyaxes = [0, -1, 0, *up]
+
+
+def add_imu(spec: mujoco.MjSpec, site: str, names: tuple[str, str] = ("gyro", "accelerometer")) -> None:
+    """Add a gyro and an accelerometer at a site.
+
+    Args:
+        spec: The robot's model.
+        site: Name of the site.
+        names: Names of the two sensors.
+    """
+    kinds = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER)
+    for name, kind in zip(names, kinds, strict=True):
+        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
 
 
 def robot_of(environment: Any) -> Robot | None:

@@ -8,12 +8,11 @@ wheels, two slides, a planar lidar, an IMU and a camera.
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Sequence
 
 import mujoco
 
 from .drives import DifferentialDrive
-from .robot import Lidar, Limits, Robot
+from .robot import Lidar, Limits, Robot, add_camera, add_imu, add_look
 
 RADIUS_M = 0.17
 """Radius of the body seen from above, in metres; nothing sticks out of it."""
@@ -100,26 +99,20 @@ def _add_chassis(base: mujoco.MjsBody) -> None:
 
 def _add_looks(base: mujoco.MjsBody) -> None:
     """Adds what is only seen."""
-    _look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
-    _look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
-    _look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)
-    _look(base, _CYLINDER, [0, 0, 0.1005], [0.118, 0.001, 0], _SHELL)
-    _look(base, _CYLINDER, [0, 0, 0.163], [0.047, 0.004, 0], _ACCENT)
-    _look(base, _CYLINDER, [0, 0, LIDAR_HEIGHT_M], [0.0455, 0.008, 0], _GLASS)
-    _look(base, _CYLINDER, [0, 0, 0.1675], [0.022, 0.0015, 0], _DARK)
-    _look(base, _BOX, [0.150, 0, 0.090], [0.016, 0.055, 0.017], _DARK)
-    _look(base, _BOX, [0.1665, 0, 0.090], [0.001, 0.045, 0.011], _GLASS)
-    _look(base, _SPHERE, [0.1655, 0, 0.090], [0.008, 0, 0], _LIGHT)
+    add_look(base, _CYLINDER, [0, 0, 0.032], [0.1705, 0.007, 0], _DARK)
+    add_look(base, _CYLINDER, [0, 0, 0.072], [0.1708, 0.006, 0], _ACCENT)
+    add_look(base, _CYLINDER, [0, 0, 0.0985], [0.150, 0.002, 0], _DARK)
+    add_look(base, _CYLINDER, [0, 0, 0.1005], [0.118, 0.001, 0], _SHELL)
+    add_look(base, _CYLINDER, [0, 0, 0.163], [0.047, 0.004, 0], _ACCENT)
+    add_look(base, _CYLINDER, [0, 0, LIDAR_HEIGHT_M], [0.0455, 0.008, 0], _GLASS)
+    add_look(base, _CYLINDER, [0, 0, 0.1675], [0.022, 0.0015, 0], _DARK)
+    add_look(base, _BOX, [0.150, 0, 0.090], [0.016, 0.055, 0.017], _DARK)
+    add_look(base, _BOX, [0.1665, 0, 0.090], [0.001, 0.045, 0.011], _GLASS)
+    add_look(base, _SPHERE, [0.1655, 0, 0.090], [0.008, 0, 0], _LIGHT)
     for side in (1, -1):
-        _look(base, _BOX, [0.10, side * 0.075, 0.1008], [0.030, 0.004, 0.0012], _LIGHT)
-    _look(base, _CAPSULE, [-0.11, 0.06, 0.135], [0.003, 0.045, 0], _DARK)
-    _look(base, _SPHERE, [-0.11, 0.06, 0.184], [0.006, 0, 0], _ACCENT)
-
-
-def _look(
-    body: mujoco.MjsBody, shape: mujoco.mjtGeom, pos: Sequence[float], size: Sequence[float], rgba: Sequence[float]
-) -> None:
-    body.add_geom(type=shape, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
+        add_look(base, _BOX, [0.10, side * 0.075, 0.1008], [0.030, 0.004, 0.0012], _LIGHT)
+    add_look(base, _CAPSULE, [-0.11, 0.06, 0.135], [0.003, 0.045, 0], _DARK)
+    add_look(base, _SPHERE, [-0.11, 0.06, 0.184], [0.006, 0, 0], _ACCENT)
 
 
 def _add_slides(base: mujoco.MjsBody) -> None:
@@ -162,21 +155,9 @@ def _look_wheel(wheel: mujoco.MjsBody) -> None:
 def _add_sensors(spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
     base.add_site(name="scan", pos=[0, 0, LIDAR_HEIGHT_M], group=5)
     base.add_site(name="imu", pos=[0, 0, 0.06], group=5)
-    for name, kind in (
-        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-    ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
-    _add_camera(base, "front", pos=(0.172, 0, 0.09), right=(0, -1, 0), up=(-0.08, 0, 1), fovy=62)
-    _add_camera(base, "follow", pos=(-0.75, 0, 0.95), right=(0, -1, 0), up=(0.72, 0, 0.69), fovy=62)
-
-
-def _add_camera(
-    base: mujoco.MjsBody, name: str, pos: Sequence[float], right: Sequence[float], up: Sequence[float], fovy: float
-) -> None:
-    camera = base.add_camera(name=name, pos=pos, fovy=fovy)
-    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    camera.alt.xyaxes = [*right, *up]
+    add_imu(spec, "imu")
+    add_camera(base, "front", (0.172, 0, 0.09), (-0.08, 0, 1))
+    add_camera(base, "follow", (-0.75, 0, 0.95), (0.72, 0, 0.69))
 
 
 LIMITS = Limits(RADIUS_M, MAX_LINEAR_MPS, MAX_ANGULAR_RADPS)

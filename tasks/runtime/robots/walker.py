@@ -16,10 +16,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import mujoco
-from dm_env import specs
 
-from .drives import VelocityController
-from .robot import Controller, Lidar, Limits, Robot, velocity_action_spec
+from .drives import VelocityController, VelocityDrive
+from .robot import Controller, Lidar, Limits, Robot, add_camera, add_imu, add_look
 from .walker_gait import GaitSettings, LegGeometry, Motion, TrotGait
 
 LEGS = LegGeometry(hip_x_m=0.095, hip_y_m=0.045, offset_m=0.04, thigh_m=0.085, shank_m=0.085, stance_height_m=0.125)
@@ -78,11 +77,11 @@ def _add_trunk(body: mujoco.MjsBody) -> None:
     body.add_geom(
         name="lidar", type=_GEOM.mjGEOM_CYLINDER, pos=[0, 0, 0.055], size=[0.032, 0.020, 0], mass=0.1, rgba=_DARK
     )
-    _look(body, _GEOM.mjGEOM_CYLINDER, [0, 0, LIDAR_HEIGHT_M - BODY_HEIGHT_M], [0.0325, 0.006, 0], _GLASS)
-    _look(body, _GEOM.mjGEOM_BOX, [0, 0, 0.036], [0.100, 0.030, 0.002], _ACCENT)
-    _look(body, _GEOM.mjGEOM_BOX, [0.126, 0, 0.010], [0.004, 0.030, 0.016], _GLASS)
+    add_look(body, _GEOM.mjGEOM_CYLINDER, [0, 0, LIDAR_HEIGHT_M - BODY_HEIGHT_M], [0.0325, 0.006, 0], _GLASS)
+    add_look(body, _GEOM.mjGEOM_BOX, [0, 0, 0.036], [0.100, 0.030, 0.002], _ACCENT)
+    add_look(body, _GEOM.mjGEOM_BOX, [0.126, 0, 0.010], [0.004, 0.030, 0.016], _GLASS)
     for side in (1, -1):
-        _look(body, _GEOM.mjGEOM_BOX, [0, side * 0.043, 0.005], [0.110, 0.001, 0.006], _ACCENT)
+        add_look(body, _GEOM.mjGEOM_BOX, [0, side * 0.043, 0.005], [0.110, 0.001, 0.006], _ACCENT)
 
 
 def _add_leg(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, x: float, y: float) -> None:
@@ -119,36 +118,18 @@ def _limb(body: mujoco.MjsBody, length_m: float, radius_m: float, mass_kg: float
     )
 
 
-def _look(
-    body: mujoco.MjsBody, shape: mujoco.mjtGeom, pos: Sequence[float], size: Sequence[float], rgba: Sequence[float]
-) -> None:
-    body.add_geom(type=shape, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
-
-
 def _add_sensors(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
     body.add_site(name="imu", group=5)
-    for name, kind in (
-        ("gyro", mujoco.mjtSensor.mjSENS_GYRO),
-        ("accelerometer", mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-    ):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname="imu")
-    for name, pos, up in (("follow", (-0.75, 0, 0.85), (0.72, 0, 0.69)), ("front", (0.131, 0, 0.01), (0, 0, 1))):
-        camera = body.add_camera(name=name, pos=pos, fovy=62)
-        camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-        camera.alt.xyaxes = [0, -1, 0, *up]
+    add_imu(spec, "imu")
+    add_camera(body, "follow", (-0.75, 0, 0.85), (0.72, 0, 0.69))
+    add_camera(body, "front", (0.131, 0, 0.01), (0, 0, 1))
 
 
 @dataclass(frozen=True)
-class TrotDrive:
+class TrotDrive(VelocityDrive):
     """Legs that take velocity commands."""
 
-    limits: Limits
     settings: GaitSettings = field(default_factory=GaitSettings)
-
-    def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """See `Drive`."""
-        del model, prefix
-        return velocity_action_spec(self.limits)
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
         """See `Drive`."""

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from .....schemas.runs.robot_yaml import AddedActuator, RobotModel
+from ..robot import add_camera, add_imu
 from .model_files import load_model
 from .problems import alternatives, invalid
 
@@ -160,20 +161,16 @@ class ModelBuilder:
         if site is None:
             body = self.find([*spec.bodies, *spec.sites], imu.at, "sensors.imu.at", "bodies and sites")
             site = body.add_site(name=f"{imu.at}_imu_site", group=5).name
-        for name, kind in (
-            (GYRO, mujoco.mjtSensor.mjSENS_GYRO),
-            (ACCELEROMETER, mujoco.mjtSensor.mjSENS_ACCELEROMETER),
-        ):
-            spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+        add_imu(spec, site, (GYRO, ACCELEROMETER))
 
     def _add_cameras(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
         for index, wanted in enumerate(self._mapping.sensors.cameras):
             body = self.find(spec.bodies, wanted.at, f"sensors.cameras[{index}].at", "bodies")
-            _add_camera(body, wanted.name, (0, 0, 0), (0, 0, 1), wanted.fovy_deg)
+            add_camera(body, wanted.name, (0, 0, 0), (0, 0, 1), wanted.fovy_deg)
         if self._mapping.video_camera is None and all(each.name != FOLLOW_CAMERA for each in spec.cameras):
             scale = min(max(1.0, self._mapping.footprint.radius_m / _SCOUT_RADIUS_M), _MAX_FOLLOW_SCALE)
             place = (-0.75 * scale, 0.0, 0.95 * scale - self._mapping.spawn.height_m)
-            _add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
+            add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
 
 
 def stand_alone(spec: mujoco.MjSpec, files: RobotFiles) -> mujoco.MjModel:
@@ -221,9 +218,3 @@ def _set(actuator: Any, wanted: AddedActuator) -> None:
         actuator.forcelimited, actuator.forcerange = True, [-wanted.force_limit, wanted.force_limit]
     if wanted.range is not None:
         actuator.ctrllimited, actuator.ctrlrange = True, wanted.range
-
-
-def _add_camera(body: mujoco.MjsBody, name: str, pos: tuple[float, ...], up: tuple[float, ...], fovy: float) -> None:
-    camera = body.add_camera(name=name, pos=pos, fovy=fovy)
-    camera.alt.type = mujoco.mjtOrientation.mjORIENTATION_XYAXES
-    camera.alt.xyaxes = [0, -1, 0, *up]
