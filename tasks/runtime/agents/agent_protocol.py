@@ -92,48 +92,43 @@ class ObservationWriter:
                 raise ObservationError(_misfit(value, field)) from error
 
 
-class ActionReader:
-    """Reads the answers of robots."""
+def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
+    """Returns the action in a message's content, in the form of the action spec.
 
-    def __init__(self, layout: Layout) -> None:
-        self._layout = layout
+    Args:
+        layout: Arrays of the action spec.
+        payload: The content.
+        expected: Numbers of the observations that it may answer.
 
-    def read(self, payload: memoryview, expected: range) -> Any:
-        """Returns the action in a message's content, in the form of the action spec.
+    Raises:
+        ActionError: It has the wrong size, answers another observation, or is not finite.
+    """
+    if len(payload) != layout.size:
+        raise ActionError(
+            f"the action has {len(payload)} bytes; it has to have {layout.size}: "
+            f"{ACTION_HEADER.size} for the observation's number, then {layout.summary()}"
+        )
+    (number,) = ACTION_HEADER.unpack_from(payload)
+    if number not in expected:
+        last = expected[-1]
+        right = f"{last}" if len(expected) == 1 else f"{expected[0]} to {last}"
+        raise ActionError(f"the action answers observation {number}; it has to answer {right}")
+    data = bytearray(payload)
+    values = [_value(field, data) for field in layout.fields]
+    if len(values) == 1 and not layout.fields[0].path:
+        return values[0]
+    places = dict(zip((field.path for field in layout.fields), values, strict=True))
+    return _rebuilt(layout.spec, (), places)
 
-        Args:
-            payload: The content.
-            expected: Numbers of the observations that it may answer.
 
-        Raises:
-            ActionError: It has the wrong size, answers another observation, or is not finite.
-        """
-        layout = self._layout
-        if len(payload) != layout.size:
-            raise ActionError(
-                f"the action has {len(payload)} bytes; it has to have {layout.size}: "
-                f"{ACTION_HEADER.size} for the observation's number, then {layout.summary()}"
-            )
-        (number,) = ACTION_HEADER.unpack_from(payload)
-        if number not in expected:
-            last = expected[-1]
-            right = f"{last}" if len(expected) == 1 else f"{expected[0]} to {last}"
-            raise ActionError(f"the action answers observation {number}; it has to answer {right}")
-        data = bytearray(payload)
-        values = [self._value(field, data) for field in layout.fields]
-        if len(values) == 1 and not layout.fields[0].path:
-            return values[0]
-        places = dict(zip((field.path for field in layout.fields), values, strict=True))
-        return _rebuilt(layout.spec, (), places)
-
-    def _value(self, field: ArrayField, data: bytearray) -> Any:
-        array = field.view(data)
-        kind = field.dtype.kind
-        if kind == "f" and not np.isfinite(array).all():
-            raise ActionError(f"the action{_of(field)} is {_shortened(array)}; it has to be finite")
-        if kind == "b" and (array.view(np.uint8) > 1).any():
-            raise ActionError(f"the action{_of(field)} has bytes that are neither 0 nor 1; it is of type bool")
-        return array if array.ndim else array[()]
+def _value(field: ArrayField, data: bytearray) -> Any:
+    array = field.view(data)
+    kind = field.dtype.kind
+    if kind == "f" and not np.isfinite(array).all():
+        raise ActionError(f"the action{_of(field)} is {_shortened(array)}; it has to be finite")
+    if kind == "b" and (array.view(np.uint8) > 1).any():
+        raise ActionError(f"the action{_of(field)} has bytes that are neither 0 nor 1; it is of type bool")
+    return array if array.ndim else array[()]
 
 
 def read_hello(payload: memoryview) -> RobotHello:

@@ -13,7 +13,7 @@ from ..episode.results import Findings, Observer
 from ..episode.stops import RunEnded
 from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
 from .agent_client import ACTION_HEADER
-from .agent_protocol import ActionReader
+from .agent_protocol import read_action
 from .remote_agent import RobotProgramError
 from .remote_robot import action_layout
 
@@ -60,7 +60,7 @@ class RecordedRobot(Observer):
                 f"the recorded actions of robot application {self._robot} are {self._log.header}; this "
                 f"environment takes {layout.summary()}"
             )
-        reader, actions = ActionReader(layout), iter(self._log)
+        actions = iter(self._log)
 
         def agent(timestep: dm_env.TimeStep) -> Any:
             del timestep
@@ -69,7 +69,7 @@ class RecordedRobot(Observer):
                 raise self._end()
             self._taken += 1
             try:
-                return reader.read(memoryview(_NO_NUMBER + action), range(1))
+                return read_action(layout, memoryview(_NO_NUMBER + action), range(1))
             except ActionError as error:  # the file was made elsewhere
                 raise RobotProgramError(f"recorded action {self._taken - 1}: {error}") from error
 

@@ -15,7 +15,7 @@ from ..episode.results import Findings
 from ..episode.stops import RunStopped
 from .agent_client import ACTION, ACTION_HEADER, END, ERROR, ProtocolError
 from .agent_layout import Layout
-from .agent_protocol import ActionReader, ObservationWriter, RobotHello, read_words
+from .agent_protocol import ObservationWriter, RobotHello, read_action, read_words
 from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
 
 _MIN_SILENT_STEPS = 20
@@ -64,7 +64,7 @@ class RemoteAgent:
         self._link = link
         self._hello = hello
         self._writer = ObservationWriter(observation)
-        self._reader = ActionReader(action)
+        self._layout = action
         self._robot = robot
         self._simulated_time = simulated_time
         self._period_s = (control_timestep_s or 0.0) / hello.real_time_factor
@@ -173,7 +173,7 @@ class RemoteAgent:
     def _understood(self, message: Message, expected: range) -> Any:
         kind, payload = message
         if kind == ACTION:
-            self._action = self._reader.read(payload, expected)
+            self._action = read_action(self._layout, payload, expected)
             self._content = bytes(payload[ACTION_HEADER.size :])
             self._actions += 1
             self._acted_at = self._number

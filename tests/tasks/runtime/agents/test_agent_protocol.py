@@ -25,7 +25,7 @@ from prefect_robomaker.tasks.runtime.agents.agent_client import (
     ProtocolError,
 )
 from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
-from prefect_robomaker.tasks.runtime.agents.agent_protocol import ActionReader, ObservationWriter
+from prefect_robomaker.tasks.runtime.agents.agent_protocol import ObservationWriter, read_action
 from prefect_robomaker.tasks.runtime.episode.context import ActionError, ObservationError
 
 DTYPES = st.sampled_from(sorted(ITEM_FORMATS)).map(np.dtype)
@@ -94,7 +94,7 @@ def test_actions_arrive_as_they_were(tree: Any) -> None:
     content = bytearray(layout.size)
     ACTION_HEADER.pack_into(content, 0, 7)
     agent_client._Layout(json.loads(json.dumps(layout.describe()))).write(tree, content)
-    assert same(tree, ActionReader(layout).read(memoryview(content), range(7, 8)))
+    assert same(tree, read_action(layout, memoryview(content), range(7, 8)))
 
 
 @examples(40)
@@ -227,7 +227,7 @@ class TestActions:
         return memoryview(struct.pack("<Q2f?7x", number, *(values or (1.0, 2.0)), False)[:16] + bytes([on]) + bytes(7))
 
     def test_have_the_form_of_the_spec(self) -> None:
-        action = ActionReader(self.LAYOUT).read(self.content(), range(6))
+        action = read_action(self.LAYOUT, self.content(), range(6))
         assert isinstance(action, list)
         assert action[0].tolist() == [1.0, 2.0]
         assert action[1]["on"] is np.True_
@@ -241,13 +241,13 @@ class TestActions:
     )
     def test_wrong_ones(self, content: dict[str, int], text: str) -> None:
         with pytest.raises(ActionError, match=text):
-            ActionReader(self.LAYOUT).read(self.content(**content), range(5, 6))
+            read_action(self.LAYOUT, self.content(**content), range(5, 6))
 
     @pytest.mark.parametrize("value", [math.nan, math.inf])
     def test_numbers_that_are_not_finite(self, value: float) -> None:
         with pytest.raises(ActionError, match=r"the action 0 is \[1\.0, (nan|inf)\]; it has to be finite"):
-            ActionReader(self.LAYOUT).read(self.content(5, 1, 1.0, value), range(5, 6))
+            read_action(self.LAYOUT, self.content(5, 1, 1.0, value), range(5, 6))
 
     def test_wrong_sizes_are_told_in_full(self) -> None:
         with pytest.raises(ActionError, match=r"3 bytes; it has to have 24: .* 0: float32\[2\], 1/on: bool\[\]"):
-            ActionReader(self.LAYOUT).read(memoryview(bytes(3)), range(1))
+            read_action(self.LAYOUT, memoryview(bytes(3)), range(1))
