@@ -219,7 +219,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
         metrics={"steps": float(episode.steps), **finite},
         rooms=report.rooms,
         collisions=report.collisions[:MAX_COLLISIONS],
-        path=_thin(report.path, MAX_PATH_POINTS),
+        path=thin_out(report.path, MAX_PATH_POINTS),
         sim_time_s=episode.sim_time_s,
         wall_time_s=episode.wall_time_s,
         real_time_factor=episode.sim_time_s / episode.wall_time_s if episode.wall_time_s > 0 else 0.0,
@@ -304,7 +304,7 @@ def versions() -> dict[str, str]:
     return {name: metadata.version(distribution) for name, distribution in names.items()}
 
 
-def _thin(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
+def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
     """Keeps at most `limit` points, evenly chosen, with both ends."""
     if len(path) <= limit:
         return path

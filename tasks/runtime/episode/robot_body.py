@@ -40,9 +40,14 @@ def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
     top = body
     while (parent := int(model.body_parentid[top])) and model.body_weldid[parent]:
         top = parent
+    return bodies_below(model, top)
+
+
+def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Return whether each body is this one or hangs on it."""
     below = np.zeros(model.nbody, dtype=np.bool_)
-    below[top] = True
-    for each in range(top + 1, model.nbody):  # parents come before their children
+    below[body] = True
+    for each in range(body + 1, model.nbody):  # parents come before their children
         below[each] = below[model.body_parentid[each]]
     return below
 

@@ -24,7 +24,7 @@ from ..episode.clearance import ClearanceMeter
 from ..episode.contact_forces import ContactForces, can_touch, floor_geoms, geom_names, robot_geoms
 from ..episode.loading import LoadError, load_factory
 from ..episode.physics import raw_physics
-from ..episode.robot_body import acting_roots
+from ..episode.robot_body import acting_roots, bodies_below
 from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule, is_meant
 
 Look = Callable[[float], None]
@@ -177,7 +177,7 @@ def _clearance(rule: ClearanceRule, scene: Scene) -> Look:
     asked, model = rule.asked, scene.model
     body = scene.robot(asked, asked.body)
     own = robot_geoms(model, body)
-    part = own if asked.body is None else _below(model, body)
+    part = own if asked.body is None else bodies_below(model, body)[model.geom_bodyid]
     _check_touchable(rule, scene, own)
     meter = ClearanceMeter(model, scene.data, part, _obstacles(rule, scene, own), scene.names)
 
@@ -262,15 +262,6 @@ def _has(path: Path, package: str) -> bool:
 def cannot(requirement: JobRequirement, why: str) -> RequirementError:
     """The error for a requirement that cannot be judged here."""
     return RequirementError(f"requirement {requirement.name} ({requirement.kind}): {why}")
-
-
-def _below(model: mujoco.MjModel, body: int) -> Any:
-    """Returns a mask of the geoms of a body and of its descendants."""
-    below = np.zeros(model.nbody, dtype=np.bool_)
-    below[body] = True
-    for each in range(body + 1, model.nbody):  # parents come before their children
-        below[each] = below[model.body_parentid[each]]
-    return below[model.geom_bodyid]
 
 
 def _is_free(model: mujoco.MjModel, joint: int) -> bool:

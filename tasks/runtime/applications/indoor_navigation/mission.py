@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from .....schemas.runs.plan import Collision, Requirement, RoomVisit
 from .....schemas.worlds.polygons import contains
 from .....schemas.worlds.world import Point, Room
-from ...episode.results import EnvironmentReport
+from ...episode.results import MAX_PATH_POINTS, EnvironmentReport, thin_out
 from ...episode.resumable import KeepsAttributes
 from .telemetry import RobotState
 
@@ -15,7 +15,6 @@ HARD_COLLISION_N = 20.0
 
 TIPPED_OVER_RAD = math.radians(35)
 
-MAX_PATH_POINTS = 600
 
 _PATH_PERIOD_S = 0.2
 _NO_HARD_COLLISION = "no_hard_collision"
@@ -152,14 +151,6 @@ class Mission(KeepsAttributes):
 def _never_touches(requirement: Requirement) -> Requirement:
     why = "the robot has no shape that collides with anything else, so it goes through everything"
     return requirement.model_copy(update={"satisfied": False, "error": why, "detail": f"could not be judged: {why}"})
-
-
-def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
-    """Keeps evenly spread points, the first and the last among them, at most `limit` (2 or more)."""
-    if len(path) <= limit:
-        return list(path)
-    last = len(path) - 1
-    return [path[round(index * last / (limit - 1))] for index in range(limit)]
 
 
 def _bounds(polygon: Sequence[Point]) -> tuple[float, float, float, float]:

@@ -19,12 +19,13 @@ from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import Point
 from ...episode.context import SimulationContext
 from ...episode.resumable import KeepsAttributes
+from ...recording.recorder import Recorder
 from ...robots.robot import Lidar, Limits, robot_of
 from ...robots.scout import LIDAR, LIMITS
 from ..indoor_navigation.occupancy_map import OccupancyMap, read_world_map
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path, ray_directions
-from .plan_telemetry import PlanTelemetry
+from .plan_telemetry import publish_plan
 from .planner import GridPlanner, WayKind
 from .tour import plan_tour
 
@@ -79,7 +80,7 @@ class Scout(KeepsAttributes):
         known: OccupancyMap,
         goals: Mapping[str, Point],
         limits: Limits = LIMITS,
-        plans: PlanTelemetry | None = None,
+        recorder: Recorder | None = None,
         lidar: Lidar = LIDAR,
     ) -> None:
         """Prepares for a run.
@@ -88,10 +89,10 @@ class Scout(KeepsAttributes):
             known: the map.
             goals: one place per room, metres, by the room's name.
             limits: how large the robot is and what it can do.
-            plans: told of every way that is planned.
+            recorder: gets every way that is planned.
             lidar: what its scans are.
         """
-        self._plans = plans
+        self._recorder = recorder or Recorder()
         self._limits = limits
         self._rays = ray_directions(lidar.angles_rad)
         self._planner = GridPlanner(known, limits.radius_m)
@@ -180,8 +181,7 @@ class Scout(KeepsAttributes):
             if way is not None:
                 self._follower, self._way_kind = PathFollower(way.path, self._limits), way.kind
                 self._anchor = _Anchor(now_s, pose)
-                if self._plans is not None:
-                    self._plans.publish(goal, way.path, now_s)
+                publish_plan(self._recorder, goal, way.path, now_s)
                 return True
             self._leave_goal()
         return False
@@ -270,4 +270,4 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> S
     lidar = robot.lidar if robot else None
     if lidar is None:  # as of an environment that does not say; its rays are all around
         lidar = replace(LIDAR, rays=given["scan"].shape[0])
-    return Scout(known, goals, robot.limits if robot else LIMITS, PlanTelemetry(context.recorder), lidar)
+    return Scout(known, goals, robot.limits if robot else LIMITS, context.recorder, lidar)

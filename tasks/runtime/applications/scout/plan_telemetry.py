@@ -12,24 +12,19 @@ _EVERY_POINTS = 4
 _FRAME = "map"
 
 
-class PlanTelemetry:
-    """Writes `/goal_pose` and `/plan`, as navigation stacks do, whenever a way was planned."""
+def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -> None:
+    """Write `/goal_pose` and `/plan`, as navigation stacks do, where the run is recorded.
 
-    def __init__(self, recorder: Recorder) -> None:
-        self._recorder = recorder
-
-    def publish(self, goal: Point, path: Points, time_s: float) -> None:
-        """Publishes a way.
-
-        Args:
-            goal: where to, metres.
-            path: points on the way, shape (n, 2).
-            time_s: simulated time.
-        """
-        if not self._recorder.enabled:
-            return
-        header = ros.Header(ros.Time.from_seconds(time_s), _FRAME)
-        points = [*path[:-1:_EVERY_POINTS].tolist(), path[-1].tolist()]
-        poses = [PoseStamped(header, ros.Pose(ros.Vector3(x, y))) for x, y in points]
-        self._recorder.write("/goal_pose", PoseStamped(header, ros.Pose(ros.Vector3(*goal))), time_s)
-        self._recorder.write("/plan", Path(header, poses), time_s)
+    Args:
+        recorder: The run's.
+        goal: where to, metres.
+        path: points on the way, shape (n, 2).
+        time_s: simulated time.
+    """
+    if not recorder.enabled:
+        return
+    header = ros.Header(ros.Time.from_seconds(time_s), _FRAME)
+    points = [*path[:-1:_EVERY_POINTS].tolist(), path[-1].tolist()]
+    poses = [PoseStamped(header, ros.Pose(ros.Vector3(x, y))) for x, y in points]
+    recorder.write("/goal_pose", PoseStamped(header, ros.Pose(ros.Vector3(*goal))), time_s)
+    recorder.write("/plan", Path(header, poses), time_s)
