@@ -34,18 +34,6 @@ _GROWS_S = 10.0
 _logger = logging.getLogger(__name__)
 
 
-def _no_more() -> bool:
-    return False
-
-
-def _tell_none(text: str) -> None:
-    """Ignores what is told, where there is no listener."""
-
-
-def _watch_nothing(scarce: Scarce | None) -> None:
-    """Ignores what is waited for, where there is no listener."""
-
-
 @dataclass(frozen=True)
 class Turn:
     """A slot that a job has, for as long as the block goes on that holds it."""
@@ -74,8 +62,8 @@ class MachineSlots:
         batch: str | None = None,
         priority: int = 0,
         *,
-        tell: Callable[[str], None] = _tell_none,
-        watch: Callable[[Scarce | None], None] = _watch_nothing,
+        tell: Callable[[str], None] = lambda _: None,
+        watch: Callable[[Scarce | None], None] = lambda _: None,
         memory: Callable[[], int | None] = available_memory_bytes,
         disk: Callable[[Path], int] = free_disk_bytes,
         clock: Callable[[], float] = time.time,
@@ -99,7 +87,7 @@ class MachineSlots:
 
     @contextmanager
     def hold(
-        self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = _no_more
+        self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = lambda: False
     ) -> Generator[Turn | None]:
         """Holds a slot inside the block, after waiting for one.
 
@@ -217,10 +205,8 @@ class MachineSlots:
             count = len(slots.holders)
             jobs = "1 job runs" if count == 1 else f"{count} jobs run"
             return Wait("slots", f"{jobs} on this machine, as many as ROBOMAKER_MAX_JOBS allows")
-        waiters = [record.waiter(ticket) for ticket, record in self._waiters.read(now_s).items()]
-        own = self._record("", None).waiter(self._ticket)
-        others = [waiter for waiter in waiters if waiter.ticket != self._ticket]
-        if not may_begin(self._ticket, [own, *others], slots.by_batch(), len(slots.free)):
+        waiters = {**self._waiters.read(now_s), self._ticket: self._record("", None)}
+        if not may_begin(self._ticket, waiters, slots.by_batch(), len(slots.free)):
             return Wait("slots", "jobs with a higher priority, or of batches with fewer jobs here, begin first")
         growing = sum(0.0 <= now_s - holder.began_s < _GROWS_S for holder in slots.holders)
         room = Room(self._memory(), self._disk(self._home), len(slots.holders), growing)

@@ -10,7 +10,6 @@ from pathlib import Path
 from pydantic import Field, ValidationError
 
 from ...schemas.wire.base import Model
-from .turns import Waiter
 
 _COUNTS_S = 3.0
 _REMOVED_S = 60.0
@@ -27,10 +26,6 @@ class WaiterRecord(Model):
     priority: int = Field(default=0, description="The higher, the earlier.")
     since_s: float = Field(description="Since when it has waited, in seconds since 1970.")
     why: str | None = Field(default=None, description="Reason of the wait; None: jobs of its own batch.")
-
-    def waiter(self, ticket: str) -> Waiter:
-        """The record as its place among the others is decided by."""
-        return Waiter(ticket, self.batch, self.priority, self.since_s)
 
 
 class WaiterFiles:

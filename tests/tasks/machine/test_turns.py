@@ -1,12 +1,33 @@
 """Who gets the next free slot: priority, then the batch with fewer jobs here, then who has waited longest."""
 
 from collections import Counter
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.machine.turns import Waiter, may_begin
+from prefect_robomaker.tasks.machine import turns
+from prefect_robomaker.tasks.machine.waiter_files import WaiterRecord
+
+
+@dataclass(frozen=True)
+class Waiter:
+    """A waiter as its place among the others is decided by."""
+
+    ticket: str
+    batch: str | None
+    priority: int
+    since_s: float
+
+
+def may_begin(ticket: str, waiters: Sequence[Waiter], running: Mapping[str | None, int], free: int) -> bool:
+    records = {
+        each.ticket: WaiterRecord(pid=1, name="a job", batch=each.batch, priority=each.priority, since_s=each.since_s)
+        for each in waiters
+    }
+    return turns.may_begin(ticket, records, running, free)
+
 
 BATCHES = st.sampled_from(["a", "b", "c", None])
 WAITERS = st.lists(
