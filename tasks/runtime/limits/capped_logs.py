@@ -54,7 +54,8 @@ class CappedLog:
         size = os.fstat(self.descriptor).st_size
         if self._kept_bytes is None:
             if size > self._max_bytes:
-                self._cut(size, self._max_bytes, self._remark())
+                words = f"this log became longer than {self._max_bytes:,} bytes; from here only its end is kept"
+                self._cut(size, self._max_bytes, f"\nrobomaker: {words}\n".encode())
         elif size > self._kept_bytes + slack_bytes:
             self._cut(size, self._kept_bytes)
 
@@ -66,11 +67,7 @@ class CappedLog:
         with suppress(OSError):
             os.ftruncate(self.descriptor, length + len(remark))
             self._kept_bytes = length + len(remark)
-            self._append(end)
-
-    def _remark(self) -> bytes:
-        words = f"this log became longer than {self._max_bytes:,} bytes; from here only its end is kept"
-        return f"\nrobomaker: {words}\n".encode()
+            os.write(self.descriptor, end)
 
     def _end(self, start: int, size: int) -> bytes:
         with suppress(OSError):
@@ -86,7 +83,3 @@ class CappedLog:
                 os.pwrite(descriptor, data, place)
             finally:
                 os.close(descriptor)
-
-    def _append(self, data: bytes) -> None:
-        with suppress(OSError):
-            os.write(self.descriptor, data)

@@ -8,7 +8,6 @@ wheels, two slides, a planar lidar, an IMU and a camera.
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false
 
-
 import mujoco
 
 from .drives import DifferentialDrive

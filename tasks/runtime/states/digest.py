@@ -40,6 +40,9 @@ _COMPRESSION_LEVEL = 3
 _NOT_COUNTED = frozenset({"paths", "npaths", "nbuffer", "signature"})
 """Members that tell where a model's files were read from, as its `…_pathadr` do, or how it was compiled."""
 
+_KEPT = ("_state_due_s", "_written_bytes", "_looks", "_last_s", "model_sha256", "joints", "positions")
+"""Attributes that checkpoints keep."""
+
 
 class StateDigest:
     """Hashes states and keeps a few of them in a file that stays readable when the run is killed."""
@@ -112,16 +115,7 @@ class StateDigest:
     def state(self) -> dict[str, Any]:
         """Returns the state that `restore` continues from; everything so far is in the file."""
         self._write_block()
-        return {
-            "chain": bytes(self._bytes[:_CHAIN_BYTES]),
-            "state_due_s": self._state_due_s,
-            "written_bytes": self._written_bytes,
-            "looks": self._looks,
-            "last_s": self._last_s,
-            "model_sha256": self.model_sha256,
-            "joints": self.joints,
-            "positions": self.positions,
-        }
+        return {"chain": bytes(self._bytes[:_CHAIN_BYTES]), **{name: getattr(self, name) for name in _KEPT}}
 
     def restore(self, state: dict[str, Any], model: mujoco.MjModel | None) -> None:
         """Goes on from where `state` was taken; what the file has beyond is cut off.
@@ -134,13 +128,12 @@ class StateDigest:
             OSError: The file is shorter than it was then, or cannot be written.
         """
         assert self._path is not None
-        if self._path.stat().st_size < state["written_bytes"]:
+        if self._path.stat().st_size < state["_written_bytes"]:
             raise OSError(f"{self._path} is shorter than it was at the checkpoint")
-        os.truncate(self._path, state["written_bytes"])
+        os.truncate(self._path, state["_written_bytes"])
         self._links, self._times, self._states = bytearray(), [], []
-        self._state_due_s, self._written_bytes = state["state_due_s"], state["written_bytes"]
-        self._looks, self._last_s = state["looks"], state["last_s"]
-        self.model_sha256, self.joints, self.positions = state["model_sha256"], state["joints"], state["positions"]
+        for name in _KEPT:
+            setattr(self, name, state[name])
         if model is not None:
             self._attach(model)
         self._bytes[:_CHAIN_BYTES] = state["chain"]

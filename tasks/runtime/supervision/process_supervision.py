@@ -385,20 +385,23 @@ class Supervision:
         kill_children()
 
     def _exit(self) -> Exit:
-        phase, report, tools = self._progress.phase, self._progress.read_report(), self._tools()
+        tools = self._tools()
         if self._run_pid is None:
             ended_by = {"ended_by": "application"} if self._is_completed else {}
             return Exit(0 if self._is_completed else None, None, Phase.STARTING, ended_by, self._crash, tools)
-        status = self._run_status
-        if status is None:
-            return self._with_place(Exit(None, None, phase, report, self._crash, tools, self._trial()))
-        exit_code = os.WEXITSTATUS(status) if os.WIFEXITED(status) else None
-        signal_number = os.WTERMSIG(status) if os.WIFSIGNALED(status) else None
-        return self._with_place(Exit(exit_code, signal_number, phase, report, self._crash, tools, self._trial()))
-
-    def _with_place(self, ended: Exit) -> Exit:
-        steps, sim_time_s = self._progress.where
-        return replace(ended, steps=steps, sim_time_s=sim_time_s, judges=self._progress.judges)
+        status, (steps, sim_time_s) = self._run_status, self._progress.where
+        return Exit(
+            exit_code=os.WEXITSTATUS(status) if status is not None and os.WIFEXITED(status) else None,
+            signal=os.WTERMSIG(status) if status is not None and os.WIFSIGNALED(status) else None,
+            phase=self._progress.phase,
+            report=self._progress.read_report(),
+            crash=self._crash,
+            tools=tools,
+            trial=self._trial(),
+            steps=steps,
+            sim_time_s=sim_time_s,
+            judges=self._progress.judges,
+        )
 
     def _trial(self) -> int | None:
         """The trial that the run's process was in."""
