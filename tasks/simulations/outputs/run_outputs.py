@@ -236,7 +236,7 @@ class RunOutputs:
     ) -> None:
         store = service.store
         prepare_bucket(service, self.bucket)
-        files = [*storable_files(self.output_dir, self.prefix, self._room()).files, *uploaded]
+        files = [*storable_files(self.output_dir, self.prefix, self._room()), *uploaded]
         files.sort(key=lambda file: rank(file.name))  # what says how the run went is stored first
         self._planned, self._arrived = files, {}
         if not finished:
@@ -296,8 +296,8 @@ class RunOutputs:
                 files += [Found(f"{upload.name}/{file.name}", file.path, upload in rolling) for file in found]
         self._left_out = room.left_out
         add_result_notes(self.output_dir, [*notes_of(self._request, self._folder, uploads, matched), *room.notes()])
-        names = [file.name for file in outputs.files]
-        return self._named(names, files, staged / "notes.log", outputs.notes)
+        names = [file.name for file in outputs]
+        return self._named(names, files, staged / "notes.log", room.left_out.lines)
 
     def _matched_before(self, uploads: Sequence[Upload], taken: Set[str]) -> set[int]:
         """Numbers of upload configurations of which files were taken while the run went on, or staged before."""

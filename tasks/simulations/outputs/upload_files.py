@@ -8,20 +8,19 @@ import errno
 import fcntl
 import os
 import signal
-import stat
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from ....schemas.wire.globs import Glob
+from ...runtime.limits.left_files import open_left
 from ...storage.holes import copy_with_holes
 
 MAX_DEPTH = 100
 """Folders within each other that are looked into."""
 
 _FOLDER_FLAGS = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
-_FILE_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 _QUIET_S = 10.0
 
 Visit = Callable[[int, str, str], None]
@@ -58,24 +57,20 @@ def _walk(folder: int, path: str, below: str, glob: Glob, visit: Visit, depth: i
 @contextmanager
 def _opened_below(root: Path, path: str) -> Iterator[int | None]:
     """A folder below a root, open; `None` if there is none or a link is on the way."""
-    names = [part for part in path.split("/") if part]
-    with _opened(str(root), None) as folder:
-        if folder is None or not names:
-            yield folder
-            return
-        current = os.dup(folder)
-        try:
-            for name in names:
-                with _opened(name, current) as inner:
-                    if inner is None:
-                        yield None
-                        return
-                    following = os.dup(inner)
-                os.close(current)
-                current = following
-            yield current
-        finally:
-            os.close(current)
+    folder: int | None = None
+    for name in (str(root), *filter(None, path.split("/"))):
+        above, folder = folder, None
+        with suppress(OSError):
+            folder = os.open(name, _FOLDER_FLAGS, dir_fd=above)
+        if above is not None:
+            os.close(above)
+        if folder is None:
+            break
+    try:
+        yield folder
+    finally:
+        if folder is not None:
+            os.close(folder)
 
 
 @contextmanager
@@ -104,12 +99,12 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
     """
     target.parent.mkdir(parents=True, exist_ok=True)
     target.unlink(missing_ok=True)
-    with _opened_file(folder, name) as content:
+    with open_left(Path(name), folder) as content:
         try:
             os.link(name, target, src_dir_fd=folder, follow_symlinks=False)
         except OSError:  # on another file system, or of another user
             with target.open("xb") as copy:
-                copy_with_holes(content, copy)
+                copy_with_holes(content.fileno(), copy)
 
 
 def take(folder: int, name: str, target: Path) -> bool:
@@ -126,12 +121,12 @@ def take(folder: int, name: str, target: Path) -> bool:
     Raises:
         OSError: it is not there, is no regular file, or may not be read or moved.
     """
-    with _opened_file(folder, name) as content:
-        if is_written_to(content):
+    with open_left(Path(name), folder) as content:
+        if is_written_to(content.fileno()):
             return False
         target.parent.mkdir(parents=True, exist_ok=True)
         os.rename(name, target, src_dir_fd=folder)
-        if is_written_to(content):  # it was opened a moment ago
+        if is_written_to(content.fileno()):  # it was opened a moment ago
             with suppress(FileExistsError):
                 os.link(target, name, dst_dir_fd=folder)
                 target.unlink()
@@ -155,14 +150,3 @@ def is_written_to(descriptor: int) -> bool:
         return time.time() - os.fstat(descriptor).st_mtime < _QUIET_S
     fcntl.fcntl(descriptor, fcntl.F_SETLEASE, fcntl.F_UNLCK)
     return False
-
-
-@contextmanager
-def _opened_file(folder: int, name: str) -> Iterator[int]:
-    descriptor = os.open(name, _FILE_FLAGS, dir_fd=folder)
-    try:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-            raise OSError(errno.EINVAL, "no regular file", name)
-        yield descriptor
-    finally:
-        os.close(descriptor)

@@ -7,10 +7,19 @@ from pathlib import Path
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import StorageError
+from prefect_robomaker.tasks.simulations.outputs.bounds import Room
 from prefect_robomaker.tasks.simulations.outputs.storable_files import storable_files
 
 
-def test_what_is_no_regular_file_is_left_out_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def room() -> Room:
+    """Room for everything."""
+    return Room(most_bytes=1 << 62, most_files=1_000_000)
+
+
+def test_what_is_no_regular_file_is_left_out_by_name(
+    room: Room, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)  # paths of sockets are short
     (tmp_path / "maps").mkdir()
     (tmp_path / "maps" / "flat.pgm").write_bytes(b"P5")
@@ -20,9 +29,9 @@ def test_what_is_no_regular_file_is_left_out_by_name(tmp_path: Path, monkeypatch
     os.mkfifo(tmp_path / "pipe")
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("socket")
-        found = storable_files(tmp_path, "job/run")
-    assert [file.name for file in found.files] == ["maps/flat.pgm", "result.json"]
-    assert [note.partition(";")[0] for note in sorted(found.notes)] == [
+        found = storable_files(tmp_path, "job/run", room)
+    assert [file.name for file in found] == ["maps/flat.pgm", "result.json"]
+    assert [note.partition(";")[0] for note in sorted(room.left_out.lines)] == [
         "'link' is not stored: it is a symbolic link",
         "'maps/folder' is not stored: it is a symbolic link",
         "'pipe' is not stored: it is neither a regular file nor a folder",
@@ -38,31 +47,32 @@ def test_what_is_no_regular_file_is_left_out_by_name(tmp_path: Path, monkeypatch
         (b"back\\slash", "NUL and backslash are not allowed"),
     ],
 )
-def test_names_that_no_store_takes_are_left_out(tmp_path: Path, name: bytes, why: str) -> None:
+def test_names_that_no_store_takes_are_left_out(room: Room, tmp_path: Path, name: bytes, why: str) -> None:
     (tmp_path / os.fsdecode(name)).write_bytes(b"")
     (tmp_path / "kept").write_bytes(b"")
-    found = storable_files(tmp_path, "job/run")
-    assert [file.name for file in found.files] == ["kept"]
-    assert [why in note for note in found.notes] == [True]
-    "".join(found.notes).encode()  # what is not UTF-8 is written in a form that is
+    found = storable_files(tmp_path, "job/run", room)
+    assert [file.name for file in found] == ["kept"]
+    assert [why in note for note in room.left_out.lines] == [True]
+    "".join(room.left_out.lines).encode()  # what is not UTF-8 is written in a form that is
 
 
-def test_keys_are_measured_with_their_prefix(tmp_path: Path) -> None:
+def test_keys_are_measured_with_their_prefix(room: Room, tmp_path: Path) -> None:
     deep = tmp_path / ("a" * 200) / ("b" * 200) / ("c" * 200)
     deep.mkdir(parents=True)
     (deep / "file").write_bytes(b"")
-    assert len(storable_files(tmp_path, "job/run").files) == 1
-    found = storable_files(tmp_path, "/".join(["p" * 200] * 3))
-    assert found.files == []
-    assert ["at most 1024" in note for note in found.notes] == [True]
+    assert len(storable_files(tmp_path, "job/run", room)) == 1
+    found = storable_files(tmp_path, "/".join(["p" * 200] * 3), room)
+    assert found == []
+    assert ["at most 1024" in note for note in room.left_out.lines] == [True]
 
 
-def test_what_may_not_be_read_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_may_not_be_read_is_left_out(room: Room, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "private").write_bytes(b"")
     monkeypatch.setattr(os, "access", lambda _path, _mode: False)  # root may read everything
-    assert storable_files(tmp_path, "").notes == ["'private' is not stored: it may not be read"]
+    assert storable_files(tmp_path, "", room) == []
+    assert room.left_out.lines == ["'private' is not stored: it may not be read"]
 
 
-def test_no_folder_is_an_error(tmp_path: Path) -> None:
+def test_no_folder_is_an_error(room: Room, tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="nothing"):
-        storable_files(tmp_path / "nothing", "job/run")
+        storable_files(tmp_path / "nothing", "job/run", room)
