@@ -9,14 +9,13 @@ from pathlib import Path
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.globs import Glob
 from ..environment.folders import OUTPUT
-from ..environment.run_environment import container_sandbox
+from ..environment.run_environment import ROLES, container_sandbox
 from ..outputs.upload_files import link_or_copy, visit_matches
 from .cleanup import remove_containers
 
 NOTES = "logs/outputs.log"
 """Log of the files that could not be kept, and why."""
 
-_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _KEPT = f"{OUTPUT}.kept"
 _ALL = Glob(f"{OUTPUT}/**")
 _MOST_NOTES = 200
@@ -45,7 +44,7 @@ def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -
         problems: what else is to be noted in their log.
     """
     notes = list(problems)
-    for role in _ROLES:
+    for role in ROLES:
         sandbox = container_sandbox(folder, role)
         visit_matches(sandbox.root, _ALL, _mover(role, output_dir, notes))
         with suppress(FileNotFoundError):  # what cannot be taken away is not to be found a second time

@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,8 @@ from ....schemas.runs.programs import ProgramPlan
 from ...service.service import Service
 from .folders import Sandbox
 from .process_variables import search_path
+
+ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 
 
 @dataclass(frozen=True)
@@ -37,6 +39,20 @@ class RunEnvironment:
     def which(self, name: str) -> str | None:
         """Finds a program on the path of the job's processes."""
         return shutil.which(name, path=search_path(self.environ))
+
+
+def application_configs(
+    request: Mapping[str, Any], roles: Sequence[ApplicationRole] = ROLES
+) -> Iterator[tuple[ApplicationRole, Mapping[str, Any]]]:
+    """Yield the configured applications of a job's request, with their roles.
+
+    Args:
+        request: The job's.
+        roles: The order of the roles.
+    """
+    for role in roles:
+        for config in request.get(f"{role}Applications") or ():
+            yield role, config
 
 
 def run_sandbox(folder: Path) -> Sandbox:

@@ -7,6 +7,7 @@ from typing import Any
 
 from ....schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE, doubtful_requirements
 from ...service.service import Service
+from ..environment.run_environment import application_configs
 from .upload_configurations import Upload
 
 _NEW_BUCKET = "new-bucket.txt"
@@ -51,8 +52,7 @@ def notes_of(
     ]
     notes += [
         f"the launch variable {name} means nothing here; did you mean {REQUIREMENTS_VARIABLE}?"
-        for role in ("simulation", "robot")
-        for config in request.get(f"{role}Applications") or ()
+        for _, config in application_configs(request)
         for name in doubtful_requirements((config.get("launchConfig") or {}).get("environmentVariables") or {})
     ]
     kept = folder / _NEW_BUCKET

@@ -8,7 +8,7 @@ from typing import Any
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.globs import Glob
 from ..environment.folders import HOME, Sandbox
-from ..environment.run_environment import container_sandbox, run_sandbox
+from ..environment.run_environment import application_configs, container_sandbox, run_sandbox
 
 ROLLING = "UPLOAD_ROLLING_AUTO_REMOVE"
 AT_END = "UPLOAD_ON_TERMINATE"
@@ -19,8 +19,6 @@ _DEFAULTS: Mapping[str, str] = {
     "ros-logs": f"{HOME}/.ros/log/**",
 }
 """Names and globs of `useDefaultUploadConfigurations`."""
-
-_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 
 
 @dataclass(frozen=True)
@@ -48,8 +46,7 @@ def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
     """
     return [
         Upload(each["name"], Glob(each["path"]), each["uploadBehavior"] == ROLLING, _sandbox(folder, role), asked)
-        for role in _ROLES
-        for config in request.get(f"{role}Applications") or []
+        for role, config in application_configs(request)
         for each, asked in _configurations(config)
     ]
 

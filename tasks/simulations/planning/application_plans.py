@@ -16,14 +16,13 @@ from ...catalog import Resource
 from ..containers.plans import plan_container
 from ..environment.folders import HOME
 from ..environment.overlays import package_folders
-from ..environment.run_environment import RunEnvironment, tool_plan
+from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
 from ..inputs.bundles import application_bundle
 from ..ros.launching import node_variables, own_master
 from .applications import LATEST, find_application, python_package
 from .launching import Code, Factory, Program, check_pair, resolve_launch
 from .ros_companions import RosLaunch, with_ros_companions
 
-_ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
 """Prefixes of the variables that configure a run."""
 
@@ -52,10 +51,9 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
     """
     planned = Applications()
     launches: dict[ApplicationRole, tuple[str, Factory | Program]] = {}
-    for role in _ROLES:
-        if configs := request.get(f"{role}Applications"):
-            has_master = any(_is_ros_1(launch) for _, launch in launches.values())
-            launches[role] = _plan(role, configs[0], run_environment, planned, has_master)
+    for role, config in application_configs(request):
+        has_master = any(_is_ros_1(launch) for _, launch in launches.values())
+        launches[role] = _plan(role, config, run_environment, planned, has_master)
     check_pair(launches.get("simulation"), launches.get("robot"))
     wants_topics = bool((request.get("loggingConfig") or {}).get("recordAllRosTopics"))
     planned.programs = with_ros_companions(planned.programs, planned.ros, run_environment, wants_topics=wants_topics)

@@ -28,6 +28,7 @@ from ...runtime.states.folder_digests import digest_of_folder
 from ...runtime.states.imported_code import changed_code
 from ...service.builtin_applications import BUILTINS, PACKAGE
 from ...service.service import Service
+from ..environment.run_environment import application_configs
 from .application_plans import image_of, source_for_this_machine
 from .applications import LATEST, find_application, python_package
 from .run_plans import world_arn
@@ -81,23 +82,17 @@ class CurrentApplications:
         return self._contents[key]
 
 
-def contents_of_plan(plan: RunPlan, request: Mapping[str, Any], environ: Mapping[str, str] | None = None) -> MadeOf:
+def contents_of_plan(plan: RunPlan, request: Mapping[str, Any]) -> MadeOf:
     """Returns the contents of a planned run.
 
     Args:
         plan: the run, with everything it needs on this machine.
         request: the request of its job.
-        environ: environment variables of this process; absent: `os.environ`.
     """
     robot, simulation = map(_content_of_plan, (plan.robot_application, plan.simulation_application))
-    variables = os.environ if environ is None else environ
-    return MadeOf(
-        world=plan.world_dir.name if plan.world_dir else None,
-        robot=robot,
-        simulation=simulation,
-        versions={**software_versions(), **_judging_packages(item.to_wire() for item in plan.requirements)},
-        once_only=_programs_of(plan) or _unknown(robot, simulation) or _foreign_files(request, robot, variables),
-    )
+    world = plan.world_dir.name if plan.world_dir else None
+    requirements = (item.to_wire() for item in plan.requirements)
+    return _made_of(world, robot, simulation, requirements, _programs_of(plan), request)
 
 
 def contents_of_request(
@@ -117,19 +112,28 @@ def contents_of_request(
     current = applications or CurrentApplications(service)
     contents: dict[ApplicationRole, str] = {}
     program = None
-    for role in _ROLES:
-        for config in (request.get(f"{role}Applications") or ())[:1]:
-            reference, version = config["application"], config.get("applicationVersion")
-            found = current.find(reference, role, version)
-            contents[role] = current.content(found)
-            program = program or _program_of(role, config, found)
+    for role, config in application_configs(request, _ROLES):
+        found = current.find(config["application"], role, config.get("applicationVersion"))
+        contents[role] = current.content(found)
+        program = program or _program_of(role, config, found)
     robot, simulation = contents.get("robot"), contents.get("simulation")
+    return _made_of(_world(request, service), robot, simulation, _requirements_in(request), program, request)
+
+
+def _made_of(
+    world: str | None,
+    robot: str | None,
+    simulation: str | None,
+    requirements: Iterable[Any],
+    program: str | None,
+    request: Mapping[str, Any],
+) -> MadeOf:
     return MadeOf(
-        world=_world(request, service),
+        world=world,
         robot=robot,
         simulation=simulation,
-        versions={**software_versions(), **_judging_packages(_requirements_in(request))},
-        once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot, os.environ),
+        versions={**software_versions(), **_judging_packages(requirements)},
+        once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot),
     )
 
 
@@ -149,9 +153,8 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     for request in requests:
         judging = _judging_packages(_requirements_in(request))
         packages |= {name.removeprefix("package "): content for name, content in judging.items()}
-        for role in _ROLES:
-            for config in request.get(f"{role}Applications") or ():
-                used.add((config["application"], role, config.get("applicationVersion")))
+        for role, config in application_configs(request):
+            used.add((config["application"], role, config.get("applicationVersion")))
     for reference, role, version in used:
         with suppress(ResourceNotFoundException):
             application = current.find(reference, role, version)
@@ -176,7 +179,7 @@ def _content_of_application(application: Resource, service: Service) -> str:
     if document.sources:
         source = source_for_this_machine(document.sources)
         is_pinned = document.version != LATEST
-        return _archive(source.etag if is_pinned else service.store.head(source.s3_bucket, source.s3_key).etag)
+        return f"{ARCHIVE}{source.etag if is_pinned else service.store.head(source.s3_bucket, source.s3_key).etag}"
     if (uri := image_of(application)) is not None:
         return f"image {uri}"
     module = python_package(document.environment.uri) if document.environment else None
@@ -208,7 +211,7 @@ def _judging_packages(requirements: Iterable[Any]) -> dict[str, str]:
 def _requirements_in(request: Mapping[str, Any]) -> Iterator[Any]:
     """The requirements of a request, as they are written there."""
     yield from request.get("requirements") or ()
-    for config in (*(request.get("simulationApplications") or ()), *(request.get("robotApplications") or ())):
+    for _, config in application_configs(request):
         text = (config["launchConfig"].get("environmentVariables") or {}).get(REQUIREMENTS_VARIABLE)
         with suppress(ValueError):  # ordering the job says that it is no JSON
             found = json.loads(text) if text else None
@@ -219,13 +222,9 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
     if application is None:
         return None
     if application.path is not None:
-        return _archive(application.path.name)
+        return f"{ARCHIVE}{application.path.name}"
     name = application.attribute or application.package
     return package_content(name) if name else "image"
-
-
-def _archive(etag: str) -> str:
-    return f"{ARCHIVE}{etag}"
 
 
 def package_content(name: str) -> str:
@@ -275,14 +274,14 @@ def _unknown(*contents: str | None) -> str | None:
     return "the package of an application is not installed, or cannot be read" if "" in contents else None
 
 
-def _foreign_files(request: Mapping[str, Any], robot: str | None, environ: Mapping[str, str]) -> str | None:
+def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
     """Why the robot's files may be others the next time: they are nowhere in what is compared."""
     given: dict[str, str] = {}
-    for config in (*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())):
+    for _, config in application_configs(request, _ROLES):
         given |= config["launchConfig"].get("environmentVariables") or {}
     named = given.get(_ROBOT_VARIABLE, "")
     brings_its_own = robot not in (None, _BUILT_IN) and named not in BUILTINS
-    if (given.get(_MENAGERIE_ROOT) or environ.get(_MENAGERIE_ROOT)) and (
+    if (given.get(_MENAGERIE_ROOT) or os.environ.get(_MENAGERIE_ROOT)) and (
         brings_its_own or named.startswith(_MENAGERIE)
     ):
         return f"{_MENAGERIE_ROOT} is set, and files from there are not compared"

@@ -24,7 +24,7 @@ from ..environment.role_access import (
     with_store_variables,
     write_store_files,
 )
-from ..environment.run_environment import RunEnvironment, run_sandbox
+from ..environment.run_environment import RunEnvironment, application_configs, run_sandbox
 from ..inputs.bundles import world_bundle
 from ..inputs.data_sources import fetch_data_sources
 from ..inputs.world_rooms import WORLD_FILE
@@ -127,8 +127,7 @@ def _check_trials(plan: RunPlan) -> None:
 
 def _live_view_port(request: Mapping[str, Any]) -> int | None:
     """Any free port for the page of the run, if an application's `streamUI` asks for one."""
-    configs = [*(request.get("robotApplications") or ()), *(request.get("simulationApplications") or ())]
-    return 0 if any(config["launchConfig"].get("streamUI") for config in configs) else None
+    return 0 if any(config["launchConfig"].get("streamUI") for _, config in application_configs(request)) else None
 
 
 def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
