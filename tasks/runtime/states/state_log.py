@@ -97,21 +97,6 @@ class StateLog:
         return float(self.segments[-1].times[-1]) if self.segments else 0.0
 
     @classmethod
-    def read(cls, folder: Path) -> tuple[Rows, Rows]:
-        """Returns times and `qpos` of a log's last model, also of a process that was killed.
-
-        Args:
-            folder: The log's folder.
-
-        Raises:
-            StateLogError: There is no log, or it holds no states.
-        """
-        segments = cls.open(folder).segments
-        if not segments:
-            raise StateLogError(f"{folder}: no states were noted")
-        return segments[-1].times, segments[-1].qpos
-
-    @classmethod
     def open(cls, folder: Path) -> "StateLog":
         """Reads a whole log, also of a process that was killed.
 

@@ -137,28 +137,27 @@ def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, 
         "seed": plan.seed,
     }
     said = read_program_result(plan.output_dir, facts)
-    result, is_changed = said.result, said.is_changed
-    if result is None:
+    if (result := said.result) is None:
         extra: dict[str, Any] = {"started_at": began.isoformat(), "ended_at": ended.isoformat()}
-        broken: dict[str, Any] = {}
+        wrong: dict[str, Any] = {}
         if said.problem is not None:
             path = plan.output_dir / RESULT_FILE
             path.replace(path.with_name(INVALID_RESULT_FILE))
             extra["invalid_result"] = f"an application wrote a {RESULT_FILE} that is none; it is {INVALID_RESULT_FILE}"
-            broken = {"verdict": "ERROR", "summary": f"An application's {said.problem}."}
-        result = RunResult(**{"verdict": "NONE", **facts, **broken}, versions=versions(), extra=extra)
-        is_changed = True
+            wrong = {"verdict": "ERROR", "summary": f"An application's {said.problem}."}
+        result = RunResult(**{"verdict": "NONE", **facts, **wrong}, versions=versions(), extra=extra)
     unjudged = [_never_judged(requirement, _ONLY_PROGRAMS) for requirement in plan.requirements]
     if outcome.status == "Canceled" and result.verdict != "NONE":
-        result, is_changed = result.unjudged(), True
+        result = result.unjudged()
     elif outcome.status == "Failed" and result.verdict not in ("FAIL", "ERROR"):
-        result, is_changed = result.model_copy(update=_broken(outcome)), True
+        broken = {"verdict": "ERROR", "summary": (outcome.failure_reason or "").partition("\n")[0]}
+        result = result.model_copy(update=broken)
     elif outcome.status == "Completed":
         parts = Parts(own=result.verdict, requirements=[*result.requirements, *unjudged])
         if (verdict := decide_verdict(parts)) != result.verdict or unjudged:
             judged = {"verdict": verdict, "requirements": list(parts.requirements)}
-            result, is_changed = result.model_copy(update=judged), True
-    if is_changed:
+            result = result.model_copy(update=judged)
+    if said.is_changed or result is not said.result:
         write_result(result, plan.output_dir)
 
 
@@ -175,11 +174,6 @@ def _never_judged(requirement: JobRequirement, why: str) -> Requirement:
     )
 
 
-def _broken(outcome: Outcome) -> dict[str, Any]:
-    """Returns the result of a run that failed: the verdict ERROR, and what broke."""
-    return {"verdict": "ERROR", "summary": (outcome.failure_reason or "").partition("\n")[0]}
-
-
 def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
     """Adds the tools that ended to the result, and a note of those that were started again and again."""
     loops = [f"{tool_in_words(tool, plan)}; it was started again each time" for tool in tools if tool.ends >= OFTEN]
@@ -194,9 +188,9 @@ def add_result_notes(output_dir: Path, notes: Sequence[str]) -> None:
 
 def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, Any]]) -> None:
     """Changes members of the result; where that fails the result stays as it is, since it is complete."""
-    with suppress(OSError, ValidationError):  # no room for a longer one, or an application put another in its place
-        result = RunResult.model_validate_json(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))
-        write_result(result.model_copy(update=changes(result)), output_dir)
+    if (result := read_result(output_dir)) is not None:
+        with suppress(OSError):  # no room for a longer one, or an application put something in the way
+            write_result(result.model_copy(update=changes(result)), output_dir)
 
 
 def remove_verdict(output_dir: Path) -> None:
