@@ -1,7 +1,7 @@
 """One attempt at a run: its applications, its observers, its loop, and `result.json`."""
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +17,7 @@ from ..episode.context import SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import load_factory
 from ..episode.progress import Phase, Progress
-from ..episode.results import Episode, Findings, Observer, ReportingEnvironment, make_result, write_result
+from ..episode.results import Episode, Findings, ReportingEnvironment, make_result, write_result
 from ..episode.stops import Stop
 from ..recording.recorder import Recorder
 from ..recording.recording import McapRecorder, RecordingError
@@ -75,7 +75,19 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     health = PhysicsHealth()
     try:
-        episode = _run(plan, rng, recorder, progress, stop, (health, observers), remote, checkpoints)
+        simulation, robot = applications_of(plan)
+        context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
+        episode = run_episode(
+            lambda: watched_environment(factory_of(simulation)(context), progress),
+            lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
+            mark=progress.mark,
+            count_step=progress.count_step,
+            stop=stop,
+            recorder=recorder,
+            watchers=observers,
+            health=health,
+            checkpoints=checkpoints,
+        )
     except BaseException as error:
         for observer in observers:
             if isinstance(observer, FailureRecorder) and (where := observer.explain()):
@@ -108,31 +120,6 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
     if not (episode.records_itself and recorder.enabled) or recorder.topics - _OF_THE_CAMERA:
         return Findings()
     return Findings(notes=["the environment says records_itself, and wrote nothing to the recording"])
-
-
-def _run(
-    plan: RunPlan,
-    rng: np.random.Generator,
-    recorder: Recorder,
-    progress: Progress,
-    stop: Stop,
-    watched: tuple[PhysicsHealth, Sequence[Observer]],
-    remote: RemoteRobot | RecordedRobot | None,
-    checkpoints: Checkpointer | None,
-) -> Episode:
-    simulation, robot = applications_of(plan)
-    context, robot_context = contexts_of(plan, rng, read_world(plan.world_dir), recorder)
-    return run_episode(
-        lambda: watched_environment(factory_of(simulation)(context), progress),
-        lambda environment: (remote.make_agent if remote else factory_of(robot))(robot_context, environment),
-        mark=progress.mark,
-        count_step=progress.count_step,
-        stop=stop,
-        recorder=recorder,
-        watchers=watched[1],
-        health=watched[0],
-        checkpoints=checkpoints,
-    )
 
 
 def watched_environment(environment: Any, progress: Progress) -> Any:

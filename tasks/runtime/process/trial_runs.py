@@ -8,7 +8,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from typing import TypeVar
 
 from ....schemas.runs.plan import RunPlan
@@ -51,46 +51,30 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[
     checkpoints = TrialCheckpoints(plan, clock)
     journal = TrialJournal(journal_path(plan), tally.take)
     progress.finish_trials(journal.rows)
-    try:
-        with suppress(RunStopped):  # between two trials
-            _run_rest(run, plan.trials, (progress, stop), journal, tally, checkpoints)
-    finally:
-        journal.close()
-        checkpoints.close()
+    with closing(journal), closing(checkpoints), suppress(RunStopped):  # it may be stopped between two trials
+        stage = TrialStage(plan, progress, stop)
+        for number in range(journal.rows, plan.trials.count):
+            if stop.reason:
+                break
+            trial = plan.trials.trial(number, plan.seed)
+            row = _in_its_environment(run, trial, lambda trial=trial: stage.play(trial))
+            progress.mark(Phase.FINISHING)
+            if row is None:
+                tally.unanswered = stage.unanswered
+                break
+            journal.append(row)
+            tally.take(row)
+            progress.finish_trials(journal.rows)
+            checkpoints.save_if_due(journal.rows, tally.sim_time_s)
+        else:
+            # Not closed when a trial breaks: its environment is in no state to be.
+            stage.close()
     progress.mark(Phase.FINISHING)
     if tally.is_whole:
         _record_some(run, plan.trials, tally, stop)
     result = complete_trials(plan, stop.reason, tally)
     note_run(plan, () if result.ended_by == "canceled" else applications_of(plan), result.ended_by)
     progress.write_report({"ended_by": result.ended_by})
-
-
-def _run_rest(
-    run: RunRequest,
-    trials: Trials,
-    watched: tuple[Progress, Stop],
-    journal: TrialJournal,
-    tally: Tally,
-    checkpoints: TrialCheckpoints,
-) -> None:
-    """Runs the trials that have no row yet."""
-    progress, stop = watched
-    stage = TrialStage(run.plan, progress, stop)
-    # Not closed when a trial breaks: its environment is in no state to be.
-    for number in range(journal.rows, trials.count):
-        if stop.reason:
-            return
-        trial = trials.trial(number, run.plan.seed)
-        row = _in_its_environment(run, trial, lambda trial=trial: stage.play(trial))
-        progress.mark(Phase.FINISHING)
-        if row is None:
-            tally.unanswered = stage.unanswered
-            return
-        journal.append(row)
-        tally.take(row)
-        progress.finish_trials(journal.rows)
-        checkpoints.save_if_due(journal.rows, tally.sim_time_s)
-    stage.close()
 
 
 def _in_its_environment(run: RunRequest, trial: Trial, play: Callable[[], _Row]) -> _Row:

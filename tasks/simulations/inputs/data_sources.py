@@ -47,11 +47,10 @@ def resolve_data_sources(
         try:
             found = _objects(config, f"dataSources[{index}]", service.acting_as(role))
         except StorageAccessDeniedError:
-            named = [{"s3Key": key} for key in config["s3Keys"]]
-            resolved.append(ResolvedDataSource.model_validate({"type": "File", **config, "s3Keys": named}))
-            continue
-        objects += found
-        keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
+            keys = [{"s3Key": key} for key in config["s3Keys"]]
+        else:
+            objects += found
+            keys = [{"s3Key": item.key, "etag": item.etag} for item in found]
         resolved.append(ResolvedDataSource.model_validate({"type": "File", **config, "s3Keys": keys}))
     size = sum(item.size_bytes for item in objects)
     if len(objects) > MAX_FILES or size > MAX_BYTES:

@@ -145,11 +145,32 @@ class RunOutputs:
         """
         service = self._patient(stopped)
         uploaded = self._stage()
+
+        def store_once(*, resumes: bool) -> None:
+            prepare_bucket(service, self.bucket)
+            files = [*storable_files(self.output_dir, self.prefix, self._room()), *uploaded]
+            files.sort(key=lambda file: rank(file.name))  # what says how the run went is stored first
+            self._planned, self._arrived = files, {}
+            place = service.store, self.bucket, self.prefix, files
+            if not finished:
+                start = len(join_key(self.prefix, "x")) - 1
+                tell = lambda key: self._arrived.update({key[start:]: None})  # noqa: E731
+                store_unfinished(*place, resumes=resumes, ended=ended, tell=tell)
+                return
+            publish(
+                *place,
+                about=self._about(about),
+                created_at=self._service.clock(),
+                stored=rolled_files(self._folder, [file.name for file in files]),
+                resumes=resumes,
+                stopped=outdated,
+                ended=ended,
+                tell=lambda file: self._arrived.update({file.path: file}),
+            )
+
         for changes_left in reversed(range(_MOST_CHANGES)):
             try:
-                self._store_once(
-                    service, about, uploaded, finished=finished, resumes=resumes, outdated=outdated, ended=ended
-                )
+                store_once(resumes=resumes)
                 break
             except ChecksumMismatchError:
                 resumes = True
@@ -222,41 +243,6 @@ class RunOutputs:
         if stopped is not never and stopped():
             return service.patient(self._job.id, never, patience_s=service.timing.store_grace_s, sleep=self._sleep)
         return service.patient(self._job.id, stopped, sleep=self._sleep)
-
-    def _store_once(
-        self,
-        service: Service,
-        about: Mapping[str, Any],
-        uploaded: Sequence[FolderFile],
-        *,
-        finished: bool,
-        resumes: bool,
-        outdated: Stopped,
-        ended: Stopped,
-    ) -> None:
-        store = service.store
-        prepare_bucket(service, self.bucket)
-        files = [*storable_files(self.output_dir, self.prefix, self._room()), *uploaded]
-        files.sort(key=lambda file: rank(file.name))  # what says how the run went is stored first
-        self._planned, self._arrived = files, {}
-        if not finished:
-            start = len(join_key(self.prefix, "x")) - 1
-            tell = lambda key: self._arrived.update({key[start:]: None})  # noqa: E731
-            store_unfinished(store, self.bucket, self.prefix, files, resumes=resumes, ended=ended, tell=tell)
-            return
-        publish(
-            store,
-            self.bucket,
-            self.prefix,
-            files,
-            about=self._about(about),
-            created_at=self._service.clock(),
-            stored=rolled_files(self._folder, [file.name for file in files]),
-            resumes=resumes,
-            stopped=outdated,
-            ended=ended,
-            tell=lambda file: self._arrived.update({file.path: file}),
-        )
 
     def _about(self, about: Mapping[str, Any]) -> dict[str, Any]:
         """Returns the manifest's description of the run, and of the files left out."""
