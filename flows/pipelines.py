@@ -38,7 +38,7 @@ from ..schemas.wire.errors import (
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait, Result
 from ..tasks.execution.run_watch import beginning_run, watched_run
-from ..tasks.execution.schedule_overlaps import skipped_night
+from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
 from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.pipeline_parts import (
     Cut,
@@ -162,6 +162,7 @@ def RunPipeline(
         settings = Settings.from_environment(os.environ)
         if (skipped := skipped_night(settings)) is not None:
             return skipped
+        give_way_to_earlier(continues)
         taken = None if continues is None else taken_run(settings, continues)
         if isinstance(taken, str):
             return Cancelled(name="Skipped", message=taken)

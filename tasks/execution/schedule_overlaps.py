@@ -4,22 +4,56 @@ One run of a deployment at a time: a night that is due while the last one runs w
 late, since it waited so long or the machine slept, is skipped, so that several missed nights are made up for by one.
 Prefect's other choice, to cancel what is due while another runs, would lose nights that were missed together: the
 oldest would take the slot only to be skipped.
+
+Prefect gives a free place to whichever waiting run asks first, so that a later night might begin before an earlier one.
+A run that began before one that was due earlier therefore gives its place back and waits again.
 """
 
+import logging
 from datetime import UTC, datetime, timedelta
 from typing import Any
+from uuid import UUID
 
-from prefect.client.schemas.objects import ConcurrencyLimitStrategy, ConcurrencyOptions, State
+import httpx
+from prefect.client.schemas.filters import (
+    DeploymentFilter,
+    DeploymentFilterId,
+    FlowRunFilter,
+    FlowRunFilterNextScheduledStartTime,
+    FlowRunFilterState,
+    FlowRunFilterStateName,
+)
+from prefect.client.schemas.objects import ConcurrencyLimitStrategy, ConcurrencyOptions, FlowRun, State, StateType
+from prefect.client.schemas.sorting import FlowRunSort
 from prefect.context import FlowRunContext
-from prefect.states import Cancelled
+from prefect.exceptions import Pause, PrefectException
+from prefect.states import AwaitingConcurrencySlot, Cancelled
 
 from ...schemas.settings import Settings
+from .prefect_settings import asking_once
 
 RUNS_AT_ONCE = 1
 """The `concurrency_limit` of every deployment that has a schedule."""
 
 OVERLAP = ConcurrencyOptions(collision_strategy=ConcurrencyLimitStrategy.ENQUEUE)
 """The `concurrency_options` of every deployment that has a schedule."""
+
+_GONE_AFTER = timedelta(seconds=90)
+"""How overdue the next try of a waiting run may be: a worker that is there tries within 15 s, on a busy machine later.
+
+A run that is not tried for longer has no worker, or its queue is paused: it holds no other run.
+"""
+
+_AFTER_IT = timedelta(seconds=30)
+"""How long after the next try of the earlier run the later one is tried: workers try up to 10 s before the time."""
+
+_MOST_TRIES = 20
+"""How often a run gives way at most: each time an earlier one was tried less than two minutes ago, so 40 minutes."""
+
+_WAITS = "AwaitingConcurrencySlot"
+"""Name of the state of runs that wait for a place; Prefect keeps such runs when a deployment is changed."""
+
+_logger = logging.getLogger(__name__)
 
 
 def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any] | None:
@@ -42,3 +76,63 @@ def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any]
     allowed = f"at most {settings.max_late_hours} h are allowed (ROBOMAKER_MAX_LATE_HOURS)"
     message = f"skipped: due at {due}, begun {hours:.1f} h later; {allowed}"
     return Cancelled(name="Skipped", message=message)
+
+
+def give_way_to_earlier(continues: str | None = None, now: datetime | None = None) -> None:
+    """Ends this process, and has the current flow run wait again, if a run that goes before it waits for its place.
+
+    A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
+
+    Args:
+        continues: id of the run that this one continues; such a run gives way to none.
+        now: the time; `None`: that of the clock.
+
+    Raises:
+        Pause: the run waits again; Prefect ends the process, with exit code 0.
+    """
+    context, now = FlowRunContext.get(), now or datetime.now(UTC)
+    run = context.flow_run if context is not None else None
+    if run is None or run.deployment_id is None or continues is not None or run.run_count > _MOST_TRIES:
+        return
+    try:
+        if not (earlier := _waiting_before(run, run.deployment_id, now)):
+            return
+        tried_at = max(each.next_scheduled_start_time or now for each in earlier)
+        names = ", ".join(each.name for each in earlier)
+        state: State[Any] = AwaitingConcurrencySlot(scheduled_time=max(tried_at, now) + _AFTER_IT)
+        state.message = f"waits until the runs before it have begun: {names}"
+        with asking_once() as client:
+            # By force: what Prefect's rules say of places is done then, too, and no rule asks for anything else.
+            result = client.set_flow_run_state(run.id, state, force=True)
+    except (httpx.HTTPError, PrefectException, RuntimeError) as error:
+        # Prefect's client raises RuntimeError when it cannot reach the server. A night in a wrong order is better than
+        # none.
+        _logger.warning("it is not known whether earlier runs wait, so this one begins: %s", error)
+        return
+    _logger.info("%s", state.message)
+    raise Pause(state=result.state or state)
+
+
+def _waiting_before(run: FlowRun, deployment: UUID, now: datetime) -> list[FlowRun]:
+    """The runs of the same deployment that go before a run, and that a worker tries to begin."""
+    tried = FlowRunFilterNextScheduledStartTime.model_validate({"after_": now - _GONE_AFTER})
+    waits = FlowRunFilterState(name=FlowRunFilterStateName(any_=[_WAITS]))
+    with asking_once() as client:
+        found = client.read_flow_runs(
+            deployment_filter=DeploymentFilter(id=DeploymentFilterId(any_=[deployment])),
+            flow_run_filter=FlowRunFilter(next_scheduled_start_time=tried, state=waits),
+            sort=FlowRunSort.EXPECTED_START_TIME_ASC,
+        )
+    return [
+        each
+        for each in found
+        if each.id != run.id
+        and each.state is not None
+        and each.state.type is StateType.SCHEDULED
+        and (each.parameters.get("continues") is not None or _place_in_line(each) < _place_in_line(run))
+    ]
+
+
+def _place_in_line(run: FlowRun) -> tuple[datetime, str]:
+    """Orders runs by when they were due; of two that were due together one goes first, always the same."""
+    return (run.expected_start_time or datetime.max.replace(tzinfo=UTC), str(run.id))

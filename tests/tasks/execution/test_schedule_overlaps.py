@@ -17,7 +17,7 @@ from helpers.prefect_server import server_settings
 from prefect.client.orchestration import SyncPrefectClient, get_client
 from prefect.client.schemas.objects import FlowRun
 from prefect.server.schemas.schedules import CronSchedule
-from prefect.states import Completed, Pending, Running, Scheduled
+from prefect.states import Cancelled, Completed, Paused, Pending, Running, Scheduled
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE, skipped_night
@@ -67,9 +67,75 @@ def test_a_night_waits_for_the_last_one_and_keeps_its_time(client: SyncPrefectCl
 
 def scheduled_at(run: FlowRun, due: datetime) -> None:
     """Makes a run one that a schedule made for a time in the past; Prefect takes no such thing from clients."""
+    change_run(run, "auto_scheduled", 1)
+    change_run(run, "expected_start_time", f"{due:%F %T.%f}")
+
+
+def change_run(run: FlowRun, column: str, value: str | int) -> None:
+    """Changes a run in the server's database."""
     with closing(sqlite3.connect(server_settings().home / "prefect" / "prefect.db", timeout=60)) as database, database:
-        change = "UPDATE flow_run SET auto_scheduled = 1, expected_start_time = ? WHERE id = ?"
-        assert database.execute(change, (f"{due:%Y-%m-%d %H:%M:%S.%f}", str(run.id))).rowcount == 1
+        change = f"UPDATE flow_run SET {column} = ? WHERE id = ?"
+        assert database.execute(change, (value, str(run.id))).rowcount == 1
+
+
+def execute(run: FlowRun, api_url: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Runs a flow run as a process worker does."""
+    environ = {**os.environ, "PREFECT_API_URL": api_url, "ROBOMAKER_HOME": str(folder / "home")}
+    # The process copies the folder in which it is, so that shall be a small one.
+    command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(run.id)]
+    return subprocess.run(command, env=environ, cwd=folder, capture_output=True, text=True, check=False, timeout=240)
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize(
+    ("trouble", "first_to_begin"),
+    [("", "earlier"), ("its worker is gone", "later"), ("it was cancelled", "later"), ("it was paused", "later")],
+)
+def test_a_night_gives_its_place_to_one_that_was_due_earlier(
+    client: SyncPrefectClient,
+    night: MakeNight,
+    prefect_server: str,
+    tmp_path: Path,
+    trouble: str,
+    first_to_begin: str,
+) -> None:
+    before, earlier, later = night(), night(), night()
+    client.set_flow_run_state(before.id, Pending())
+    for run in (earlier, later):
+        answer = client.set_flow_run_state(run.id, Pending())
+        assert answer.state is not None
+        assert answer.state.name == "AwaitingConcurrencySlot"
+    if trouble == "its worker is gone":
+        change_run(earlier, "next_scheduled_start_time", f"{datetime.now(UTC) - timedelta(minutes=5):%F %T.%f}")
+    elif trouble:
+        state = Cancelled() if "cancelled" in trouble else Paused(timeout_seconds=3600)
+        client.set_flow_run_state(earlier.id, state, force=True)
+    client.set_flow_run_state(before.id, Completed())
+
+    assert client.set_flow_run_state(later.id, Pending()).status.value == "ACCEPT"  # it asked first
+    done = execute(later, prefect_server, tmp_path)
+
+    after = client.read_flow_run(later.id)
+    assert after.state is not None
+    assert done.returncode == 0, done.stderr
+    if first_to_begin == "later":
+        assert after.state.is_completed(), done.stderr
+        return
+    assert (after.state.type.value, after.state.name) == ("SCHEDULED", "AwaitingConcurrencySlot"), done.stderr
+    assert earlier.name in (after.state.message or "")
+    assert after.expected_start_time == later.expected_start_time, "lateness counts from when it was due"
+    waits = client.read_flow_run(earlier.id)
+    assert waits.next_scheduled_start_time is not None
+    assert after.next_scheduled_start_time is not None
+    assert after.next_scheduled_start_time > waits.next_scheduled_start_time
+    assert not (tmp_path / "home" / "runs").exists()
+    # Its place is free: the earlier one begins, and the later one after it.
+    for run in (earlier, later):
+        assert client.set_flow_run_state(run.id, Pending()).status.value == "ACCEPT"
+        done = execute(run, prefect_server, tmp_path)
+        ended = client.read_flow_run(run.id).state
+        assert ended is not None
+        assert ended.is_completed(), done.stderr
 
 
 @pytest.mark.deep
@@ -79,11 +145,8 @@ def test_a_night_that_was_missed_is_skipped_or_made_up_for(
 ) -> None:
     run = night()
     scheduled_at(run, datetime.now(UTC) - timedelta(hours=late_h))
-    environ = {**os.environ, "PREFECT_API_URL": prefect_server, "ROBOMAKER_HOME": str(tmp_path / "home")}
 
-    # What a process worker starts for a flow run. It copies the folder in which it is, so that shall be a small one.
-    command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(run.id)]
-    ended = subprocess.run(command, env=environ, cwd=tmp_path, capture_output=True, text=True, check=False, timeout=240)
+    ended = execute(run, prefect_server, tmp_path)
 
     after = client.read_flow_run(run.id)
     assert after.state is not None, ended.stderr
