@@ -1,23 +1,31 @@
 """Looks in Prefect for nights that were due and did not happen, keeps them in the data home, and tells of them."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import cast
 from uuid import UUID
 
 from prefect.client.orchestration import SyncPrefectClient
 from prefect.client.schemas.filters import (
     DeploymentFilter,
     DeploymentFilterId,
+    FlowFilter,
+    FlowFilterName,
     FlowRunFilter,
     FlowRunFilterExpectedStartTime,
+    FlowRunFilterStartTime,
 )
 from prefect.client.schemas.objects import WorkPoolStatus
+from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.exceptions import ObjectNotFound
 
 from ..schemas.missed_nights import NightSchedule
 from ..schemas.settings import Settings
+from ..schemas.specs.check import load_spec
+from ..schemas.wire.errors import RobomakerError
 from ..tasks.execution.prefect_settings import asking_once
 from ..tasks.nights.missed import (
     DueRun,
@@ -30,6 +38,11 @@ from ..tasks.nights.missed import (
     store_schedule,
     tell_of_missed,
 )
+from .prefect_server.local_server import is_own_server
+
+_FLOW = "RunPipeline"
+_FIRST_LOOK = timedelta(days=7)
+"""How far back nights of a deployment are judged that no run of it has begun yet: what `doctor` and messages show."""
 
 _PAGE = 200
 """The most that Prefect gives at once: of a night each day it is more than half a year."""
@@ -47,12 +60,13 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
     with only_one(settings.home) as may_look:
         if not may_look:
             return
+        now = now or datetime.now(UTC)
         with asking_once() as client:
-            for schedule in schedules_of(settings.home):
-                found = looked_at(schedule, settings, client, now or datetime.now(UTC))
+            for schedule in [*schedules_of(settings.home), *_never_begun(settings, client, now)]:
+                found = looked_at(schedule, settings, client, now)
                 if found is None:
                     forget_schedule(settings.home, schedule)
-                elif found != schedule:
+                else:  # also one that is the same: it may be new here
                     store_schedule(settings.home, found)
                     _tell(schedule, found, settings)
 
@@ -69,6 +83,49 @@ def without_worker(settings: Settings) -> list[tuple[str, str]]:
             if pool is not None and client.read_work_pool(pool).status is not WorkPoolStatus.READY:
                 found.append((schedule.name, pool))
     return found
+
+
+def _never_begun(settings: Settings, client: SyncPrefectClient, now: datetime) -> Iterator[NightSchedule]:
+    """The deployments with a schedule whose runs will have this data home, and of which none has ever begun.
+
+    A run that begins notes its deployment itself.
+    """
+    known = {each.deployment for each in schedules_of(settings.home)}
+    ours = FlowFilter(name=FlowFilterName(any_=[_FLOW]))
+    offset = 0
+    while page := client.read_deployments(flow_filter=ours, limit=_PAGE, offset=offset):
+        offset += len(page)
+        for each in page:
+            if (
+                str(each.id) not in known
+                and each.schedules
+                and _is_of_home(each, str(client.api_url).rstrip("/"), settings)
+            ):
+                begun = client.read_flow_runs(
+                    deployment_filter=DeploymentFilter(id=DeploymentFilterId(any_=[each.id])),
+                    flow_run_filter=FlowRunFilter(start_time=FlowRunFilterStartTime(is_null_=False)),
+                    limit=1,
+                )
+                if not begun:
+                    since = max(each.created or now, now - _FIRST_LOOK)
+                    yield NightSchedule(deployment=str(each.id), name=_name_of_spec(each), checked_until=since)
+
+
+def _is_of_home(deployment: DeploymentResponse, server: str, settings: Settings) -> bool:
+    """Whether runs of a deployment have this data home: it names it, or names none and is on the home's own server."""
+    environ = deployment.job_variables.get("env")
+    named = cast("Mapping[str, object]", environ).get("ROBOMAKER_HOME") if isinstance(environ, Mapping) else None
+    return Path(str(named)) == settings.home if named else is_own_server(server, settings)
+
+
+def _name_of_spec(deployment: DeploymentResponse) -> str:
+    """The name of the specification of a deployment; that of the deployment, where it cannot be read here."""
+    text, path = deployment.parameters.get("text"), deployment.parameters.get("spec")
+    try:
+        text = Path(str(path)).read_text() if path else str(text)
+        return load_spec(text, str(path or deployment.name)).name
+    except (OSError, ValueError, RobomakerError):
+        return deployment.name
 
 
 def looked_at(

@@ -71,7 +71,7 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "left jobs": lambda: check_left_jobs(settings, without_roles),
         "broken-off runs": lambda: check_broken_off(settings),
     }
-    if has_schedules(settings.home):
+    if has_schedules(settings.home) or server_status(settings).running:
         checks["nights"] = lambda: check_nights(settings)
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
@@ -405,6 +405,8 @@ def check_nights(settings: Settings) -> Finding:
     from ..missed_nights import look_for_missed_nights, without_worker
 
     look_for_missed_nights(settings)
+    if not has_schedules(settings.home):
+        return Finding("nights", "ok", "no deployment of this data home has a schedule")
     week = datetime.now(UTC) - timedelta(days=7)
     found = [
         f"{each.name}: {night.in_words()}"

@@ -157,7 +157,7 @@ def _tell_of_left(run: "BrokenOff") -> None:
 
 
 def _look_for_missed(settings: Settings) -> None:
-    # Imports Prefect; called only where there are schedules.
+    # Imports Prefect, which this process does not need otherwise; called again after minutes.
     from ..missed_nights import look_for_missed_nights
 
     look_for_missed_nights(settings)

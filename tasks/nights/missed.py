@@ -47,9 +47,12 @@ def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None
         name: name of its specification.
         now: the time.
     """
-    if not (home / _FOLDER / f"{deployment}.json").exists():
+    known = {each.deployment: each for each in schedules_of(home)}.get(deployment)
+    if known is None:
+        known = NightSchedule(deployment=deployment, name="", checked_until=now)
+    if known.name != name:  # it is new, or was not known before the first run
         with suppress(OSError):
-            store_schedule(home, NightSchedule(deployment=deployment, name=name, checked_until=now))
+            store_schedule(home, known.model_copy(update={"name": name}))
 
 
 def schedules_of(home: Path) -> list[NightSchedule]:
@@ -85,9 +88,7 @@ def missed_nights(home: Path, name: str) -> list[MissedNight]:
 def only_one(home: Path) -> Iterator[bool]:
     """Says, inside the block, whether this process may look; one at a time does, so that each night is told once."""
     folder = home / _FOLDER
-    if not folder.is_dir():
-        yield False
-        return
+    folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -30,6 +30,9 @@ EVERY_S = 5.0
 _MISSED_EVERY_S = 60.0
 """How often nights that did not happen are looked for: two requests to Prefect for each schedule."""
 
+_NONE_KNOWN_EVERY_S = 600.0
+"""How often, where no schedule is known: Prefect may have one of which no run has begun yet."""
+
 _FIRST_ITS_WORKER_S = 20.0
 """How long the run of a deployment is left to its Prefect worker, which has the variables that it needs."""
 
@@ -59,7 +62,8 @@ class TakingUp:
         variables: environment variables for the processes that finish runs, besides those of this one.
         order_flow_run: has a Prefect worker finish the run of a deployment; `None`: this process cannot.
         tell: told of each run that is left, once; `None`: it is only logged.
-        look_for_missed: looks for nights that did not happen; called once a minute, if any schedule is looked after.
+        look_for_missed: looks for nights that did not happen; called once a minute if any schedule is looked after,
+            else every ten minutes.
     """
 
     def __init__(
@@ -97,8 +101,8 @@ class TakingUp:
         told: set[str] = set()
         while True:
             _try(self.look, "runs that broke off", told)
-            is_due = not looked_at or time.monotonic() - looked_at > _MISSED_EVERY_S
-            if missed is not None and is_due and has_schedules(self._settings.home):
+            every_s = _MISSED_EVERY_S if has_schedules(self._settings.home) else _NONE_KNOWN_EVERY_S
+            if missed is not None and (not looked_at or time.monotonic() - looked_at > every_s):
                 looked_at = time.monotonic()
                 _try(missed, "nights that did not happen", told)
             time.sleep(EVERY_S)

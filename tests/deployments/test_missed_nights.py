@@ -35,7 +35,40 @@ def deployment(prefect_server: str, tmp_path: Any) -> Any:
             work_pool_name=tmp_path.name,
             entrypoint="prefect_robomaker.flows.pipelines:RunPipeline",
             schedules=[each_night],
+            parameters={"text": '{"version": 1, "name": "nightly", "steps": {"list": {"operation": "ListWorlds"}}}'},
+            job_variables={"env": {"ROBOMAKER_HOME": str(tmp_path / "home of the runs")}},
         )
+
+
+def test_a_first_night_that_never_began_is_told(
+    deployment: Any, robomaker_at_server: Command, tmp_path: Any, webhook: Webhook, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    home = tmp_path / "home of the runs"
+    monkeypatch.setenv("ROBOMAKER_HOME", str(home))
+    robomaker_at_server("doctor")  # notes that there is a schedule, of which no run ever began
+    [schedule] = schedules_of(home)
+    assert (schedule.deployment, schedule.name) == (str(deployment), "nightly")
+
+    from prefect_robomaker.deployments.missed_nights import look_for_missed_nights
+
+    notify = f"json://{webhook.address}/hook"
+    settings = Settings.from_environment({"ROBOMAKER_HOME": str(home), "ROBOMAKER_NOTIFY": notify})
+    in_two_days = datetime.now(UTC) + 2 * DAY
+
+    def missed() -> Any:
+        look_for_missed_nights(settings, in_two_days)
+        return missed_nights(home, "nightly")
+
+    assert wait_for(missed, "the server to make runs of the schedule")[0].reason == "no Prefect worker was running"
+    assert "no night on" in webhook.got[0]["title"]
+    told = robomaker_at_server("history", "nightly")
+    assert told.code != 0
+    assert "there is no run of 'nightly'" in told.err
+    assert "no Prefect worker was running" in told.err
+
+    other = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "other")})
+    look_for_missed_nights(other, in_two_days)
+    assert schedules_of(other.home) == []  # its runs have another home
 
 
 def test_missed_nights_are_kept_and_told_once(

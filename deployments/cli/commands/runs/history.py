@@ -7,6 +7,7 @@ when each failure lasts and what changed when it began.
 import argparse
 import os
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,9 @@ from ...output.browser import open_file
 
 if TYPE_CHECKING:
     from .....tasks.inspection.run_records import FoundRecords
+
+_MOST_TOLD = 3
+"""Latest nights without a run that are named where there is no run at all; `robomaker doctor` has those of a week."""
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -49,11 +53,13 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_records(home / "runs", arguments.name, arguments.runs)
     for problem in found.unreadable:
         sys.stderr.write(f"robomaker: left out: {problem}\n")
-    if not found.records:
-        raise ConfigurationError(_nothing(arguments.name, home / "runs", found))
-    history = history_of(arguments.name, [NightRun.of(record) for record in found.records], found.left_out)
-    first = found.records[0].started_at
     gaps = [*missed_nights(home, arguments.name), *unfinished_nights(settings, arguments.name)]
+    if not found.records:
+        told = [night.in_words() for night in gaps if not night.has_begun]
+        raise ConfigurationError("; ".join([_nothing(arguments.name, home / "runs", found), *told[-_MOST_TOLD:]]))
+    history = history_of(arguments.name, [NightRun.of(record) for record in found.records], found.left_out)
+    # Nights before the first run that is shown are of runs that are left out; else none had begun before it.
+    first = found.records[0].started_at if found.left_out else datetime.min.replace(tzinfo=UTC)
     missed = sorted((night for night in gaps if night.due_at >= first), key=lambda night: night.due_at)
     history = history.model_copy(update={"missed": missed})
     path = write_history(history, page)
