@@ -328,8 +328,9 @@ def check_robot_keys(settings: Settings) -> Finding:
 
 
 def check_left_behind(settings: Settings) -> Finding:
-    """Whether processes that died or lost their jobs left folders of runs, or limits on the local Prefect server."""
+    """Whether processes that died or lost their jobs left folders, or limits on the local Prefect server."""
     from ...tasks.jobs.job_folders import overtaken_runs
+    from ...tasks.runtime.process.rehearsal_rooms import left_rooms
     from ...tasks.service.service import Service
     from ..flow_run_history import collect_limits
 
@@ -338,6 +339,7 @@ def check_left_behind(settings: Settings) -> Finding:
     left += [
         f"the concurrency limit {name}: its batch has ended" for name in collect_limits(settings, service, act=False)
     ]
+    left += [f"{room}: the job worker that rehearsed there was killed" for room in left_rooms()]
     service.catalog.close()
     if left:
         return Finding(

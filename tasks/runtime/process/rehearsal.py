@@ -5,12 +5,9 @@ its world, which takes a third of the time until its first step. A rehearsal in 
 before a job waits for it. It leaves nothing behind, and seeds are set when the run begins.
 """
 
-import fcntl
 import io
 import os
 import shutil
-import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
@@ -24,6 +21,7 @@ from ..applications.scout.agent import make_agent
 from ..episode.context import SimulationContext
 from ..recording.recording import McapRecorder
 from ..states.digest import digest_of_model
+from .rehearsal_rooms import make_room, remove_left_rooms
 
 HasRun = Callable[[float], bool]
 """Waits for so many seconds for a run, and says whether there is one."""
@@ -36,11 +34,6 @@ _CELL_M = 0.05
 _HALF_M = 3.0
 
 
-_PREFIX = "robomaker-rehearsal-"
-_NEW_S = 60.0
-"""A room that was made a moment ago may not be locked yet."""
-
-
 @contextmanager
 def rehearsal_room() -> Iterator[Path | None]:
     """Makes a folder with a world to rehearse in, for as long as it lasts; None where it cannot be written.
@@ -50,10 +43,8 @@ def rehearsal_room() -> Iterator[Path | None]:
     folder, lock = None, None
     try:
         with suppress(OSError):  # runs begin without a rehearsal too
-            _remove_left()
-            folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
-            lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            remove_left_rooms()
+            folder, lock = make_room()
             _furnish(folder)
         yield folder
     finally:
@@ -61,20 +52,6 @@ def rehearsal_room() -> Iterator[Path | None]:
             shutil.rmtree(folder, ignore_errors=True)
         if lock is not None:
             os.close(lock)
-
-
-def _remove_left() -> None:
-    """Removes rooms of this user whose process has been killed; also where it was one of another container."""
-    for left in Path(tempfile.gettempdir()).glob(f"{_PREFIX}*"):
-        with suppress(OSError):  # it is in use, another user's, or has just been removed
-            if left.is_symlink() or time.time() - left.stat().st_mtime < _NEW_S:
-                continue
-            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                shutil.rmtree(left, ignore_errors=True)
-            finally:
-                os.close(lock)
 
 
 def _furnish(folder: Path) -> None:

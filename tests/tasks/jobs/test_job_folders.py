@@ -4,8 +4,10 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -135,7 +137,10 @@ def taken_over(service: Service, order: Order) -> Any:
     return make
 
 
-def test_folders_of_runs_that_others_took_over_are_named_and_removed(service: Service, taken_over: Any) -> None:
+def test_folders_of_runs_that_others_took_over_are_named_and_removed(
+    service: Service, taken_over: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # without what others' job workers left
     elsewhere, stored, unstored = taken_over(), taken_over(run_id=RUN), taken_over(run_id=RUN, outputs=False)
     of_now, waiting = taken_over(age_s=0.0), service.folder("jobs", "sim-of-another-catalog", RUN)
     told = health.check_left_behind(service.settings)

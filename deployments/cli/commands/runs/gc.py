@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from .....schemas.settings import Settings
     from .....tasks.service.service import Service
 
+_LEFT = "to be removed"
+"""Begins a note about what processes left that died or lost their jobs."""
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
@@ -55,7 +58,8 @@ def execute(arguments: argparse.Namespace) -> int:
         if arguments.dry_run:
             return _told(report, arguments)
         _told(report, arguments)
-        if not (report.removed or report.flow_runs.count or report.flow_runs.freed_bytes):
+        is_left = any(note.startswith(_LEFT) for note in report.notes)
+        if not (report.removed or report.flow_runs.count or report.flow_runs.freed_bytes or is_left):
             return 0
         sys.stderr.write("Remove them? [y/N] ")
         sys.stderr.flush()
@@ -112,13 +116,16 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
 def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list[str]:
     """Says what was left by processes that died or lost their jobs, and collects it, whatever the policy is."""
     from .....tasks.jobs.job_folders import overtaken_runs, remove_overtaken_runs
+    from .....tasks.runtime.process.rehearsal_rooms import left_rooms, remove_left_rooms
     from ....flow_run_history import collect_limits
 
     runs = len(remove_overtaken_runs(service) if act else overtaken_runs(service))
     limits = len(collect_limits(settings, service, act=act))
     told = [f"{runs} folder(s) of runs that other processes took over"] if runs else []
     told += [f"{limits} concurrency limit(s) of batches that have ended"] if limits else []
-    return [f"{'removed' if act else 'to be removed'}: {each}" for each in told]
+    rooms = len(remove_left_rooms() if act else left_rooms())
+    told += [f"{rooms} folder(s) in which job workers that were killed had rehearsed"] if rooms else []
+    return [f"{'removed' if act else _LEFT}: {each}" for each in told]
 
 
 def _kept_outputs(service: "Service") -> list[str]:

@@ -45,7 +45,7 @@ def test_what_fails_is_not_told(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 
 def test_nothing_is_rehearsed_where_there_is_no_room(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rehearsal.tempfile, "tempdir", "/no/such/folder")
+    monkeypatch.setattr(tempfile, "tempdir", "/no/such/folder")
     with rehearsal.rehearsal_room() as room:
         assert room is None
         rehearsal.rehearse(room, lambda _: False, always)

@@ -1,16 +1,24 @@
 """gc: what it says, asks, and refuses."""
 
+import os
 import re
 import sqlite3
+import subprocess
+import sys
+import tempfile
 from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from helpers.processes import started
 
+from prefect_robomaker.deployments.cli.health import check_left_behind
 from prefect_robomaker.schemas.reports.retention import GcReport
 from prefect_robomaker.schemas.reports.run_record import RunRecord
+from prefect_robomaker.schemas.settings import Settings
 
 
 @pytest.fixture
@@ -134,3 +142,46 @@ def test_what_cannot_be_removed_is_told_and_ends_with_3(
     assert told.code == 3
     assert "! night-1: [Errno 30] Read-only file system" in told.out
     assert "Freed, but for what is told above," in told.out
+
+
+@pytest.fixture
+def left_room(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which a job worker rehearsed that was killed."""
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(temporary))
+    program = (
+        "import time\n"
+        "from prefect_robomaker.tasks.runtime.process.rehearsal import rehearsal_room\n"
+        "with rehearsal_room() as room:\n"
+        "    print(room, flush=True)\n"
+        "    time.sleep(600)\n"
+    )
+    command = [sys.executable, "-c", program]
+    with started(command, {"TMPDIR": str(temporary)}, stdout=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        room = Path(process.stdout.readline().strip())
+        process.kill()
+    assert (room / "world.xml").is_file()
+    os.utime(room, (0, 0))
+    return room
+
+
+def test_folders_of_rehearsals_of_killed_job_workers_are_named_and_removed(
+    robomaker: Any, home: Path, left_room: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found = check_left_behind(Settings.from_environment({"ROBOMAKER_HOME": str(home)}))
+    assert found.health == "warning"
+    assert f"{left_room}: the job worker that rehearsed there was killed" in found.found
+
+    line = "1 folder(s) in which job workers that were killed had rehearsed"
+    dry = robomaker("gc", "--older-than", "30d", "--dry-run")
+    assert f"to be removed: {line}" in dry.out
+    assert left_room.exists()
+    # It asks, though nothing else is to be removed.
+    monkeypatch.setattr("sys.stdin", SimpleNamespace(isatty=lambda: True, readline=lambda: "y\n"))
+    told = robomaker("gc", "--older-than", "30d")
+    assert f"to be removed: {line}" in told.out
+    assert told.out.count(f" removed: {line}") + told.out.count(f"\nremoved: {line}") >= 1
+    assert not left_room.exists()
+    assert "had rehearsed" not in robomaker("gc", "--older-than", "30d", "--yes").out

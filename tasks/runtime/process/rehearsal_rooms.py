@@ -1,0 +1,60 @@
+"""Folders in which rehearsals happen: made with a lock, and found when the process that made one was killed."""
+
+import fcntl
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+_PREFIX = "robomaker-rehearsal-"
+_NEW_S = 60.0
+"""A room that was made a moment ago may not be locked yet."""
+
+
+def make_room() -> tuple[Path, int]:
+    """Makes a room for as long as this process has the lock.
+
+    Returns:
+        Its folder, and the file descriptor of the lock.
+    """
+    folder = Path(tempfile.mkdtemp(prefix=_PREFIX))
+    lock = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    return folder, lock
+
+
+def left_rooms() -> list[Path]:
+    """The rooms of this user whose process was killed; also where it was one of another container."""
+    return list(_left())
+
+
+def remove_left_rooms() -> list[Path]:
+    """Removes the rooms of this user whose process was killed.
+
+    Returns:
+        Those that are gone.
+    """
+    found: list[Path] = []
+    for left in _left():
+        shutil.rmtree(left, ignore_errors=True)
+        if not left.exists():
+            found.append(left)
+    return found
+
+
+def _left() -> Iterator[Path]:
+    """Yields each room that is left, while its lock is held."""
+    for left in sorted(Path(tempfile.gettempdir()).glob(f"{_PREFIX}*")):
+        with suppress(OSError):  # it is in use, another user's, or has just been removed
+            about = left.lstat()
+            if about.st_uid != os.getuid() or left.is_symlink() or time.time() - about.st_mtime < _NEW_S:
+                continue
+            lock = os.open(left, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                yield left
+            finally:
+                os.close(lock)
