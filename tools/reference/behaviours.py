@@ -1,100 +1,59 @@
-"""All that is to be known of operations besides their shapes: differences, decisions, what is missing.
+"""All that is to be known of operations besides their shapes, from `behaviours.yaml`: differences and decisions.
 
 Beside `differences`, which tests compare with the published model, this is what tests of the flows show;
 the documentation is made from both.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+from typing import Literal
 
-from .behaviour import Behaviour, decided, differs
-from .behaviours_applications import APPLICATIONS, FLEETS, TAGS
-from .behaviours_simulations import SIMULATIONS
-from .behaviours_worlds import WORLDS
+from ruamel.yaml import YAML
 
-EVERYWHERE = (
-    differs(
-        "Retention",
-        "",
-        known="Simulation and deployment jobs disappeared after 90 days.",
-        here="Nothing disappears by itself.",
-    ),
-    differs(
-        "Quotas",
-        "",
-        known="So many jobs, batches, robots and fleets per account, then `LimitExceededException`.",
-        here="40 versions and 50 tags, as before; jobs beyond what the machine takes wait as `Pending`.",
-    ),
-    decided(
-        "What was refused at the end",
-        "",
-        known="The service refused bundles, worlds in jobs and usual tools, while samples went on using them.",
-        here="All of it is accepted, unless `ROBOMAKER_REFUSE_DEPRECATED` is 1.",
-    ),
-    decided(
-        "Ids",
-        "",
-        known="Examples of some kinds only.",
-        here="The kind and 12 letters and digits: `template-…`, `generation-…`, `export-…`, `sim-…`, `batch-…`. A "
-        "world is `<id of its generation job>/world-<n>`.",
-    ),
-    decided(
-        "How long tokens hold",
-        "",
-        known="Not found.",
-        here="As long as the resource that they made.",
-    ),
-    decided(
-        "Filters",
-        "",
-        known="Up to three according to the text, one according to the model.",
-        here="One filter with one value, compared whole. Names that a list does not know are refused.",
-    ),
-    decided(
-        "Pages",
-        "",
-        known="Order and life of page tokens were not documented.",
-        here="Newest first; a token is good for its operation and filters, and what is added or deleted meanwhile "
-        "makes no entry come twice or be left out.",
-    ),
-    decided(
-        "Patterns",
-        "",
-        known="The model's are not anchored.",
-        here="They have to match the whole value. No text may hold the character U+0000.",
-    ),
-    decided(
-        "Times",
-        "",
-        known="The text says milliseconds, SDKs read seconds.",
-        here="Seconds since 1970, as JSON numbers.",
-    ),
-    decided(
-        "Members that are not known",
-        "",
-        known="Not documented.",
-        here="`InvalidParameterException`, with the nearest name. A member that is `null` is absent.",
-    ),
-    decided(
-        "ARNs of nothing",
-        "",
-        known="Every text with `arn:` in it fits the model.",
-        here="`ResourceNotFoundException`; `InvalidParameterException` where the form is looked at, and wrong.",
-    ),
-    differs(
-        "Throttling",
-        "",
-        known="`ThrottlingException` also meant that operations had ended.",
-        here="Only that there is too much to do for the moment; SDKs try again.",
-    ),
-)
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+
+Kind = Literal["differs", "decided"]
+
+
+@dataclass(frozen=True)
+class Behaviour:
+    """One fact about operations here, for users who know the service."""
+
+    kind: Kind
+    """`differs`: the service was otherwise; `decided`: the service's behaviour was not documented, or it was
+    written down in two ways."""
+
+    topic: str
+    """Subject of the behaviour, in a few words."""
+
+    operations: frozenset[str]
+    """The operations it is about; none: all of them."""
+
+    known: str
+    """Behaviour of the service, as far as it is known."""
+
+    here: str
+    """Behaviour of this project."""
+
+
+def _behaviour(entry: Mapping[str, str]) -> Behaviour:
+    kind: Kind = "differs" if "differs" in entry else "decided"
+    about = frozenset(name for word in entry.get("of", "").split() for name in _known(word))
+    return Behaviour(kind, entry[kind], about, entry["known"], entry["here"])
+
+
+def _known(word: str) -> list[str]:
+    """The operations that a word names, such as `Create*Application`."""
+    if not (found := [name for name in OPERATIONS if fnmatchcase(name, word)]):
+        raise ValueError(f"behaviours.yaml: {word!r} is no operation")
+    return found
+
 
 BEHAVIOURS: Mapping[str, tuple[Behaviour, ...]] = {
-    "All operations": EVERYWHERE,
-    "Worlds": WORLDS,
-    "Applications": APPLICATIONS,
-    "Simulation jobs and batches": SIMULATIONS,
-    "Fleets, robots and deployments": FLEETS,
-    "Tags": TAGS,
+    subject: tuple(map(_behaviour, entries))
+    for subject, entries in YAML(typ="safe").load(Path(__file__).with_suffix(".yaml")).items()
 }
 """Behaviours by their subjects."""
 

@@ -5,8 +5,7 @@ from collections.abc import Callable, Mapping
 
 from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
 
-from .behaviour import Kind
-from .behaviours import BEHAVIOURS
+from .behaviours import BEHAVIOURS, Kind
 
 _MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
 

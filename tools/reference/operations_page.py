@@ -15,8 +15,7 @@ from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.schemas.wire.operation_shape import OperationShape
 from prefect_robomaker.tasks.operations.registry import registry
 
-from .behaviour import Behaviour, Kind
-from .behaviours import BEHAVIOURS, behaviours_of
+from .behaviours import BEHAVIOURS, Behaviour, Kind, behaviours_of
 from .differences import ANYTHING, DIFFERENCES, LINE_BREAKS
 from .examples import EXAMPLES
 from .tables import Tables
