@@ -1,12 +1,15 @@
 """The interface of all object stores."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Protocol
+from typing import Literal, Protocol, TypeVar
 
 from ...schemas.wire.errors import TransferStoppedError
+from .parallel import WORKERS, run_all
+
+Result = TypeVar("Result")
 
 Stopped = Callable[[], bool]
 """Whether a transfer is not wanted any more; asked several times a second, from any thread."""
@@ -159,3 +162,108 @@ class ObjectStore(Protocol):
     def local_path(self, bucket: str, key: str) -> Path | None:
         """The object's own file, where the store keeps objects as files on this machine."""
         ...
+
+
+def put_each(
+    store: ObjectStore, bucket: str, files: dict[str, Path], stopped: Stopped, tell: Tell, workers: int = WORKERS
+) -> list[ObjectInfo]:
+    """Stores many files one by one, several at a time; see `ObjectStore.put_files`."""
+
+    def put(item: tuple[str, Path]) -> ObjectInfo:
+        info = store.put_file(bucket, *item, stopped=stopped)
+        tell(info.key)
+        return info
+
+    return run_all(put, files.items(), workers)
+
+
+class StoreOver:
+    """An `ObjectStore` over another one; each call that reads or writes goes through `do`.
+
+    Args:
+        store: the store behind it.
+    """
+
+    def __init__(self, store: ObjectStore) -> None:
+        self.behind = store
+
+    def do(
+        self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
+    ) -> Result:
+        """Calls the store behind this one, or refuses to.
+
+        Args:
+            access: what the call does.
+            bucket: the bucket that it is about.
+            keys: the keys, or the prefix of keys, that it is about; of the whole bucket an empty one.
+            call: the call.
+        """
+        raise NotImplementedError
+
+    def ensure_bucket(self, bucket: str) -> None:
+        """See `ObjectStore`."""
+        self.do("write", bucket, [""], lambda: self.behind.ensure_bucket(bucket))
+
+    def check_writable(self, bucket: str, key: str) -> None:
+        """See `ObjectStore`."""
+        self.do("write", bucket, [key], lambda: self.behind.check_writable(bucket, key))
+
+    def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
+        """See `ObjectStore`."""
+        return self.do("write", bucket, [key], lambda: self.behind.put_file(bucket, key, path, stopped=stopped))
+
+    def probe(self, bucket: str) -> None:
+        """See `ObjectStore`; everybody may."""
+        self.behind.probe(bucket)
+
+    def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
+        """See `ObjectStore`."""
+        return self.do("read", bucket, [key], lambda: self.behind.find_same(bucket, key, path, stopped=stopped))
+
+    def put_files(
+        self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
+    ) -> list[ObjectInfo]:
+        """See `ObjectStore`."""
+        return self.do("write", bucket, files, lambda: self.behind.put_files(bucket, files, stopped=stopped, tell=tell))
+
+    def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
+        """See `ObjectStore`; with `create_only`, what an earlier attempt of a call wrote is in its way, too."""
+        return self.do(
+            "write", bucket, [key], lambda: self.behind.put_bytes(bucket, key, data, create_only=create_only)
+        )
+
+    def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
+        """See `ObjectStore`."""
+        return self.do("read", bucket, [key], lambda: self.behind.get_file(bucket, key, path))
+
+    def get_bytes(self, bucket: str, key: str) -> bytes:
+        """See `ObjectStore`."""
+        return self.do("read", bucket, [key], lambda: self.behind.get_bytes(bucket, key))
+
+    def head(self, bucket: str, key: str) -> ObjectInfo:
+        """See `ObjectStore`."""
+        return self.do("read", bucket, [key], lambda: self.behind.head(bucket, key))
+
+    def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
+        """See `ObjectStore`."""
+        return iter(self.do("read", bucket, [prefix], lambda: [*self.behind.list(bucket, prefix)]))
+
+    def delete(self, bucket: str, key: str) -> None:
+        """See `ObjectStore`."""
+        self.do("write", bucket, [key], lambda: self.behind.delete(bucket, key))
+
+    def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
+        """See `ObjectStore`; it is about the whole bucket."""
+        return self.do("write", bucket, [""], lambda: self.behind.unfinished_uploads(bucket, before))
+
+    def abort_upload(self, upload: UnfinishedUpload) -> None:
+        """See `ObjectStore`."""
+        self.do("write", upload.bucket, [upload.key], lambda: self.behind.abort_upload(upload))
+
+    def uri(self, bucket: str, key: str) -> str:
+        """See `ObjectStore`."""
+        return self.behind.uri(bucket, key)
+
+    def local_path(self, bucket: str, key: str) -> Path | None:
+        """See `ObjectStore`."""
+        return self.behind.local_path(bucket, key)

@@ -23,13 +23,12 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from .base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, refuse_stopped, tell_none
+from .base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, put_each, refuse_stopped, tell_none
 from .checksums import etag_of, store_etag
 from .failures import os_failures
 from .folders import open_regular
 from .holes import copy_with_holes
 from .naming import check_bucket, check_key, check_prefix
-from .parallel import run_all
 
 _ABANDONED_AFTER_S = 86_400.0
 _RACES = 20
@@ -111,13 +110,7 @@ class DirectoryStore:
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
-
-        def put(item: tuple[str, Path]) -> ObjectInfo:
-            info = self.put_file(bucket, *item, stopped=stopped)
-            tell(info.key)
-            return info
-
-        return run_all(put, files.items())
+        return put_each(self, bucket, files, stopped, tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """Stores bytes.

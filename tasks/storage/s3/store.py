@@ -33,10 +33,10 @@ from ....schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..aws_sessions import new_session
-from ..base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, refuse_stopped, tell_none
+from ..base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, put_each, refuse_stopped, tell_none
 from ..checksums import compare, crc32_of, has_content, measure
 from ..naming import check_bucket, check_key, check_prefix
-from ..parallel import WORKERS, WORKERS_FOR_SMALL, run_all
+from ..parallel import WORKERS, WORKERS_FOR_SMALL
 from .failures import s3_failures
 from .parts import PartedUploads
 from .quick_puts import QuickPuts
@@ -222,13 +222,7 @@ class S3Store:
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
         """Stores many files, several at a time; raises the first error after all have ended."""
-
-        def put(item: tuple[str, Path]) -> ObjectInfo:
-            info = self.put_file(bucket, *item, stopped=stopped)
-            tell(info.key)
-            return info
-
-        return run_all(put, files.items(), WORKERS_FOR_SMALL)
+        return put_each(self, bucket, files, stopped, tell, WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
         """Stores bytes.
