@@ -34,11 +34,8 @@ def remove_leftover_limits(client: SyncPrefectClient, settings: Settings) -> lis
     """Deletes the limits of batches that have ended; returns their names."""
     if not (batches := batches_with_limits(client)):
         return []
-    service = Service.open(settings)
-    try:
+    with Service.opened(settings) as service:
         names = leftover_limits(batches, service)
-    finally:
-        service.catalog.close()
     removed: list[str] = []
     for name in names:
         try:

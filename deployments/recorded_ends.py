@@ -5,8 +5,7 @@ A server that was away was not told of all ends. It takes silence for death; thi
 
 import logging
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from datetime import datetime
 from typing import Any
 from uuid import UUID
@@ -78,7 +77,7 @@ class RecordedEnds:
         """The end of a job, if a flow run that was called dead is the last that carried it out."""
         if not was_silent(run):
             return None  # somebody saw that it died
-        with _opened(self._settings) as service:
+        with Service.opened(self._settings) as service:
             job = service.catalog.get_many([arn]).get(arn)
             if job is None or not is_terminal(job.kind, job.status) or not self._is_last(run):
                 return None
@@ -95,12 +94,3 @@ class RecordedEnds:
             each.id == run.id or began is None or (each.start_time or each.created or began) < began
             for each in self._client.read_flow_runs(flow_run_filter=named)
         )
-
-
-@contextmanager
-def _opened(settings: Settings) -> Iterator[Service]:
-    service = Service.open(settings)
-    try:
-        yield service
-    finally:
-        service.catalog.close()

@@ -190,8 +190,7 @@ def check_catalog(settings: Settings) -> Finding:
     """Whether the catalog opens."""
     from ...tasks.service.service import Service
 
-    service = Service.open(settings)
-    service.catalog.close()
+    Service.open(settings).catalog.close()
     shown = settings.catalog_url.split("@")[-1]  # not the password
     return Finding("catalog", "ok", shown)
 
@@ -275,9 +274,8 @@ def check_containers(settings: Settings) -> Finding:
     from ...tasks.jobs.job_folders import abandoned_runs
     from ...tasks.service.service import Service
 
-    service = Service.open(settings)
-    left = [str(run) for run, _ in abandoned_runs(service)]
-    service.catalog.close()
+    with Service.opened(settings) as service:
+        left = [str(run) for run, _ in abandoned_runs(service)]
     if left:
         remedy = "start any simulation job here, which removes them; the engine has to answer"
         return Finding("containers", "warning", "\n".join(("runs whose job worker died left some:", *left)), remedy)
@@ -317,9 +315,8 @@ def check_robot_keys(settings: Settings) -> Finding:
     from ...tasks.fleet.trust.standing import standing_of
     from ...tasks.service.service import Service
 
-    service = Service.open(settings)
-    roles = standing_of(service)
-    service.catalog.close()
+    with Service.opened(settings) as service:
+        roles = standing_of(service)
     warnings = [role.warning for role in roles if role.warning]
     if warnings:
         return Finding("robots' keys", "warning", "\n".join(warnings), "see `robomaker robots keys status`")
@@ -334,13 +331,13 @@ def check_left_behind(settings: Settings) -> Finding:
     from ...tasks.service.service import Service
     from ..flow_run_history import collect_limits
 
-    service = Service.open(settings)
-    left = [f"{run}: its job was taken over, and has ended" for run, _ in overtaken_runs(service)]
-    left += [
-        f"the concurrency limit {name}: its batch has ended" for name in collect_limits(settings, service, act=False)
-    ]
+    with Service.opened(settings) as service:
+        left = [f"{run}: its job was taken over, and has ended" for run, _ in overtaken_runs(service)]
+        left += [
+            f"the concurrency limit {name}: its batch has ended"
+            for name in collect_limits(settings, service, act=False)
+        ]
     left += [f"{room}: the job worker that rehearsed there was killed" for room in left_rooms()]
-    service.catalog.close()
     if left:
         return Finding(
             "left behind", "warning", "\n".join(left), "`robomaker gc`, and job workers that start, remove them"
@@ -353,9 +350,8 @@ def check_kept_outputs(settings: Settings) -> Finding:
     from ...tasks.jobs.kept_outputs import find_kept
     from ...tasks.service.service import Service
 
-    service = Service.open(settings)
-    kept = [str(run.output_dir) for run in find_kept(service)]
-    service.catalog.close()
+    with Service.opened(settings) as service:
+        kept = [str(run.output_dir) for run in find_kept(service)]
     if kept:
         found = "\n".join(("outputs that could not be stored are here only:", *kept))
         return Finding("kept outputs", "warning", found, "`robomaker upload --kept` stores them")
@@ -372,9 +368,8 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
     from ...tasks.jobs.owners.job_standings import left_jobs
     from ...tasks.service.service import Service
 
-    service = replace(Service.open(opened_with), settings=settings)
-    left = left_jobs(service)
-    service.catalog.close()
+    with Service.opened(opened_with) as service:
+        left = left_jobs(replace(service, settings=settings))
     if not left:
         return Finding("left jobs", "ok", "every job that was begun has a process that carries it out")
     found = [f"{job.arn} was {standing.in_words()}" for job, standing in left]

@@ -96,7 +96,7 @@ def _run_server(
     from ..console.rendering import HOME
     from ..console_note import forget_console, note_console
     from ..endpoint.access_log import write_access_log
-    from ..endpoint.application import make_application
+    from ..endpoint.application import Endpoint
     from ..endpoint.calling.audit_log import AuditLog
     from ..endpoint.server import run_server
     from ..robots.mounting import RobotsBeside
@@ -113,7 +113,7 @@ def _run_server(
     log_path = Path(arguments.audit_log).absolute() if arguments.audit_log else None
     audit_log = AuditLog(log_path, service.clock) if log_path else None
     spec_runs = None if variables is None else SpecRuns(settings.home, variables, log_path)
-    endpoint = make_application(
+    endpoint = Endpoint(
         service,
         access_keys=access_keys,
         on_submitted=tell,

@@ -2,15 +2,15 @@
 
 import logging
 from collections.abc import Awaitable, Callable
-from urllib.parse import parse_qs, quote
+from urllib.parse import quote
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import ClientDisconnect, Request
+from starlette.requests import Request
 from starlette.responses import HTMLResponse, RedirectResponse, Response
 
 from ...schemas.wire.errors import ThrottlingException
-from ..endpoint.limits import SMALL_BODY_TIMEOUT_S, read_body
-from ..endpoint.messages import ProtocolError, ServiceRequest
+from ..endpoint.messages import ProtocolError
+from .orders.forms import read_fields
 from .rendering import HOME, render
 from .sessions import LIFETIME_S
 from .visit import Context, Visit, cookie_name
@@ -51,7 +51,10 @@ def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
     """Takes the form of the login."""
 
     async def take(request: Request) -> Response:
-        form = await read_form(request)
+        try:
+            form = await read_fields(request, _MOST_BYTES)
+        except ProtocolError:
+            form = {}
         to = own_address(form.get("to", ""))
         if context.sessions is None:
             return RedirectResponse(to, 303)
@@ -81,17 +84,6 @@ def log_out(visit: Visit) -> Response:
     response = RedirectResponse(f"{HOME}/login", 303)
     response.delete_cookie(cookie_name(visit.request), path=HOME)
     return response
-
-
-async def read_form(request: Request) -> dict[str, str]:
-    """The fields of a form; the first value of each. What is no form has none."""
-    whole = ServiceRequest(request.scope, request.receive)
-    try:
-        body = await read_body(whole, request.headers.get("content-length"), _MOST_BYTES, SMALL_BODY_TIMEOUT_S)
-        fields = parse_qs(body.decode(errors="replace"), max_num_fields=50)
-    except (ProtocolError, ClientDisconnect, ValueError):  # the last: it has more fields
-        return {}
-    return {name: values[0] for name, values in fields.items()}
 
 
 def own_address(address: str) -> str:

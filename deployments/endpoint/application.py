@@ -45,16 +45,8 @@ def ignore(arn: str) -> None:
     """Hears of a job and does nothing."""
 
 
-def make_application(
-    service: Service,
-    *,
-    access_keys: Mapping[str, AccessKey] | None = None,
-    on_submitted: Callable[[str], None] = ignore,
-    worker_status: Callable[[], Mapping[str, object]] = dict,
-    audit_log: AuditLog | None = None,
-    console: str | None = None,
-) -> "Endpoint":
-    """Makes the application that serves every operation over HTTP.
+class Endpoint:
+    """The application that serves every operation over HTTP.
 
     Args:
         service: where the operations happen.
@@ -65,20 +57,16 @@ def make_application(
         audit_log: is told of every call of an operation, also of refused ones.
         console: path of the console beside it, which the status page leads to; `None`: there is none.
     """
-    return Endpoint(service, access_keys, on_submitted, worker_status, audit_log, console)
-
-
-class Endpoint:
-    """The application; `make_application` says what it takes."""
 
     def __init__(
         self,
         service: Service,
-        access_keys: Mapping[str, AccessKey] | None,
-        on_submitted: Callable[[str], None],
-        worker_status: Callable[[], Mapping[str, object]],
-        audit_log: AuditLog | None,
-        console: str | None,
+        *,
+        access_keys: Mapping[str, AccessKey] | None = None,
+        on_submitted: Callable[[str], None] = ignore,
+        worker_status: Callable[[], Mapping[str, object]] = dict,
+        audit_log: AuditLog | None = None,
+        console: str | None = None,
     ) -> None:
         settings = service.settings
         self.checks_signatures = access_keys is not None

@@ -41,7 +41,7 @@ def run_server(
     """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
 
     Args:
-        application: what `make_application` made.
+        application: the application to serve.
         host: name or address to listen at.
         port: where; 0: any that is free.
         ready: told the port once requests are answered.

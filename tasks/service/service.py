@@ -124,6 +124,16 @@ class Service:
         return cls(settings=settings, catalog=catalog, store=store, roles=roles, timing=timing, backend=backend)
 
     @classmethod
+    @contextmanager
+    def opened(cls, settings: Settings) -> Generator["Service"]:
+        """Opens the service inside the block, and closes its catalog at the end; see `open`."""
+        service = cls.open(settings)
+        try:
+            yield service
+        finally:
+            service.catalog.close()
+
+    @classmethod
     def current(cls) -> "Service":
         """The active service, or the one the environment variables describe."""
         return _active.get() or _from_environment()

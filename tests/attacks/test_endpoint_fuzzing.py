@@ -19,7 +19,7 @@ from helpers.small_flat import BODY, ROLE
 from hypothesis import HealthCheck, event, given
 from hypothesis import strategies as st
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.messages import ProtocolError
 from prefect_robomaker.schemas.settings import Settings
@@ -72,7 +72,7 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
     """One for all requests; what some of them create does no harm to the others."""
     home = tmp_path_factory.mktemp("fuzzed") / "home"
     service = Service.open(Settings.from_environment({"ROBOMAKER_HOME": str(home)}), {})
-    client = Client(make_application(service, on_submitted=lambda arn: None))
+    client = Client(Endpoint(service, on_submitted=lambda arn: None))
     template = call("CreateWorldTemplate", {"name": "flat", "templateBody": json.dumps(BODY)}, service)["arn"]
     count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
     job = {
@@ -121,7 +121,7 @@ def target(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Target]:
         "resourceArn": [template, *jobs, fleet, rover, world, *applications],
         "template": [template],
     }
-    guarded = Client(make_application(service, access_keys={"known": AccessKey("known", "secret")}))
+    guarded = Client(Endpoint(service, access_keys={"known": AccessKey("known", "secret")}))
     catalog = sqlite3.connect(home / "catalog.db", isolation_level=None)
     yield Target(service, client, guarded, catalog, known)
     catalog.close()

@@ -30,7 +30,7 @@ from helpers.colcon_bundles import bundle_v1
 from helpers.paths import REPOSITORY
 from helpers.small_flat import BODY, ROLE
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import RobomakerError
@@ -180,7 +180,7 @@ class Surfaces:
     def __init__(self, service: Service, folder: Path) -> None:
         self.service, self.folder = service, folder
         self.archives = _archives(folder)
-        self.client = Client(make_application(service))
+        self.client = Client(Endpoint(service))
         self.operations = [each.shape for each in registry().values()]
         template = {"name": "flat", "templateBody": json.dumps(BODY)}
         self.known = {"CreateSimulationJob": JOB, "CreateWorldTemplate": template, "ListWorlds": {"maxResults": 3}}

@@ -103,7 +103,7 @@ def load(
 
 def main() -> None:
     """Serves until it is told to stop; prints the port."""
-    from prefect_robomaker.deployments.endpoint.application import make_application
+    from prefect_robomaker.deployments.endpoint.application import Endpoint
     from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
     from prefect_robomaker.deployments.endpoint.server import run_server
     from prefect_robomaker.tasks.service.service import Service
@@ -121,7 +121,7 @@ def main() -> None:
         service = Service.open(Settings.from_environment(os.environ))
         given = json.loads(os.environ[KEYS])
         keys = given and {key: AccessKey(key, secret) for key, secret in given.items()}
-        application = make_application(service, access_keys=keys)
+        application = Endpoint(service, access_keys=keys)
     run_server(application, "127.0.0.1", 0, ready=lambda port: print(port, flush=True))
 
 

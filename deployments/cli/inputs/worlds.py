@@ -17,6 +17,7 @@ from ....schemas.wire.errors import (
     StorageError,
 )
 from ....schemas.worlds.world import World
+from ..inputs.service import open_service
 
 if TYPE_CHECKING:
     from ....tasks.catalog import Resource
@@ -80,9 +81,8 @@ def output_file(name: str, folder: str, suffix: str) -> Path:
 
 def _of_arn(arn: str) -> FoundWorld:
     ResourceArn.parse(arn, "world")
-    from ....tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     resource = service.catalog.get(arn, kind="world")
     folder = _fetched(resource, service)
     document = WorldDocument.of(resource)

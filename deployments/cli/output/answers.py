@@ -2,9 +2,12 @@
 
 import json
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from datetime import UTC, datetime
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
 
 Cell = tuple[str, str]
 """Text and style."""
@@ -13,6 +16,39 @@ Cell = tuple[str, str]
 def print_answer(answer: dict[str, Any], form: str) -> None:
     """Prints a response as JSON or YAML."""
     sys.stdout.write(_as_yaml(answer) if form == "yaml" else _as_json(answer))
+
+
+def print_either(form: str, document: "BaseModel | dict[str, Any]", lines: Iterable[str]) -> None:
+    """Prints an answer as JSON, or as lines for people.
+
+    Args:
+        form: `json`, or anything else for lines.
+        document: the answer for programs.
+        lines: the answer for people.
+    """
+    if form != "json":
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+    elif isinstance(document, dict):
+        sys.stdout.write(_as_json(document))
+    else:
+        sys.stdout.write(document.model_dump_json(indent=2, exclude_none=True) + "\n")
+
+
+def in_columns(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> list[str]:
+    """Lines of a table, whose columns are as wide as need be.
+
+    Args:
+        rows: the cells, those of the titles first.
+        right: numbers of the columns that are aligned to the right.
+    """
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(
+            cell.rjust(width) if column in right else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
 
 
 def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from rich.filesize import decimal
 
 from ....schemas.reports.retention import GcItem, GcReport
+from ..output.answers import in_columns
 
 _TITLES = ("", "what", "ended", "state", "objects", "size", "")
 _RIGHT = (4, 5)
@@ -16,7 +17,7 @@ def report_lines(report: GcReport) -> list[str]:
     """The answer, line by line."""
     gone = report.removed
     rows = [_row(item) for item in gone]
-    lines = _table([_TITLES, *rows]) if rows else []
+    lines = in_columns([_TITLES, *rows], _RIGHT) if rows else []
     lines += [f"! {problem}" for problem in report.problems]
     lines += [f"kept {count}: {reason}" for reason, count in _kept(report.items)]
     lines += [note for note in (*report.notes, report.flow_runs.note, _database(report)) if note]
@@ -66,14 +67,3 @@ def _total(report: GcReport, gone: Sequence[GcItem]) -> str:
     size = decimal(sum(item.size_bytes for item in gone) + report.flow_runs.freed_bytes)
     done = "Would free" if report.dry_run else "Freed, but for what is told above," if report.problems else "Freed"
     return f"{done} {size} in {sum(item.objects for item in gone)} objects: {', '.join(parts)}."
-
-
-def _table(rows: Sequence[Sequence[str]]) -> list[str]:
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.rjust(width) if column in _RIGHT else cell.ljust(width)
-            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
-    ]

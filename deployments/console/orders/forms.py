@@ -25,7 +25,7 @@ _DISPOSITION = re.compile(
 """As browsers write it. Parsers of all that mail may have in a header take seconds for a few kilobytes."""
 
 
-async def read_fields(request: Request) -> dict[str, str]:
+async def read_fields(request: Request, most_bytes: int = MOST_BYTES) -> dict[str, str]:
     """The fields of a form; the first value of each, of a file its text. What is no form has none.
 
     Raises:
@@ -34,9 +34,9 @@ async def read_fields(request: Request) -> dict[str, str]:
     whole = ServiceRequest(request.scope, request.receive)
     kind = request.headers.get("content-type", "")
     try:
-        body = await read_body(whole, request.headers.get("content-length"), MOST_BYTES, SMALL_BODY_TIMEOUT_S)
+        body = await read_body(whole, request.headers.get("content-length"), most_bytes, SMALL_BODY_TIMEOUT_S)
     except RequestEntityTooLargeException:
-        raise RequestEntityTooLargeException(f"the form may have at most {MOST_BYTES // 1024} KB") from None
+        raise RequestEntityTooLargeException(f"the form may have at most {most_bytes // 1024} KB") from None
     except ClientDisconnect:
         return {}
     return await run_in_threadpool(_fields, kind, body)  # long ones take some milliseconds

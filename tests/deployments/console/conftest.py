@@ -11,7 +11,7 @@ import pytest
 from helpers.client_environments import node_modules
 
 from prefect_robomaker.deployments.console.console import Console
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
 from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument, StoredBatchPolicy
@@ -59,7 +59,7 @@ def visitor(service: Service) -> Iterator[Visitor]:
             *keys: AccessKey, address: str = ADDRESS, spec_runs: SpecRuns | None = None, **members: Any
         ) -> Browser:
             by_id = {key.id: key for key in keys} or None
-            endpoint = make_application(service, access_keys=by_id, **members)
+            endpoint = Endpoint(service, access_keys=by_id, **members)
             console = Console(endpoint, service, access_keys=by_id, spec_runs=spec_runs)
             return stack.enter_context(closing(Browser(console, address)))
 

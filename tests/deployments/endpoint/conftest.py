@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from helpers.asgi import Client
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.tasks.service.service import Service
 
 
@@ -18,6 +18,6 @@ def submitted() -> list[str]:
 @pytest.fixture
 def client(service: Service, submitted: list[str]) -> Iterator[Client]:
     """A client of the service's endpoint."""
-    client = Client(make_application(service, on_submitted=submitted.append))
+    client = Client(Endpoint(service, on_submitted=submitted.append))
     yield client
     client.close()

@@ -13,7 +13,7 @@ import pytest
 from helpers.endpoint_server import http_request
 
 from prefect_robomaker.deployments.endpoint import application as application_module
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.connections import ConnectionLimits, most_connections
 from prefect_robomaker.deployments.endpoint.server import run_server
 from prefect_robomaker.tasks.service.service import Service
@@ -84,7 +84,7 @@ def test_a_head_that_never_ends_ends_the_connection(service: Service) -> None:
             connection.sendall(b"POST /listWorlds HTTP/1.1\r\nHost: localhost\r\nX-Slow: ")
             return trickle(connection)
 
-    assert served(make_application(service), client) == b""
+    assert served(Endpoint(service), client) == b""
 
 
 def test_a_second_head_that_never_ends_ends_the_connection_after_the_first_answer(service: Service) -> None:
@@ -98,7 +98,7 @@ def test_a_second_head_that_never_ends_ends_the_connection_after_the_first_answe
             connection.sendall(REQUEST[:10])
             return trickle(connection)
 
-    assert served(make_application(service), client, UNHURRIED) == b""
+    assert served(Endpoint(service), client, UNHURRIED) == b""
 
 
 def test_who_says_nothing_is_not_waited_for(service: Service) -> None:
@@ -106,7 +106,7 @@ def test_who_says_nothing_is_not_waited_for(service: Service) -> None:
         with connect(port) as connection:
             return connection.recv(100)
 
-    assert served(make_application(service), client) == b""
+    assert served(Endpoint(service), client) == b""
 
 
 def test_a_body_that_never_ends_is_answered_and_its_rest_is_not_waited_for(
@@ -122,7 +122,7 @@ def test_a_body_that_never_ends_is_answered_and_its_rest_is_not_waited_for(
             connection.sendall(b"POST /listWorlds HTTP/1.1\r\nHost: localhost\r\nContent-Length: 60000\r\n\r\n{")
             return trickle(connection, b" ")
 
-    answer = served(make_application(service), client, UNHURRIED)
+    answer = served(Endpoint(service), client, UNHURRIED)
     assert answer is not None
     assert answer.startswith(b"HTTP/1.1 408")
 
@@ -167,7 +167,7 @@ def test_a_crowd_of_silent_clients_keeps_nobody_out(service: Service) -> None:
             one.close()
         return statuses, first, is_last_open
 
-    assert served(make_application(service), client, limits) == ([200] * 3, b"", True)
+    assert served(Endpoint(service), client, limits) == ([200] * 3, b"", True)
 
 
 def test_limits_leave_files_for_everything_else() -> None:

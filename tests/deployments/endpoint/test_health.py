@@ -5,7 +5,7 @@ from html.parser import HTMLParser
 import pytest
 from helpers.asgi import Client
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.tasks.service.service import Service
 
@@ -52,7 +52,7 @@ def test_the_page_says_how_to_reach_the_service(client: Client, template: str) -
 
 def test_everything_on_the_page_is_escaped(service: Service) -> None:
     nasty = "<script>alert('x')</script>"
-    client = Client(make_application(service, access_keys=None, worker_status=lambda: {nasty: nasty}))
+    client = Client(Endpoint(service, access_keys=None, worker_status=lambda: {nasty: nasty}))
     page = Text(client.send("GET", "/").body.decode())
     health = client.send("GET", "/health").json
     client.close()
@@ -63,7 +63,7 @@ def test_everything_on_the_page_is_escaped(service: Service) -> None:
 
 
 def test_hosts_on_the_page_are_escaped(service: Service) -> None:
-    client = Client(make_application(service, access_keys={"a": AccessKey("a", "b")}))
+    client = Client(Endpoint(service, access_keys={"a": AccessKey("a", "b")}))
     page = Text(client.send("GET", "/", b"", {"host": "x</pre><script>"}).body.decode())
     client.close()
 
@@ -72,7 +72,7 @@ def test_hosts_on_the_page_are_escaped(service: Service) -> None:
 
 def test_strangers_learn_only_that_it_works(service: Service, template: str) -> None:
     keys = {"a": AccessKey("a", "b")}
-    client = Client(make_application(service, access_keys=keys, worker_status=lambda: {"pid": 4711}))
+    client = Client(Endpoint(service, access_keys=keys, worker_status=lambda: {"pid": 4711}))
     health, page = client.send("GET", "/health"), client.send("GET", "/")
     client.close()
 

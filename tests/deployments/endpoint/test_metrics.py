@@ -7,7 +7,7 @@ import pytest
 from helpers.asgi import Client
 from prometheus_client.parser import text_string_to_metric_families
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.tasks.service.service import Service
 
@@ -53,7 +53,7 @@ def test_resources_are_counted_as_the_catalog_holds_them(client: Client, templat
 
 @pytest.mark.parametrize(("state", "ready"), [("ready", 1.0), ("waiting for Prefect", 0.0)])
 def test_a_job_worker_that_waits_is_seen(service: Service, state: str, ready: float) -> None:
-    client = Client(make_application(service, worker_status=lambda: {"state": state, "restarts": 2}))
+    client = Client(Endpoint(service, worker_status=lambda: {"state": state, "restarts": 2}))
     samples = read(client)
     client.close()
 
@@ -63,7 +63,7 @@ def test_a_job_worker_that_waits_is_seen(service: Service, state: str, ready: fl
 
 @pytest.fixture
 def guarded(service: Service) -> Iterator[Client]:
-    client = Client(make_application(service, access_keys={key.id: key for key in (KEY, CONFINED)}))
+    client = Client(Endpoint(service, access_keys={key.id: key for key in (KEY, CONFINED)}))
     yield client
     client.close()
 

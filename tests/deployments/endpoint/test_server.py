@@ -20,7 +20,7 @@ from helpers.endpoint_here import endpoint_here
 from helpers.endpoint_server import exchange, http_request
 
 from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.server import listening, run_server
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
@@ -43,7 +43,7 @@ def ask(
 
 def test_what_boto3_sends_is_served(service: Service, template: str) -> None:
     keys = {"AKIAEXAMPLE": AccessKey("AKIAEXAMPLE", "secret")}
-    with endpoint_here(make_application(service, access_keys=keys)) as port:
+    with endpoint_here(Endpoint(service, access_keys=keys)) as port:
 
         def sent(method: str, target: str, body: bytes, secret: str = "secret") -> tuple[int, Any, Any]:
             url = f"http://localhost:{port}{target}"
@@ -81,7 +81,7 @@ def test_of_several_clients_one_gets_a_name(service: Service) -> None:
         status, _, body = ask(port, "POST", "/createRobotApplication", json.dumps(request).encode())
         return status, json.loads(body)
 
-    with endpoint_here(make_application(service)) as port, ThreadPoolExecutor(CLIENTS) as pool:
+    with endpoint_here(Endpoint(service)) as port, ThreadPoolExecutor(CLIENTS) as pool:
         for number in range(NAMES):
             answers = list(pool.map(create, [port] * CLIENTS, [f"robot-{number}"] * CLIENTS))
             refused = [body["__type"] for status, body in answers if status == 400]
@@ -99,7 +99,7 @@ def test_connections_stay_open(service: Service) -> None:
         await writer.wait_closed()
         return statuses
 
-    with endpoint_here(make_application(service)) as port:
+    with endpoint_here(Endpoint(service)) as port:
         assert asyncio.run(several(port)) == [200, 404, 200]
 
 
@@ -113,7 +113,7 @@ def test_connections_do_not_collect_small_packets() -> None:
 
 
 def test_a_body_that_is_too_long_is_refused_in_full(service: Service) -> None:
-    with endpoint_here(make_application(service)) as port:
+    with endpoint_here(Endpoint(service)) as port:
         status, _, body = ask(port, "POST", "/listWorlds", b" " * 30_000_000, content_type="application/json")
 
         assert (status, json.loads(body)["__type"]) == (413, "RequestEntityTooLargeException")
@@ -124,7 +124,7 @@ def test_a_body_that_is_too_long_is_refused_in_full(service: Service) -> None:
     [b"\x16\x03\x01\x02\x00\x01\x00", b"GET\r\n\r\n", b"POST /listWorlds HTTP/1.1\r\nHost: a\r\nHost: b\r\n\r\n"],
 )
 def test_what_is_no_http_is_refused(sent: bytes, service: Service) -> None:
-    with endpoint_here(make_application(service)) as port:
+    with endpoint_here(Endpoint(service)) as port:
         with socket.create_connection(("127.0.0.1", port), timeout=200) as connection:
             connection.sendall(sent)
             connection.shutdown(socket.SHUT_WR)
@@ -137,13 +137,13 @@ def test_a_port_that_is_taken(service: Service) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         with pytest.raises(ConfigurationError, match=f"cannot listen at 127.0.0.1 port {port}"):
-            run_server(make_application(service), "127.0.0.1", port, ready=lambda port: None)
+            run_server(Endpoint(service), "127.0.0.1", port, ready=lambda port: None)
 
 
 @pytest.mark.parametrize(("host", "port"), [("127.0.0.1", 70000), ("no such host", 0), ("192.0.2.1", 0)])
 def test_places_where_nothing_can_listen(host: str, port: int, service: Service) -> None:
     with pytest.raises(ConfigurationError, match="cannot listen at"):
-        run_server(make_application(service), host, port, ready=lambda port: None)
+        run_server(Endpoint(service), host, port, ready=lambda port: None)
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
@@ -155,7 +155,7 @@ def test_signals_end_it_and_handlers_are_put_back(number: signal.Signals, servic
         ports.append(port)
         threading.Timer(0.2, signal.raise_signal, [number]).start()
 
-    run_server(make_application(service), "127.0.0.1", 0, ready=ready)
+    run_server(Endpoint(service), "127.0.0.1", 0, ready=ready)
 
     assert ports[0] > 0
     assert signal.getsignal(number) is before
@@ -168,7 +168,7 @@ def test_strangers_reach_it_only_with_a_warning(
     def ready(port: int) -> None:
         threading.Timer(0.1, signal.raise_signal, [signal.SIGTERM]).start()
 
-    run_server(make_application(service, access_keys=keys), "0.0.0.0", 0, ready=ready)
+    run_server(Endpoint(service, access_keys=keys), "0.0.0.0", 0, ready=ready)
 
     assert ("can be reached from other machines" in caplog.text) == warned
 

@@ -20,7 +20,7 @@ from opentelemetry.sdk.trace import TracerProvider
 from opentelemetry.sdk.trace.export import SimpleSpanProcessor
 from opentelemetry.sdk.trace.export.in_memory_span_exporter import InMemorySpanExporter
 from helpers.asgi import Client
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.service.service import Service
@@ -30,7 +30,7 @@ provider = TracerProvider()
 provider.add_span_processor(SimpleSpanProcessor(exporter))
 trace.set_tracer_provider(provider)
 service = Service.open(Settings.from_environment(os.environ), {})
-client = Client(make_application(service))
+client = Client(Endpoint(service))
 robot = {"name": "a", "robotSoftwareSuite": {"name": "General"}, "environment": {"uri": "python://json"}}
 client.call("CreateRobotApplication", **robot)
 config = {"application": "a", "launchConfig": {"command": ["true"]}}

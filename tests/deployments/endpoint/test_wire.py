@@ -15,7 +15,7 @@ from urllib.parse import quote, urlencode
 import pytest
 from helpers.asgi import JSON, Client
 
-from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, make_application
+from prefect_robomaker.deployments.endpoint.application import MAX_IN_PROGRESS, Endpoint
 from prefect_robomaker.deployments.endpoint.failures import Failures
 from prefect_robomaker.deployments.endpoint.limits import LARGE_BODIES, SMALL_BODIES
 from prefect_robomaker.deployments.endpoint.wire import MAX_BODY_BYTES
@@ -183,7 +183,7 @@ def test_a_job_is_answered_when_the_worker_cannot_be_told(
     def broken(arn: str) -> None:
         raise RuntimeError("there is no listener")
 
-    client = Client(make_application(service, on_submitted=broken))
+    client = Client(Endpoint(service, on_submitted=broken))
     count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
     answer = client.call("CreateWorldGenerationJob", template=template, worldCount=count)
     client.close()
@@ -313,7 +313,7 @@ class TestFailures:
         def broken() -> dict[str, object]:
             raise ZeroDivisionError("a secret of this machine")
 
-        client = Client(make_application(service, worker_status=broken))
+        client = Client(Endpoint(service, worker_status=broken))
         with caplog.at_level(logging.ERROR):
             answer = client.send("GET", "/health")
         client.close()
@@ -402,7 +402,7 @@ def test_slow_senders_of_large_bodies_do_not_block_others(
 
 def test_too_many_whole_requests_at_once_are_asked_to_come_again(service: Service) -> None:
     free = threading.Event()
-    application = make_application(service, worker_status=lambda: {"waited": free.wait(200)})
+    application = Endpoint(service, worker_status=lambda: {"waited": free.wait(200)})
     client = Client(application)
 
     async def meet() -> tuple[tuple[int, bytes], list[int]]:

@@ -1,13 +1,13 @@
 """Say what works on this machine and what is missing."""
 
 import argparse
-import json
 import os
 import sys
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from ...arguments import add_output
+from ...output.answers import print_either
 
 if TYPE_CHECKING:
     from ...health import Finding
@@ -37,11 +37,8 @@ def execute(arguments: argparse.Namespace) -> int:
         from ...backend_check import check_backend
 
         findings.append(check_backend(settings))
-    if arguments.output == "json":
-        document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write("\n".join(_lines(findings)) + "\n")
+    document = {"schema_version": 1, "findings": [asdict(finding) for finding in findings]}
+    print_either(arguments.output, document, _lines(findings))
     return 3 if any(finding.health == "broken" for finding in findings) else 0
 
 

@@ -6,12 +6,12 @@ Jobs may go on meanwhile. Nothing is changed without --mend, and nothing that ma
 """
 
 import argparse
-import os
-import sys
 from collections import Counter
 from typing import TYPE_CHECKING
 
 from ...arguments import add_output
+from ...inputs.service import open_service
+from ...output.answers import print_either
 
 if TYPE_CHECKING:
     from .....schemas.reports.consistency import ConsistencyReport, Finding
@@ -32,19 +32,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Checks; exit code 3 if problems are left."""
-    from .....schemas.settings import Settings
     from .....tasks.consistency.checking import check_consistency
-    from .....tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
-    try:
-        report = check_consistency(service, read_content=arguments.read_content, mend=arguments.mend)
-    finally:
-        service.catalog.close()
-    if arguments.output == "json":
-        sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
-    else:
-        sys.stdout.write("\n".join(_report_lines(report)) + "\n")
+    report = check_consistency(open_service(), read_content=arguments.read_content, mend=arguments.mend)
+    print_either(arguments.output, report, _report_lines(report))
     return 3 if report.open_findings else 0
 
 

@@ -4,14 +4,14 @@ eval "$(robomaker sdk-model)" makes those of one shell find it, --install those 
 """
 
 import argparse
-import json
 import os
 import shlex
-import sys
+from typing import Any
 
 from .....schemas.wire.errors import ConfigurationError
 from ....service_model.installation import MODEL_FOLDER, Installation, data_path, install, installed_folder, uninstall
 from ...arguments import add_output
+from ...output.answers import print_either
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -36,27 +36,24 @@ def execute(arguments: argparse.Namespace) -> int:
         done = install(force=arguments.force)
     elif arguments.uninstall:
         done = uninstall()
-    if arguments.output == "json":
-        sys.stdout.write(json.dumps(_as_data(done), indent=2, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write(_as_text(done))
+    print_either(arguments.output, _as_data(done), _lines(done))
     return 0
 
 
-def _as_text(done: Installation | None) -> str:
+def _lines(done: Installation | None) -> list[str]:
     if done is None:
-        return (
-            f"# RoboMaker's service model for boto3 and the AWS CLI: {MODEL_FOLDER}\n"
-            "# They find it with this line, or without any after `robomaker sdk-model --install`:\n"
-            f"export AWS_DATA_PATH={shlex.quote(data_path(os.environ))}\n"
-        )
+        return [
+            f"# RoboMaker's service model for boto3 and the AWS CLI: {MODEL_FOLDER}",
+            "# They find it with this line, or without any after `robomaker sdk-model --install`:",
+            f"export AWS_DATA_PATH={shlex.quote(data_path(os.environ))}",
+        ]
     parts = {"written": done.written, "replaced": done.replaced, "removed": done.removed}
-    lines = [f"{what} {done.folder / name}\n" for what, names in parts.items() for name in names]
-    return "".join(lines) or f"Nothing to do in {done.folder}.\n"
+    lines = [f"{what} {done.folder / name}" for what, names in parts.items() for name in names]
+    return lines or [f"Nothing to do in {done.folder}."]
 
 
-def _as_data(done: Installation | None) -> dict[str, object]:
-    data: dict[str, object] = {
+def _as_data(done: Installation | None) -> dict[str, Any]:
+    data: dict[str, Any] = {
         "model": str(MODEL_FOLDER),
         "environment": {"AWS_DATA_PATH": data_path(os.environ)},
         "installedAt": str(installed_folder()),

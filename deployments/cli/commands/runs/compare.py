@@ -8,11 +8,11 @@ comparable.
 
 import argparse
 import os
-import sys
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_output
 from ...inputs.runs import find_record
+from ...output.answers import print_either
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -47,18 +47,14 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.comparison.better_or_worse import compare
     from .....tasks.comparison.nights import NightRun
     from .....tasks.inspection.run_records import read_record
+    from ...output.comparison import comparison_lines
 
     before, after = (NightRun.of(read_record(file)) for file in files)
     if before.run_id == after.run_id:
         raise ConfigurationError(f"both runs are {before.run_id}; name two")
     share = None if arguments.difference is None else arguments.difference / 100
     comparison = compare(before, after, alpha=arguments.alpha, difference=share)
-    if arguments.output == "json":
-        sys.stdout.write(comparison.model_dump_json(indent=2, exclude_none=True) + "\n")
-    else:
-        from ...output.comparison import comparison_lines
-
-        sys.stdout.write("\n".join(comparison_lines(comparison)) + "\n")
+    print_either(arguments.output, comparison, comparison_lines(comparison))
     return comparison.exit_code
 
 

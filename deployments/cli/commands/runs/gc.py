@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_output
+from ...output.answers import print_either
 
 if TYPE_CHECKING:
     from .....schemas.reports.retention import GcReport, RetentionPolicy
@@ -99,18 +100,11 @@ def _collected(policy: "RetentionPolicy", settings: "Settings", *, act: bool) ->
     from .....tasks.service.service import Service
     from ....flow_run_history import collect_flow_runs
 
-    service = Service.open(settings)
-    try:
+    with Service.opened(settings) as service:
         report = (collect if act else plan_collection)(policy, service)
         flow_runs = collect_flow_runs(settings, policy, service.clock(), act=act)
-        return report.model_copy(
-            update={
-                "flow_runs": flow_runs,
-                "notes": [*report.notes, *_left_behind(settings, service, act=act), *_kept_outputs(service)],
-            }
-        )
-    finally:
-        service.catalog.close()
+        notes = [*report.notes, *_left_behind(settings, service, act=act), *_kept_outputs(service)]
+        return report.model_copy(update={"flow_runs": flow_runs, "notes": notes})
 
 
 def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list[str]:
@@ -139,10 +133,7 @@ def _kept_outputs(service: "Service") -> list[str]:
 
 
 def _told(report: "GcReport", arguments: argparse.Namespace) -> int:
-    if arguments.output == "json":
-        sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
-    else:
-        from ...output.retention import report_lines
+    from ...output.retention import report_lines
 
-        sys.stdout.write("\n".join(report_lines(report)) + "\n")
+    print_either(arguments.output, report, report_lines(report))
     return 3 if report.problems else 0

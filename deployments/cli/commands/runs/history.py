@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output
 from ...inputs.output_files import output_file
+from ...output.answers import print_either
 from ...output.browser import open_file
 
 if TYPE_CHECKING:
@@ -49,6 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....tasks.nights.broken_off import unfinished_nights
     from .....tasks.nights.missed import missed_nights
     from .....tasks.reporting import write_history
+    from ...output.comparison import history_lines
 
     found = find_records(home / "runs", arguments.name, arguments.runs)
     for problem in found.unreadable:
@@ -63,12 +65,7 @@ def execute(arguments: argparse.Namespace) -> int:
     missed = sorted((night for night in gaps if night.due_at >= first), key=lambda night: night.due_at)
     history = history.model_copy(update={"missed": missed})
     path = write_history(history, page)
-    if arguments.output == "json":
-        sys.stdout.write(history.model_dump_json(indent=2, exclude_none=True) + "\n")
-    else:
-        from ...output.comparison import history_lines
-
-        sys.stdout.write("\n".join(history_lines(history, path)) + "\n")
+    print_either(arguments.output, history, history_lines(history, path))
     if arguments.open:
         open_file(path)
     return 0

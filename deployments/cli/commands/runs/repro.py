@@ -4,12 +4,12 @@ The folder has all that the run needs: world, application bundles, data, seed.
 """
 
 import argparse
-import os
 import shlex
 import sys
 from pathlib import Path
 
 from ...arguments import add_output, add_simulation
+from ...inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +23,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the folder and says what to run."""
     from .....schemas.runs.verification import ROBOT_IN_WORDS
-    from .....schemas.settings import Settings
     from .....tasks.inspection.replays import reproduce_run
-    from .....tasks.service.service import Service
 
     name = _name_of(arguments.run) if arguments.trial is None else f"{_name_of(arguments.run)}-trial-{arguments.trial}"
     folder = Path(arguments.to or f"repro-{name}")
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     made = reproduce_run(arguments.run, folder, service, "none" if arguments.no_video else "always", arguments.trial)
     if arguments.output == "json":
         sys.stdout.write(made.model_dump_json(indent=2) + "\n")

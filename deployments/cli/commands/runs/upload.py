@@ -5,11 +5,11 @@ They are in the data home of the machine that ran them. Of each job it says then
 """
 
 import argparse
-import os
-import sys
 from typing import TYPE_CHECKING
 
 from ...arguments import add_output
+from ...inputs.service import open_service
+from ...output.answers import print_either
 
 if TYPE_CHECKING:
     from .....schemas.reports.kept_outputs import KeptReport, KeptRun
@@ -28,20 +28,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Stores them; exit code 3 if some could not be stored, which stay."""
     from .....schemas.reports.kept_outputs import KeptReport
-    from .....schemas.settings import Settings
     from .....tasks.jobs.kept_outputs import find_kept
-    from .....tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
-    try:
-        runs = [_seen_to(kept, service, dry_run=arguments.dry_run) for kept in find_kept(service, arguments.job)]
-    finally:
-        service.catalog.close()
+    service = open_service()
+    runs = [_seen_to(kept, service, dry_run=arguments.dry_run) for kept in find_kept(service, arguments.job)]
     report = KeptReport(dry_run=arguments.dry_run, runs=runs)
-    if arguments.output == "json":
-        sys.stdout.write(report.model_dump_json(indent=2, exclude_none=True) + "\n")
-    else:
-        sys.stdout.write("\n".join(_lines(report)) + "\n")
+    print_either(arguments.output, report, _lines(report))
     return 3 if report.problems else 0
 
 

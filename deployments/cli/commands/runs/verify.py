@@ -5,10 +5,10 @@ Neither the job nor its outputs are touched.
 """
 
 import argparse
-import os
 import sys
 
 from ...arguments import add_output, add_simulation
+from ...inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -25,11 +25,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what came of it; the exit code says the same."""
     from .....schemas.runs.verification import EXIT_CODES
-    from .....schemas.settings import Settings
     from .....tasks.inspection.replays import verify_run
-    from .....tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     verification = verify_run(arguments.run, service, trial=arguments.trial, run_program=arguments.run_program)
     text = verification.model_dump_json(indent=2) if arguments.output == "json" else str(verification)
     sys.stdout.write(f"{text}\n")

@@ -5,7 +5,6 @@ again changes a deployment in place; its schedule stays until --schedule or --no
 """
 
 import argparse
-import json
 import os
 import sys
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output
+from ...output.answers import print_either
 
 if TYPE_CHECKING:
     from prefect.client.schemas.schedules import CronSchedule
@@ -97,11 +97,9 @@ def execute(arguments: argparse.Namespace) -> int:
         if is_local:
             raise ConfigurationError(f"{error}; before it, so that it finds this server: {SHELL_SETUP}") from error
         raise
-    if arguments.output == "json":
-        document = {"schema_version": 1, "deployments": [asdict(each) for each in registered]}
-        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
-    else:
-        sys.stdout.write("\n".join(_lines(registered)) + "\n")
+    document = {"schema_version": 1, "deployments": [asdict(each) for each in registered]}
+    print_either(arguments.output, document, _lines(registered))
+    if arguments.output != "json":
         first = [f"In each terminal:  {SHELL_SETUP}"] if is_local else []
         steps = _next_steps(registered, api_url) if specs or arguments.operations else []
         steps += _job_worker_steps(arguments.pool) if arguments.job_worker else []

@@ -8,14 +8,15 @@ wall time, CPU hours, bytes and, given a price, cost. The next run of SPEC says 
 """
 
 import argparse
-import json
 import os
-import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_output, add_spec
+from ...inputs.service import open_service
+from ...output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
     from .....schemas.reports.forecast import Forecast
@@ -47,10 +48,9 @@ def execute(arguments: argparse.Namespace) -> int:
     steps = planned(spec)
     parts = _reuse(spec) if arguments.reuse else {}
     forecast = _forecast(spec, arguments) if arguments.probe else None
-    if arguments.output == "json":
-        _print_json(spec, steps, parts, forecast)
-    else:
-        _print_text(arguments, spec, steps, parts, forecast)
+    print_either(
+        arguments.output, _document(spec, steps, parts, forecast), _lines(arguments, spec, steps, parts, forecast)
+    )
     return 0
 
 
@@ -62,43 +62,41 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ConfigurationError("--probe forecasts a run that takes nothing over; leave --reuse out")
 
 
-def _print_json(
+def _document(
     spec: "CheckedSpec",
     steps: "list[PlannedStep]",
     parts: "dict[str, list[PlannedPart]]",
     forecast: "Forecast | None",
-) -> None:
+) -> dict[str, object]:
     each = [asdict(step) | _reuse_as_json(parts.get(step.step)) for step in steps]
     document: dict[str, object] = {"schema_version": 1, "name": spec.name, "steps": each}
     if forecast is not None:
         document["forecast"] = {**forecast.model_dump(mode="json", exclude_none=True), "cpu_hours": forecast.cpu_hours}
-    sys.stdout.write(json.dumps(document, indent=2) + "\n")
+    return document
 
 
-def _print_text(
+def _lines(
     arguments: argparse.Namespace,
     spec: "CheckedSpec",
     steps: "list[PlannedStep]",
     parts: "dict[str, list[PlannedPart]]",
     forecast: "Forecast | None",
-) -> None:
+) -> Iterator[str]:
     from ...output.forecast import forecast_lines
     from ...output.reuse import reuse_lines, reuse_total
     from ...planning import after, counted
 
-    sys.stdout.write(f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n\n")
-    rows = [(str(number), step.step, step.operation, after(step)) for number, step in enumerate(steps, 1)]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row, step in zip(rows, steps, strict=True):
-        cells = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        sys.stdout.write(f"  {cells}  {step.detail}".rstrip() + "\n")
-        sys.stdout.writelines(f"       {line}\n" for line in reuse_lines(parts.get(step.step, [])))
+    yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
+    rows = [(str(number), step.step, step.operation, after(step), step.detail) for number, step in enumerate(steps, 1)]
+    for line, step in zip(in_columns(rows), steps, strict=True):
+        yield f"  {line}"
+        yield from (f"       {line}" for line in reuse_lines(parts.get(step.step, [])))
     if arguments.reuse:
-        sys.stdout.write(f"\n{reuse_total(parts)}\n")
+        yield f"\n{reuse_total(parts)}"
     if forecast is not None:
-        sys.stdout.write("\n" + "\n".join(forecast_lines(forecast)) + "\n")
+        yield "\n" + "\n".join(forecast_lines(forecast))
     options = f"{' --reuse' if arguments.reuse else ''}{f' --backend {arguments.backend}' if arguments.backend else ''}"
-    sys.stdout.write(f"\nrobomaker run {arguments.spec}{options}\n")
+    yield f"\nrobomaker run {arguments.spec}{options}"
 
 
 def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
@@ -124,11 +122,9 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
 
 def _reuse(spec: "CheckedSpec") -> "dict[str, list[PlannedPart]]":
     """Plans which parts a run would reuse, by step."""
-    from .....schemas.settings import Settings
     from .....tasks.inspection.reuse_plans import plan_reuse
-    from .....tasks.service.service import Service
 
-    return plan_reuse(spec, Service.open(Settings.from_environment(os.environ)))
+    return plan_reuse(spec, open_service())
 
 
 def _reuse_as_json(parts: "list[PlannedPart] | None") -> dict[str, object]:

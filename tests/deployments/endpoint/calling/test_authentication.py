@@ -16,7 +16,7 @@ from botocore.compat import HTTPHeaders
 from botocore.credentials import Credentials
 from helpers.asgi import Answer, Client
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.tasks.service.service import Service
 
@@ -49,9 +49,7 @@ def signed(
 @pytest.fixture
 def guarded(service: Service) -> Iterator[Client]:
     """A client of an endpoint that wants signatures."""
-    client = Client(
-        make_application(service, access_keys={KEY: AccessKey(KEY, SECRET), "OTHER": AccessKey("OTHER", "other")})
-    )
+    client = Client(Endpoint(service, access_keys={KEY: AccessKey(KEY, SECRET), "OTHER": AccessKey("OTHER", "other")}))
     yield client
     client.close()
 
@@ -190,7 +188,7 @@ def test_two_authorizations_are_none(guarded: Client) -> None:
 @pytest.mark.parametrize("minutes", [-6, 6])
 def test_clocks_that_differ(minutes: int, service: Service) -> None:
     late = replace(service, clock=lambda: datetime.now(UTC) + timedelta(minutes=minutes))
-    client = Client(make_application(late, access_keys={KEY: AccessKey(KEY, SECRET)}))
+    client = Client(Endpoint(late, access_keys={KEY: AccessKey(KEY, SECRET)}))
     answer = client.send("POST", "/listWorlds", b"{}", signed())
     client.close()
 
@@ -205,7 +203,7 @@ def test_nothing_is_told_to_strangers_about_operations(guarded: Client) -> None:
 def test_a_recorded_request_is_not_carried_out_again(service: Service) -> None:
     passed = timedelta()
     later = replace(service, clock=lambda: datetime.now(UTC) + passed)
-    client = Client(make_application(later, access_keys={KEY: AccessKey(KEY, SECRET)}))
+    client = Client(Endpoint(later, access_keys={KEY: AccessKey(KEY, SECRET)}))
     body = b'{"name": "fleet"}'
     headers = signed("POST", "/createFleet", body)
 

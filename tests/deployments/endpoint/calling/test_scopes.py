@@ -11,7 +11,7 @@ from botocore.awsrequest import AWSRequest
 from botocore.credentials import Credentials
 from helpers.asgi import Answer, Client
 
-from prefect_robomaker.deployments.endpoint.application import make_application
+from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
 from prefect_robomaker.deployments.endpoint.calling.scopes import named_resources, needed_scope
@@ -43,7 +43,7 @@ def log(tmp_path: Path) -> Path:
 def call(service: Service, log: Path) -> Iterator[Call]:
     """Calls an operation with an access key."""
     with AuditLog(log, service.clock) as audit_log:
-        client = Client(make_application(service, access_keys=KEYS, audit_log=audit_log))
+        client = Client(Endpoint(service, access_keys=KEYS, audit_log=audit_log))
 
         def call(key: str, operation: str, **members: Any) -> Answer:
             shape, body = OPERATIONS[operation], json.dumps(members).encode()

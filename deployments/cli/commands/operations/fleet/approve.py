@@ -5,10 +5,10 @@ it cannot be approved before.
 """
 
 import argparse
-import os
 import sys
 
 from ....arguments import add_deployment, add_who
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -19,12 +19,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Approves it."""
-    from ......schemas.settings import Settings
     from ......tasks.fleet.control.decisions import approve
-    from ......tasks.service.service import Service
     from ....inputs.people import who
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     approve(arguments.job, who(arguments.by), service)
     sys.stdout.write(f"{arguments.job}: approved\n")
     return 0

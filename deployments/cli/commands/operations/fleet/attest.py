@@ -5,9 +5,10 @@ another; each job has to have run an archive of this very version.
 """
 
 import argparse
-import os
 import sys
 from pathlib import Path
+
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +20,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the envelope; a batch that has not passed is an error, which says why."""
-    from ......schemas.settings import Settings
     from ......schemas.wire.arns import ResourceArn
     from ......schemas.wire.errors import DeploymentError
     from ......tasks.fleet.attestations.required_batches import signed
@@ -30,11 +30,10 @@ def execute(arguments: argparse.Namespace) -> int:
         application_of,
         judge,
     )
-    from ......tasks.service.service import Service
     from ......tasks.simulations.planning.applications import find_application
 
     ResourceArn.parse(arguments.batch, BATCH)
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     stored = StoredBatch.of(arguments.batch, service)
     reference, version = application_of(stored)
     application = find_application(reference, "robot", arguments.application_version or version, service)

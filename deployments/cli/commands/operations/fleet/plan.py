@@ -4,14 +4,13 @@ Takes the request of CreateDeploymentJob. A robot that is away, or not enrolled,
 """
 
 import argparse
-import json
-import os
-import sys
 from dataclasses import asdict
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
+from ....inputs.service import open_service
+from ....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
     from ......tasks.fleet.control.dry_runs import DryRun, PlannedChange
@@ -29,29 +28,16 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the plan."""
-    from ......schemas.settings import Settings
     from ......tasks.operations.deployment_jobs import plan_deployment
-    from ......tasks.service.service import Service
     from ....inputs.requests import read_request
 
     request = read_request(arguments.input, "CreateDeploymentJob")
-    plan = plan_deployment(request, Service.open(Settings.from_environment(os.environ)))
-    if arguments.output == "json":
-        windows = [window.to_wire() for window in plan.windows]
-        answer = {"schema_version": 1, **asdict(plan), "windows": windows, "opens": _moment(plan.opens_s)}
-        del answer["opens_s"]
-        sys.stdout.write(json.dumps(answer, indent=2) + "\n")
-    else:
-        sys.stdout.write(_table(plan) + "".join(f"{line}\n" for line in _remarks(plan)))
+    plan = plan_deployment(request, open_service())
+    windows = [window.to_wire() for window in plan.windows]
+    answer = {"schema_version": 1, **asdict(plan), "windows": windows, "opens": _moment(plan.opens_s)}
+    del answer["opens_s"]
+    print_either(arguments.output, answer, [*in_columns([_COLUMNS, *map(_row, plan.changes)]), *_remarks(plan)])
     return 0
-
-
-def _table(plan: "DryRun") -> str:
-    cells = [_COLUMNS, *(_row(change) for change in plan.changes)]
-    widths = [max(len(line[column]) for line in cells) for column in range(len(_COLUMNS))]
-    return "".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n" for line in cells
-    )
 
 
 def _row(change: "PlannedChange") -> tuple[str, ...]:

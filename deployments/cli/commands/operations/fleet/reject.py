@@ -4,10 +4,10 @@ Robots that have the new version keep it; SyncDeploymentJob and a deployment of 
 """
 
 import argparse
-import os
 import sys
 
 from ....arguments import add_deployment, add_who
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -18,12 +18,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Cancels it."""
-    from ......schemas.settings import Settings
     from ......tasks.fleet.control.decisions import reject
-    from ......tasks.service.service import Service
     from ....inputs.people import who
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     reject(arguments.job, who(arguments.by), service)
     sys.stdout.write(f"{arguments.job}: canceled, since it was not approved\n")
     return 0

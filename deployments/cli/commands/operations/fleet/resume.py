@@ -4,10 +4,10 @@ Robots whose turn it is get their orders within a second, if a maintenance windo
 """
 
 import argparse
-import os
 import sys
 
 from ....arguments import add_deployment
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -17,11 +17,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Resumes it."""
-    from ......schemas.settings import Settings
     from ......tasks.fleet.control.decisions import resume
-    from ......tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     resume(arguments.job, service)
     sys.stdout.write(f"{arguments.job}: not paused any more\n")
     return 0

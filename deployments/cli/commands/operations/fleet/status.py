@@ -5,10 +5,10 @@ Without a name all fleets are shown. A large fleet is shown with the robots that
 
 import argparse
 import json
-import os
 import sys
 
 from ....arguments import add_output
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,12 +20,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the fleets."""
-    from ......schemas.settings import Settings
     from ......tasks.fleet.views.finding import find_fleet, fleets
     from ......tasks.fleet.views.standings import fleet_standing
-    from ......tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     found = [find_fleet(arguments.fleet, service)] if arguments.fleet else list(fleets(service))
     standings = [fleet_standing(fleet, service) for fleet in found]
     if arguments.output == "json":

@@ -5,11 +5,11 @@ is about the archives that robots got.
 """
 
 import argparse
-import os
 import sys
 from pathlib import Path
 
 from ....arguments import add_output
+from ....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -22,15 +22,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what came of it; the exit code says the same."""
-    from ......schemas.settings import Settings
     from ......schemas.wire.arns import ResourceArn
     from ......tasks.fleet.attestations.attestation_keys import known_public_key, read_public_key
     from ......tasks.fleet.attestations.checks import EXIT_CODES, check_deployment
     from ......tasks.fleet.records import DEPLOYMENT
-    from ......tasks.service.service import Service
 
     ResourceArn.parse(arguments.deployment, DEPLOYMENT)
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     job = service.catalog.get(arguments.deployment, kind=DEPLOYMENT)
     key = read_public_key(arguments.public_key) if arguments.public_key else known_public_key(service)
     check = check_deployment(job, key, service)

@@ -10,6 +10,8 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from ....inputs.service import open_service
+
 if TYPE_CHECKING:
     from ......tasks.catalog import Resource
 
@@ -22,13 +24,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Shows each look; returns how it ended."""
-    from ......schemas.settings import Settings
     from ......tasks.fleet.views.finding import find_deployment
     from ......tasks.fleet.views.following import follow
-    from ......tasks.service.service import Service
     from ....output.fleets.watching import fleet_watcher
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     job = find_deployment(arguments.deployment, service)
     with fleet_watcher(sys.stdout, os.environ) as show:
         for look in follow(job, service, time.sleep):

@@ -5,15 +5,14 @@ which it exchanges within an hour for one that it made itself.
 """
 
 import argparse
-import json
-import os
 import secrets
 import shlex
-import sys
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, NamedTuple
 
 from ....arguments import add_output
+from ....inputs.service import open_service
+from ....output.answers import print_either
 
 if TYPE_CHECKING:
     from ......tasks.service.service import Service
@@ -48,10 +47,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Stores the token's hash; prints the token and what the robot needs besides."""
-    from ......schemas.settings import Settings
-    from ......tasks.service.service import Service
-
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     url = (service.settings.robots_url or _DEFAULT_URL).rstrip("/")
     return (_enrol_agent if arguments.agent else _enrol_updater)(arguments, url, service)
 
@@ -64,11 +60,9 @@ def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") ->
     token = offer(robot, service, secrets.token_bytes, rotate=arguments.rotate)
     expires = datetime.fromtimestamp(int(token.expires_s), UTC).isoformat()
     words = ["robomaker-agent", "enroll", token.text, "--url", url, "--name", arguments.name]
-    if arguments.output == "json":
-        members = {"url": url, "controller_id": arguments.name, "token": token.text, "expires": expires}
-        sys.stdout.write(json.dumps({"schema_version": 1, **members, "agent": words}, indent=2) + "\n")
-    else:
-        sys.stdout.write(f"On the robot, until {expires}, once:\n\n  {shlex.join(words)}\n")
+    members = {"url": url, "controller_id": arguments.name, "token": token.text, "expires": expires, "agent": words}
+    told = [f"On the robot, until {expires}, once:", "", f"  {shlex.join(words)}"]
+    print_either(arguments.output, {"schema_version": 1, **members}, told)
     return 0
 
 
@@ -79,15 +73,12 @@ def _enrol_updater(arguments: argparse.Namespace, url: str, service: "Service") 
     signing_key(service)  # before there is a token that would be lost if this failed
     token = enrol(arguments.name, service, secrets.token_bytes, rotate=arguments.rotate)
     enrolment = Enrolment(url, _TENANT, arguments.name, token, str(certificate_path(service)))
-    if arguments.output == "json":
-        answer = {"schema_version": 1, **enrolment._asdict(), "swupdate": enrolment.swupdate}
-        sys.stdout.write(json.dumps(answer, indent=2) + "\n")
-    else:
-        sys.stdout.write(_text(enrolment))
+    answer = {"schema_version": 1, **enrolment._asdict(), "swupdate": enrolment.swupdate}
+    print_either(arguments.output, answer, _lines(enrolment))
     return 0
 
 
-def _text(enrolment: Enrolment) -> str:
+def _lines(enrolment: Enrolment) -> list[str]:
     rows = [f"{name.replace('_', ' ') + ':':<15}{value}" for name, value in enrolment._asdict().items()]
     told = ["", "The token is not shown again. With the certificate copied to the robot, it runs:", ""]
-    return "\n".join([*rows, *told, f"  swupdate {shlex.join(enrolment.swupdate)}"]) + "\n"
+    return [*rows, *told, f"  swupdate {shlex.join(enrolment.swupdate)}"]

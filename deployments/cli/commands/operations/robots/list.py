@@ -4,14 +4,13 @@ Newest first. A robot that has no token is not enrolled, and cannot poll.
 """
 
 import argparse
-import json
-import os
-import sys
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
+from ....inputs.service import open_service
+from ....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
     from ......schemas.documents.fleets import RobotDocument
@@ -30,14 +29,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the robots."""
-    from ......schemas.settings import Settings
-    from ......tasks.service.service import Service
-
-    rows = list(_rows(Service.open(Settings.from_environment(os.environ))))
-    if arguments.output == "json":
-        sys.stdout.write(json.dumps({"schema_version": 1, "robots": rows}, indent=2) + "\n")
-    else:
-        sys.stdout.write(_table(rows))
+    rows = list(_rows(open_service()))
+    print_either(arguments.output, {"schema_version": 1, "robots": rows}, _lines(rows))
     return 0
 
 
@@ -72,15 +65,11 @@ def _kind(document: "RobotDocument") -> str | None:
     return None if document.token_sha256 is None else "updater"
 
 
-def _table(rows: list[Row]) -> str:
+def _lines(rows: list[Row]) -> list[str]:
     if not rows:
-        return "There are no robots; CreateRobot makes one.\n"
-    cells = [tuple(name.replace("_", " ") for name in _COLUMNS)]
-    cells += [tuple(_cell(row, name) for name in _COLUMNS) for row in rows]
-    widths = [max(len(line[column]) for line in cells) for column in range(len(_COLUMNS))]
-    return "".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n" for line in cells
-    )
+        return ["There are no robots; CreateRobot makes one."]
+    titles = [name.replace("_", " ") for name in _COLUMNS]
+    return in_columns([titles, *([_cell(row, name) for name in _COLUMNS] for row in rows)])
 
 
 def _cell(row: Row, name: str) -> str:

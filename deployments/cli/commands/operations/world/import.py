@@ -8,12 +8,12 @@ Exit code 0: stored, all guarantees hold; 2: the file draws no plan that a world
 
 import argparse
 import json
-import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
+from ....inputs.service import open_service
 
 if TYPE_CHECKING:
     from ......schemas.templates.drawing_notes import DrawingNotes
@@ -35,8 +35,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Makes the world, stores it and says how far it is as drawn."""
-    from ......schemas.settings import Settings
-    from ......tasks.service.service import Service
     from ......tasks.worldforge.drawings.importing import READERS, Source, import_world
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
@@ -48,7 +46,7 @@ def execute(arguments: argparse.Namespace) -> int:
     has_notes = arguments.notes or (drawing.suffix.lower() in READERS and beside.is_file())
     source = Source(drawing, beside if has_notes else None)
     world = import_world(source, _notes(source, arguments.scale), _seed(arguments.seed))
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     kept = keep_world(world, "import", {}, service)
     facts = world_facts(find_world(kept.arn))
     if arguments.output == "json":

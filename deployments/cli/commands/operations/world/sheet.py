@@ -5,7 +5,6 @@ As a picture, sheet.png, and as a page, sheet.html; worlds with problems come fi
 
 import argparse
 import json
-import os
 import sys
 from collections import Counter
 from pathlib import Path
@@ -15,6 +14,7 @@ from ......schemas.documents.world_generation_jobs import WorldFailures, WorldGe
 from ......schemas.documents.worlds import WorldDocument
 from ......schemas.wire.errors import StorageError
 from ....arguments import add_open, add_output
+from ....inputs.service import open_service
 from ....output import browser
 
 if TYPE_CHECKING:
@@ -33,16 +33,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Writes the sheet as a picture and as a page; prints where they are."""
-    from ......schemas.settings import Settings
     from ......schemas.wire.arns import ResourceArn
     from ....inputs.worlds import output_file
 
     job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
-    from ......tasks.service.service import Service
     from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png
     from ......tasks.worldforge.viewer.page_files import write_whole
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     job = service.catalog.get(arguments.job, kind="world-generation-job")
     sheet = job_sheet(job, service)
     folder = Path(arguments.to) if arguments.to else output_file(job_id, "sheets", "")

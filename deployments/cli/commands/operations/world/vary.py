@@ -7,11 +7,11 @@ Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no su
 
 import argparse
 import json
-import os
 import sys
 from typing import TYPE_CHECKING, get_args
 
 from ....arguments import add_output, add_world
+from ....inputs.service import open_service
 
 if TYPE_CHECKING:
     from ......tasks.worldforge.variations import Move
@@ -51,8 +51,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Makes and stores the world; the exit code says whether its guarantees hold."""
     from ......schemas.exit_codes import OK, VERDICT_FAILED
-    from ......schemas.settings import Settings
-    from ......tasks.service.service import Service
     from ......tasks.worldforge.variations import Wanted, vary
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
@@ -65,7 +63,7 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light)
     world = vary(found.world, wanted, found.content, found.arn)
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     facts = world_facts(find_world(keep_world(world, "variation", {}, service).arn))
     if arguments.output == "json":
         sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")

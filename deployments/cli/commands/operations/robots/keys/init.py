@@ -4,9 +4,10 @@ Without it, the first agent that is enrolled makes all keys in the data home, on
 """
 
 import argparse
-import os
 import sys
 from pathlib import Path
+
+from .....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -35,13 +36,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Makes the keys and the first root."""
-    from .......schemas.settings import Settings
     from .......tasks.fleet.attestations.attestation_keys import read_public_key
     from .......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
     from .......tasks.fleet.trust.publishing import publisher_of
-    from .......tasks.service.service import Service
 
-    publisher = publisher_of(Service.open(Settings.from_environment(os.environ)))
+    publisher = publisher_of(open_service())
     change = AttestedChange(tuple(map(read_public_key, arguments.attestation_key)), tuple(arguments.attested))
     begin_apart(publisher, arguments.root_keys, arguments.threshold, arguments.to, change)
     written = sorted(arguments.to.glob("root-*.pem"))

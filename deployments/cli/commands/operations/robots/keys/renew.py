@@ -4,8 +4,9 @@ For machines that have the keys and run no server.
 """
 
 import argparse
-import os
 import sys
+
+from .....inputs.service import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -14,11 +15,9 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - the signature of all commands
     """Signs what is due."""
-    from .......schemas.settings import Settings
     from .......tasks.fleet.trust.publishing import publisher_of
-    from .......tasks.service.service import Service
 
-    now = publisher_of(Service.open(Settings.from_environment(os.environ))).keep_up()
+    now = publisher_of(open_service()).keep_up()
     if now is None:
         sys.stdout.write("There is nothing to sign: no agent has been enrolled from here.\n")
     else:

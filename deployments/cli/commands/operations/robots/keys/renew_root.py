@@ -6,9 +6,10 @@ are enough; then the root is published.
 """
 
 import argparse
-import os
 import sys
 from pathlib import Path
+
+from .....inputs.service import open_service
 
 _ROLES = ("root", "targets", "snapshot", "timestamp")
 
@@ -44,16 +45,14 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Signs, and publishes the root once there are enough signatures."""
-    from .......schemas.settings import Settings
     from .......schemas.wire.errors import ConfigurationError
     from .......tasks.fleet.attestations.attestation_keys import read_public_key
     from .......tasks.fleet.trust.ceremonies import AttestedChange, renew_root
     from .......tasks.fleet.trust.publishing import publisher_of
-    from .......tasks.service.service import Service
 
     if arguments.to is not None and "root" not in arguments.rotate:
         raise ConfigurationError("--to is for new root keys; add --rotate root")
-    publisher = publisher_of(Service.open(Settings.from_environment(os.environ)))
+    publisher = publisher_of(open_service())
     keys = tuple(map(read_public_key, arguments.attestation_key))
     change = AttestedChange(keys, tuple(arguments.attested), tuple(arguments.not_attested))
     done = renew_root(publisher, tuple(dict.fromkeys(arguments.rotate)), arguments.key, arguments.to, change)

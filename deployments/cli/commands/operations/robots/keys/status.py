@@ -4,12 +4,12 @@ Ends with 1 if something is to be done.
 """
 
 import argparse
-import json
-import os
 import sys
 from typing import TYPE_CHECKING
 
 from .....arguments import add_output
+from .....inputs.service import open_service
+from .....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
     from .......tasks.fleet.trust.roots import Attested
@@ -25,37 +25,25 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints how the roles stand."""
-    from .......schemas.settings import Settings
     from .......tasks.fleet.trust.standing import attested_of, standing_of
-    from .......tasks.service.service import Service
 
-    service = Service.open(Settings.from_environment(os.environ))
+    service = open_service()
     roles, attested = standing_of(service), attested_of(service)
-    if arguments.output == "json":
-        found = [{**role._asdict(), "expires": role.expires.isoformat()} for role in roles]
-        believed = {"keys": sorted(attested.keys), "applications": sorted(attested.applications)}
-        sys.stdout.write(json.dumps({"schema_version": 1, "roles": found, "attested": believed}, indent=2) + "\n")
-    else:
-        sys.stdout.write(_table(roles) + (_believed(attested) if roles else ""))
+    found = [{**role._asdict(), "expires": role.expires.isoformat()} for role in roles]
+    believed = {"keys": sorted(attested.keys), "applications": sorted(attested.applications)}
+    print_either(arguments.output, {"schema_version": 1, "roles": found, "attested": believed}, _lines(roles, attested))
     warnings = [role.warning for role in roles if role.warning]
     sys.stderr.write("".join(f"warning: {warning}\n" for warning in warnings))
     return 1 if warnings else 0
 
 
-def _table(roles: "list[RoleStanding]") -> str:
+def _lines(roles: "list[RoleStanding]", attested: "Attested") -> list[str]:
     if not roles:
-        return "There are no keys yet; `robomaker robots keys init` or the first agent that is enrolled makes them.\n"
-    lines = [_COLUMNS, *(_cells(role) for role in roles)]
-    widths = [max(len(line[column]) for line in lines) for column in range(len(_COLUMNS))]
-    return "".join(
-        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() + "\n" for line in lines
-    )
-
-
-def _believed(attested: "Attested") -> str:
+        return ["There are no keys yet; `robomaker robots keys init` or the first agent that is enrolled makes them."]
     keys = ", ".join(keyid[:16] for keyid in sorted(attested.keys)) or "no key: agents do not look at them"
     needed = ", ".join(sorted(attested.applications)) or "none"
-    return f"attestations of {keys}; applications that need one: {needed}\n"
+    table = in_columns([_COLUMNS, *map(_cells, roles)])
+    return [*table, f"attestations of {keys}; applications that need one: {needed}"]
 
 
 def _cells(role: "RoleStanding") -> tuple[str, str, str, str]:
