@@ -34,9 +34,6 @@ _CLIENT_VARIABLES = ("PREFECT_API_URL", "PREFECT_API_AUTH_STRING", "PREFECT_API_
 _PORTS = range(20_000, 32_768)
 """Below those that Linux gives to clients: while the server is away, one that asks for it could be given its port."""
 
-_OLD_PROGRAM = ("prefect", "server", "start")
-"""Command line of the server that earlier versions started, without a guard."""
-
 
 class LocalServerError(RobomakerError):
     """The local Prefect server did not start; the message ends with its last log lines."""
@@ -162,7 +159,7 @@ def _status_once_idle(settings: Settings, environ: Mapping[str, str] | None) -> 
 
 
 def _start(settings: Settings, meanwhile: Callable[[str], None]) -> str:
-    _stop(settings)  # one that does not answer, or that an earlier version started
+    _stop(settings)  # one that does not answer
     auth_string(settings)  # a secret that cannot be used is told here, not in the server's log
     folder = server_folder(settings)
     log = folder / "server.log"
@@ -206,7 +203,7 @@ def _stop(settings: Settings) -> bool:
     """Ends the process that the state file names; answers whether it was a server."""
     status = _known_server(settings)
     _state_file(settings).unlink(missing_ok=True)
-    if status.pid is None or not _is_alive(status, or_old=True):
+    if status.pid is None or not _is_alive(status):
         return False
     for number, patience_s in ((signal.SIGTERM, 15.0), (signal.SIGKILL, 5.0)):
         with suppress(ProcessLookupError):  # it may end by itself at any moment
@@ -231,14 +228,13 @@ def _wait_until_healthy(process: subprocess.Popen[bytes], api_url: str, log: Pat
     raise LocalServerError("the local Prefect server did not start:\n  " + "\n  ".join(lines))
 
 
-def _is_alive(status: ServerStatus, *, or_old: bool = False) -> bool:
+def _is_alive(status: ServerStatus) -> bool:
     """Whether the process is the server of that address: process ids are used again after a reboot."""
     try:
         arguments = set(Path(f"/proc/{status.pid}/cmdline").read_bytes().decode(errors="replace").split("\0"))
     except OSError:
         return False
-    port = {"--port", str(urlsplit(status.api_url or "").port)}
-    return {_PROGRAM, *port} <= arguments or (or_old and {*_OLD_PROGRAM, *port} <= arguments)
+    return {_PROGRAM, "--port", str(urlsplit(status.api_url or "").port)} <= arguments
 
 
 def _has_ended(pid: int) -> bool:

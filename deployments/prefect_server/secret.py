@@ -24,7 +24,7 @@ def server_folder(settings: Settings) -> Path:
     folder = settings.home / "prefect"
     folder.mkdir(mode=0o700, exist_ok=True)
     if stat.S_IMODE(folder.stat().st_mode) & 0o077:
-        folder.chmod(0o700)  # of an earlier version
+        folder.chmod(0o700)  # of a home that was copied
     return folder
 
 

@@ -343,7 +343,7 @@ class Catalog(CatalogLeases, CatalogRollouts):
                 "document": {**upgraded(row["kind"], row["document"], arn), **changes},
             }
             if labels is not None:
-                values["labels"] = {**(row["labels"] or {}), **{key: list(each) for key, each in labels.items()}}
+                values["labels"] = {**row["labels"], **{key: list(each) for key, each in labels.items()}}
             return values
 
         return self._change(arn, owner, compute)

@@ -58,7 +58,6 @@ _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": re
 def resource_of(row: RowMapping, **changes: Any) -> Resource:
     """Makes a resource of a row, with some values replaced."""
     values = {column.name: row[column.name] for column in COLUMNS} | changes
-    values["labels"] = values["labels"] or {}  # rows from before there were labels have none
     return Resource(**values)
 
 

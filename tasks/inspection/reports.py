@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
@@ -48,9 +48,6 @@ from ..worlds.previews import preview_of
 from .job_inputs import inputs_of_request, with_inputs
 from .job_outputs import judged_without_outputs, outputs_of, places_of, write_results
 from .run_records import is_night, since_last
-
-if TYPE_CHECKING:
-    pass
 
 REPORT_NAME = "report.html"
 _MOST_LOST = 10
@@ -323,8 +320,6 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
     duration = document.simulation_time_millis
     if result is None and document.verdict and job.status == "Completed":
         result = judged_without_outputs(document)
-    if result is not None and job.status == "Canceled":
-        result = result.unjudged()  # earlier releases wrote a verdict
     return ReportedJob(
         label=job.id,
         arn=job.arn,

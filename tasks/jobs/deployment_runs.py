@@ -87,7 +87,6 @@ class DeploymentRun:
 
     def _carry_on(self) -> None:
         if self._job.status == "Pending" and not self._is_canceled():
-            self._tell_if_older()
             self._lease.transition("prepare")
         if self._job.status == "Preparing" and not self._is_canceled():
             self._prepare()
@@ -246,12 +245,6 @@ class DeploymentRun:
         if waits != self._told and (waits or rollout.status == "InProgress"):
             self._tell("; ".join(waits) or "goes on")
         self._told = waits
-
-    def _tell_if_older(self) -> None:
-        """Says so where a release that kept deployments and did nothing stored the job: people may not expect it."""
-        if "concurrentDeploymentPercentage" not in DeploymentJobDocument.of(self._job).deployment_config:
-            made = self._job.created_at.isoformat(timespec="seconds")
-            self._tell(f"an older release stored it on {made} and did not carry it out; it begins now")
 
     def _tell(self, text: str) -> None:
         _logger.warning("%s: %s", self._job.id, text)

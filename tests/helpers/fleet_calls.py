@@ -14,9 +14,6 @@ from prefect_robomaker.tasks.service.service import Service
 LAUNCH = {"packageName": "my_robot", "launchFile": "drive.launch"}
 
 
-_ALL_RELEASES = ("robotDeploymentTimeoutInSeconds",)
-
-
 class _Config(Changes):
     deployment_config: dict[str, Any]
 
@@ -84,12 +81,6 @@ class Fleets:
 
     def cancel(self, job: str) -> None:
         assert self.call("CancelDeploymentJob", job=job) == {}
-
-    def forget_defaults(self, job: str) -> None:
-        """Stores a job's configuration as a release did that carried no deployment out."""
-        config = DeploymentJobDocument.of(self.service.catalog.get(job)).deployment_config
-        kept = {name: value for name, value in config.items() if name in _ALL_RELEASES}
-        self.service.catalog.update(job, _Config(deployment_config=kept))
 
     def let_agents_in(self, fleet: str) -> None:
         """Makes all robots of a fleet such with an agent, as if they had enrolled."""

@@ -26,7 +26,7 @@ def test_a_home_has_one_secret_that_only_its_owner_reads(settings: Settings, tmp
     assert auth_string(other) != auth_string(settings)
 
 
-def test_the_folder_of_an_earlier_version_is_closed(settings: Settings) -> None:
+def test_the_folder_of_a_copied_home_is_closed(settings: Settings) -> None:
     folder = settings.home / "prefect"
     folder.mkdir(parents=True)
     folder.chmod(0o755)

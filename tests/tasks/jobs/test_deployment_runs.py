@@ -1,6 +1,5 @@
 """Runs of deployment jobs: what becomes true of the job and of its robots, in simulated time."""
 
-import logging
 from dataclasses import replace
 from typing import Any
 
@@ -426,22 +425,6 @@ def test_a_job_whose_workers_keep_dying_fails_and_its_robots_are_told(yard: Yard
 
 def _die(catalog: Catalog, arn: str, owner: str) -> None:
     assert catalog.claim(arn, owner, -1)
-
-
-def test_a_job_of_an_older_release_says_that_it_begins(yard: Yard, caplog: pytest.LogCaptureFixture) -> None:
-    yard.robot("r0", good)
-    arn = deployed(yard)
-    yard.fleets.forget_defaults(arn)
-    notes: list[str] = []
-    yard.service = replace(yard.service, report_note=notes.append)
-
-    with caplog.at_level(logging.WARNING):
-        assert yard.run(arn)["status"] == "Succeeded"
-
-    (note,) = notes
-    assert f"{arn.rpartition('/')[2]}: an older release stored it on " in note
-    assert note.endswith("and did not carry it out; it begins now")
-    assert note in caplog.text
 
 
 def test_what_a_job_waits_for_is_said_once_each_time(yard: Yard) -> None:
