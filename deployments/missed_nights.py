@@ -14,7 +14,6 @@ from prefect.client.schemas.filters import (
     FlowFilter,
     FlowFilterName,
     FlowRunFilter,
-    FlowRunFilterExpectedStartTime,
     FlowRunFilterStartTime,
 )
 from prefect.client.schemas.objects import WorkPoolStatus
@@ -150,10 +149,9 @@ def looked_at(
 
 def _runs(schedule: NightSchedule, client: SyncPrefectClient) -> Mapping[datetime, DueRun]:
     """The runs for times of the schedule since the last look, and the next ones."""
-    since = FlowRunFilterExpectedStartTime.model_validate({"after_": schedule.checked_until})
     found = client.read_flow_runs(
-        deployment_filter=DeploymentFilter(id=DeploymentFilterId(any_=[UUID(schedule.deployment)])),
-        flow_run_filter=FlowRunFilter(expected_start_time=since),
+        deployment_filter=DeploymentFilter.model_validate({"id": {"any_": [schedule.deployment]}}),
+        flow_run_filter=FlowRunFilter.model_validate({"expected_start_time": {"after_": schedule.checked_until}}),
         sort=FlowRunSort.EXPECTED_START_TIME_ASC,
         limit=_PAGE,
     )

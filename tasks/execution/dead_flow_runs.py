@@ -18,22 +18,8 @@ from uuid import UUID
 
 import httpx
 from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.filters import (
-    FlowFilter,
-    FlowFilterName,
-    FlowRunFilter,
-    FlowRunFilterEndTime,
-    FlowRunFilterId,
-    FlowRunFilterParentTaskRunId,
-    FlowRunFilterStartTime,
-    FlowRunFilterState,
-    FlowRunFilterStateType,
-    TaskRunFilter,
-    TaskRunFilterId,
-    TaskRunFilterState,
-    TaskRunFilterStateType,
-)
-from prefect.client.schemas.objects import FlowRun, State, StateType, TaskRun
+from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, FlowRunFilterId, TaskRunFilter
+from prefect.client.schemas.objects import FlowRun, State, StateType
 from prefect.events.actions import ChangeFlowRunState
 from prefect.events.filters import EventFilter, EventNameFilter, EventOccurredFilter, EventResourceFilter
 from prefect.events.schemas.automations import AutomationCore, EventTrigger, Posture
@@ -122,13 +108,14 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
         now: the time; absent: the present.
     """
     before = (now or datetime.now(UTC)) - timedelta(seconds=_SETTLE_S)
-    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
+    ours = _flows_named(flow_names)
+    is_open = TaskRunFilter.model_validate({"state": _in(_OPEN)})
     flow_runs = task_runs = 0
     for _ in range(_DEPTH):
-        tasks = _open_tasks_of_dead(client, ours, before)
+        tasks = client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=_dead(before))
         flows = [run.id for run in _open_flows(client, ours, _dead(before))]
         for task in tasks:
-            client.set_task_run_state(task, Crashed(message=_TASK_OF_DEAD), force=True)
+            client.set_task_run_state(task.id, Crashed(message=_TASK_OF_DEAD), force=True)
         for flow_run in flows:
             # Not by force: one that has come to its end meanwhile stays as it is.
             client.set_flow_run_state(flow_run, Crashed(message=_PART_OF_DEAD))
@@ -155,7 +142,7 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
         The ids of the flow runs whose state was changed.
     """
     now = datetime.now(UTC)
-    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
+    ours = _flows_named(flow_names)
     crashed = _ended_since(now - _TOLD_FOR, [StateType.CRASHED])
     told: list[UUID] = []
     for run in client.read_flow_runs(flow_filter=ours, flow_run_filter=crashed):
@@ -170,7 +157,7 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
     late = now - timedelta(seconds=_LATE_S)
     for part in _open_flows(client, ours, _ended_since(now - _TOLD_FOR, _ENDED_BY_ITSELF, before=late)):
         client.set_flow_run_state(part.id, Crashed(message=_PART_OF_ENDED))
-    is_open = TaskRunFilter(state=TaskRunFilterState(type=TaskRunFilterStateType(any_=_OPEN)))
+    is_open = TaskRunFilter.model_validate({"state": _in(_OPEN)})
     for end in _ENDED_BY_ITSELF:
         ended = _ended_since(now - _TOLD_FOR, [end], before=late)
         for task in client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=ended):
@@ -183,9 +170,8 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
 def _tell_end(client: SyncPrefectClient, run: UUID, end: State[Any]) -> None:
     """Gives a flow run the state in which it ended, and closes the task runs in it that were not heard of."""
     client.set_flow_run_state(run, end.model_copy(update={"data": None}), force=True)
-    in_run = FlowRunFilter(id=FlowRunFilterId(any_=[run]))
-    unheard = TaskRunFilterState(type=TaskRunFilterStateType(any_=[*_OPEN, StateType.CRASHED]))
-    for task in client.read_task_runs(task_run_filter=TaskRunFilter(state=unheard), flow_run_filter=in_run):
+    unheard = TaskRunFilter.model_validate({"state": _in([*_OPEN, StateType.CRASHED])})
+    for task in client.read_task_runs(task_run_filter=unheard, flow_run_filter=_flow_runs(id={"any_": [run]})):
         if task.state and (not task.state.is_crashed() or task.state.message == _TASK_OF_DEAD):
             client.set_task_run_state(task.id, _end_of_task(end.type), force=True)
 
@@ -223,12 +209,10 @@ def close_unheard(
     """
     until = now or datetime.now(UTC)
     since = until - timedelta(seconds=UNHEARD_S)
-    chosen = FlowRunFilter(
-        state=FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.RUNNING])),
-        start_time=FlowRunFilterStartTime.model_validate({"before_": since}),
-        parent_task_run_id=FlowRunFilterParentTaskRunId(is_null_=True),
+    chosen = _flow_runs(
+        state=_in([StateType.RUNNING]), start_time={"before_": since}, parent_task_run_id={"is_null_": True}
     )
-    ours = FlowFilter(name=FlowFilterName(any_=sorted(flow_names)))
+    ours = _flows_named(flow_names)
     found = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
     # One that was taken back a moment ago runs for long already, and its signs are still on their way.
     runs = [run.id for run in found if run.state and run.state.timestamp < since]
@@ -257,9 +241,8 @@ def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UU
         client: the server's client.
         runs: ids of the flow runs.
     """
-    crashed = FlowRunFilterState(type=FlowRunFilterStateType(any_=[StateType.CRASHED]))
-    chosen = FlowRunFilter(id=FlowRunFilterId(any_=list(runs)), state=crashed)
-    found = client.read_flow_runs(flow_run_filter=chosen)
+    crashed = _flow_runs(id={"any_": list(runs)}, state=_in([StateType.CRASHED]))
+    found = client.read_flow_runs(flow_run_filter=crashed)
     return [run.id for run in found if run.state and run.state.message in (_NO_SIGN, _PART_OF_DEAD)]
 
 
@@ -273,9 +256,9 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
     again = Running(message="its process slept or was stopped, and goes on")
     for run in runs:
         client.set_flow_run_state(run, again, force=True)
-    crashed = TaskRunFilterState(type=TaskRunFilterStateType(any_=[StateType.CRASHED]))
-    in_runs = FlowRunFilter(id=FlowRunFilterId(any_=list(runs)))
-    for task in client.read_task_runs(task_run_filter=TaskRunFilter(state=crashed), flow_run_filter=in_runs):
+    crashed = TaskRunFilter.model_validate({"state": _in([StateType.CRASHED])})
+    in_runs = _flow_runs(id={"any_": list(runs)})
+    for task in client.read_task_runs(task_run_filter=crashed, flow_run_filter=in_runs):
         if task.state and task.state.message == _TASK_OF_DEAD:
             client.set_task_run_state(task.id, again, force=True)
 
@@ -331,41 +314,37 @@ def _with_event(client: SyncPrefectClient, runs: list[UUID], event: str, since: 
     return {resource_of[found.resource.id] for found in client.read_events(asked, limit=_EVENTS_PAGE).events}
 
 
+def _in(states: Collection[StateType]) -> dict[str, Any]:
+    """The part of a filter of runs that chooses some states."""
+    return {"type": {"any_": list(states)}}
+
+
+def _flows_named(names: Iterable[str]) -> FlowFilter:
+    return FlowFilter.model_validate({"name": {"any_": sorted(names)}})
+
+
+def _flow_runs(**chosen: Any) -> FlowRunFilter:
+    return FlowRunFilter.model_validate(chosen)
+
+
 def _dead(before: datetime) -> FlowRunFilter:
     """Flow runs that have died or were cancelled, some time ago."""
-    state = FlowRunFilterState(type=FlowRunFilterStateType(any_=_CLOSED))
-    return FlowRunFilter(state=state, end_time=FlowRunFilterEndTime.model_validate({"before_": before}))
+    return _flow_runs(state=_in(_CLOSED), end_time={"before_": before})
 
 
 def _ended_since(since: datetime, states: list[StateType], before: datetime | None = None) -> FlowRunFilter:
-    ended = FlowRunFilterEndTime.model_validate({"after_": since, "before_": before})
-    return FlowRunFilter(state=FlowRunFilterState(type=FlowRunFilterStateType(any_=states)), end_time=ended)
-
-
-def _open_tasks_of_dead(client: SyncPrefectClient, ours: FlowFilter, before: datetime) -> list[UUID]:
-    is_open = TaskRunFilterState(type=TaskRunFilterStateType(any_=_OPEN))
-    return [
-        task.id
-        for task in client.read_task_runs(
-            flow_filter=ours, task_run_filter=TaskRunFilter(state=is_open), flow_run_filter=_dead(before)
-        )
-    ]  # fmt: skip
+    return _flow_runs(state=_in(states), end_time={"after_": since, "before_": before})
 
 
 def _open_flows(client: SyncPrefectClient, ours: FlowFilter, outer: FlowRunFilter) -> list[FlowRun]:
     """Open subflow runs of flow runs that a filter chooses."""
-    is_open = FlowRunFilterState(type=FlowRunFilterStateType(any_=_OPEN))
-    has_parent = FlowRunFilterParentTaskRunId(is_null_=False)
-    chosen = FlowRunFilter(state=is_open, parent_task_run_id=has_parent)
+    chosen = _flow_runs(state=_in(_OPEN), parent_task_run_id={"is_null_": False})
     subflows = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
     if not subflows:
         return []
-    parents = _tasks(client, [run.parent_task_run_id for run in subflows if run.parent_task_run_id])
+    ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]
+    parents = client.read_task_runs(task_run_filter=TaskRunFilter.model_validate({"id": {"any_": ids}}))
     flow_of = {task.id: task.flow_run_id for task in parents if task.flow_run_id}
     of_them = outer.model_copy(update={"id": FlowRunFilterId(any_=list(set(flow_of.values())))})
     chosen_ones = {run.id for run in client.read_flow_runs(flow_run_filter=of_them)}
     return [run for run in subflows if run.parent_task_run_id and flow_of.get(run.parent_task_run_id) in chosen_ones]
-
-
-def _tasks(client: SyncPrefectClient, ids: list[UUID]) -> list[TaskRun]:
-    return client.read_task_runs(task_run_filter=TaskRunFilter(id=TaskRunFilterId(any_=ids)))

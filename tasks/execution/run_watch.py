@@ -17,7 +17,7 @@ from uuid import UUID
 
 import httpx
 from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId, FlowRunFilterState, FlowRunFilterStateType
+from prefect.client.schemas.filters import FlowRunFilter
 from prefect.client.schemas.objects import StateType
 from prefect.context import FlowRunContext
 from prefect.events import emit_event
@@ -187,8 +187,8 @@ class RunWatch:
         open_runs = [run for run, watched in runs.items() if not watched.is_told]
         if not open_runs:
             return
-        cancelled = FlowRunFilterStateType(any_=[StateType.CANCELLING, StateType.CANCELLED])
-        chosen = FlowRunFilter(id=FlowRunFilterId(any_=open_runs), state=FlowRunFilterState(type=cancelled))
+        cancelled = {"type": {"any_": [StateType.CANCELLING, StateType.CANCELLED]}}
+        chosen = FlowRunFilter.model_validate({"id": {"any_": open_runs}, "state": cancelled})
         for run in client.read_flow_runs(flow_run_filter=chosen):
             try:
                 runs[run.id].cancel()

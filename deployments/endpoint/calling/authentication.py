@@ -17,7 +17,6 @@ from ..messages import (
     IncompleteSignatureException,
     InvalidSignatureException,
     MissingAuthenticationTokenException,
-    ProtocolError,
     ServiceRequest,
     UnrecognizedClientException,
 )
@@ -148,13 +147,9 @@ def _check_coverage(request: ServiceRequest, signature: Signature) -> None:
     needed = {"host"} | {name for name in present if name.startswith("x-amz-")}
     needed |= {"date"} if "x-amz-date" not in present else set()
     if unsigned := sorted(needed - set(signature.signed_headers)):
-        raise _incomplete("SignedHeaders", unsigned)
+        raise InvalidSignatureException(f"SignedHeaders in Authorization lacks {', '.join(unsigned)[:200]}")
     if absent := sorted(set(signature.signed_headers) - present):
         raise InvalidSignatureException(f"the signature is for headers that are not there: {', '.join(absent)[:200]}")
-
-
-def _incomplete(what: str, names: list[str]) -> ProtocolError:
-    return InvalidSignatureException(f"{what} in Authorization lacks {', '.join(names)[:200]}")
 
 
 def _check_payload(request: ServiceRequest) -> None:

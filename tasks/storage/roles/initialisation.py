@@ -4,7 +4,6 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 from uuid import uuid4
@@ -22,17 +21,9 @@ _POLICY = "robomaker-role"
 _HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILINE)
 
 
-@dataclass(frozen=True)
-class Step:
-    """One thing that was made or, when nothing may change, that would be."""
-
-    what: str
-    """Name of the thing in words, such as `bucket results`."""
-
-
 def initialise(
     settings: Settings, store: ObjectStore, environ: Mapping[str, str], *, dry_run: bool = False
-) -> Iterator[Step]:
+) -> Iterator[str]:
     """Makes the buckets of all roles, and on an S3 server a user with a policy for each role that has places only.
 
     Made again, it changes what policies say and nothing else. Roles whose credentials come from a profile, a block or
@@ -55,7 +46,7 @@ def initialise(
     for bucket in sorted({bucket for role in roles for bucket in buckets_of(role)}):
         if not dry_run:
             store.ensure_bucket(bucket)
-        yield Step(f"bucket {bucket}")
+        yield f"bucket {bucket}"
     if settings.object_store == "aws":
         raise ConfigurationError(
             "on AWS roles are made in IAM; give those of the roles file assume_role: `storage init` has no more to do"
@@ -69,15 +60,15 @@ def initialise(
         yield from _user(users, path, index, role, dry_run=dry_run)
 
 
-def _user(users: "_Users", path: Path, index: int, role: Role, *, dry_run: bool) -> Iterator[Step]:
+def _user(users: "_Users", path: Path, index: int, role: Role, *, dry_run: bool) -> Iterator[str]:
     name = user_name(role.arn)
     if role.access_key_id and not users.has(name):
         return  # keys that somebody has put into the file by hand
-    yield Step(f"user {name} with the policy of {role.arn}")
+    yield f"user {name} with the policy of {role.arn}"
     if not dry_run:
         users.ensure(name, policy_of(role))
     if not role.access_key_id:
-        yield Step(f"access key of {name}, in {path}")
+        yield f"access key of {name}, in {path}"
         if not dry_run:
             write_keys(path, index, *users.new_key(name))
 

@@ -38,10 +38,10 @@ def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path:
     own = open_store(settings, environ)
     written = path.read_text()
 
-    planned = [step.what for step in initialise(settings, own, environ, dry_run=True)]
+    planned = list(initialise(settings, own, environ, dry_run=True))
     assert path.read_text() == written
     assert bucket not in buckets(server)
-    made = [step.what for step in initialise(settings, own, environ)]
+    made = list(initialise(settings, own, environ))
 
     assert made == planned
     assert user_name(arn) in made[1]
@@ -57,7 +57,7 @@ def test_what_it_makes_works_and_making_it_again_changes_policies_only(tmp_path:
         store.put_bytes(bucket, "elsewhere", b"x")
 
     path.write_text(path.read_text().replace("out/*", "elsewhere*"))
-    again = [step.what for step in initialise(settings, own, environ)]
+    again = list(initialise(settings, own, environ))
     assert again == made[:2]
     assert read_roles_file(path)[0].access_key_id == role.access_key_id
     store.put_bytes(bucket, "elsewhere", b"x")
@@ -71,7 +71,7 @@ def test_keys_of_ones_own_are_left_alone(tmp_path: Path, server: S3Server) -> No
     environ = {**server.environ(), "ROBOMAKER_HOME": str(tmp_path), "ROBOMAKER_ROLES_FILE": str(path)}
     settings = Settings.from_environment(environ)
 
-    steps = [step.what for step in initialise(settings, open_store(settings, environ), environ)]
+    steps = list(initialise(settings, open_store(settings, environ), environ))
 
     assert steps == ["bucket own-keys"]
 
@@ -83,7 +83,7 @@ def test_in_a_folder_it_makes_buckets(tmp_path: Path) -> None:
 
     steps = list(initialise(settings, open_store(settings, environ), environ))
 
-    assert [step.what for step in steps] == ["bucket maps"]
+    assert list(steps) == ["bucket maps"]
     assert (tmp_path / "objects" / "maps").is_dir()
 
 

@@ -23,6 +23,6 @@ def execute(arguments: argparse.Namespace) -> int:
     store = open_store(settings, os.environ)
     beginning = "would make" if arguments.dry_run else "there is"
     for step in initialise(settings, store, os.environ, dry_run=arguments.dry_run):
-        sys.stdout.write(f"{beginning} {step.what}\n")
+        sys.stdout.write(f"{beginning} {step}\n")
         sys.stdout.flush()
     return 0
