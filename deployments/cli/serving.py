@@ -7,7 +7,7 @@ import os
 import signal
 import socket
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -61,15 +61,14 @@ def _serve(
     about: dict[str, Any],
 ) -> None:
     if arguments.execute_jobs == "none":
-        status = {"state": "elsewhere"}
-        _run_server(arguments, settings, access_keys, tls, about, lambda _: None, lambda: status, None)
+        _run_server(arguments, settings, access_keys, tls, about)
         return
     prepare_home(settings)
     variables = {**_variables_of_jobs(arguments), "ROBOMAKER_MAX_JOBS": str(about["max_jobs"])}
     worker = WorkerProcess(settings, variables)
     worker.start()
     try:
-        _run_server(arguments, settings, access_keys, tls, about, worker.wake, worker.status, variables)
+        _run_server(arguments, settings, access_keys, tls, about, worker, variables)
     except KeyboardInterrupt:
         worker.kill()
         raise
@@ -85,9 +84,8 @@ def _run_server(
     access_keys: Mapping[str, AccessKey] | None,
     tls: TlsFiles | None,
     about: dict[str, Any],
-    on_submitted: Callable[[str], None],
-    worker_status: Callable[[], Mapping[str, object]],
-    variables: Mapping[str, str] | None,
+    worker: WorkerProcess | None = None,
+    variables: Mapping[str, str] | None = None,
 ) -> None:
     # Imported late, while the worker already starts.
     from ...tasks.nights.taking_up import TakingUp
@@ -107,8 +105,12 @@ def _run_server(
     service = Service.open(settings)
 
     def tell(arn: str) -> None:
-        on_submitted(arn)
+        if worker is not None:
+            worker.wake(arn)
         application.wake()
+
+    def worker_status() -> Mapping[str, object]:
+        return {"state": "elsewhere"} if worker is None else worker.status()
 
     log_path = Path(arguments.audit_log).absolute() if arguments.audit_log else None
     audit_log = AuditLog(log_path, service.clock) if log_path else None

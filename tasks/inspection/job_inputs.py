@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
@@ -14,7 +14,7 @@ from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.inputs import JobInputs, UsedApplication
 from ...schemas.reports.report import ReportedJob
 from ...schemas.runs.programs import ApplicationRole
-from ...schemas.runs.provenance import PROVENANCE_FILE
+from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
 from ...schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import InvalidParameterException, StorageError
@@ -24,34 +24,6 @@ from ..storage.naming import join_key
 _APPLICATIONS = ("robotApplications", "simulationApplications")
 _DECISIVE = (*_APPLICATIONS, "maxJobDurationInSeconds", "failureBehavior", "dataSources", "compute", "requirements")
 """Members of a request that its result depends on, besides the seed."""
-
-
-class _Named(BaseModel):
-    name: str
-
-
-class _Program(BaseModel):
-    role: ApplicationRole
-    image_id: str | None = None
-
-
-class _Plan(BaseModel):
-    robot_application: _Named | None = None
-    simulation_application: _Named | None = None
-    programs: list[_Program] = []
-
-
-class _Application(BaseModel):
-    role: ApplicationRole
-    name: str
-    sha256: str
-
-
-class _Provenance(BaseModel):
-    """The part of `provenance.json` that says what the applications were."""
-
-    plan: _Plan
-    applications: list[_Application] = []
 
 
 def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
@@ -133,7 +105,7 @@ def _used_applications(place: StoredPlace | None, service: Service) -> list[Used
         return []
     try:
         content = service.store.get_bytes(place.bucket, join_key(place.prefix, PROVENANCE_FILE))
-        provenance = _Provenance.model_validate_json(content)
+        provenance = Provenance.model_validate_json(content)
     except (StorageError, ValidationError):
         return []
     plan = provenance.plan

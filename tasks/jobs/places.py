@@ -2,7 +2,6 @@
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
-from types import TracebackType
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.runs.stops import StopReason
@@ -73,9 +72,7 @@ class Place(AbstractContextManager["Place"]):
                 self._simulates = False
                 self._held.close()
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._held.close()
         self._finishing.close()
 

@@ -4,7 +4,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from types import TracebackType
 from typing import Self, TextIO
 
 from ....schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
@@ -76,9 +75,7 @@ class PlainWatcher(Watcher):
         self._pulse.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._pulse.join()
 
