@@ -11,8 +11,8 @@ class StoredSource(Part):
 
     model_config = ConfigDict(extra="allow")
 
-    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
-    s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Key.")
+    s3_bucket: str = Field(description="Bucket.")
+    s3_key: str = Field(description="Key.")
     architecture: str | None = optional("Processor architecture that it runs on; absent: any.")
     etag: str = Field(description="ETag it had when the application or its version was made.")
 

@@ -84,7 +84,7 @@ class StoredNetworkInterface(Part):
 class ResolvedKey(Part):
     """An object of a data source."""
 
-    s3_key: str = Field(validation_alias="s3Key", serialization_alias="s3Key", description="Its key.")
+    s3_key: str = Field(description="Its key.")
     etag: str | None = optional("Its ETag when the job was created; absent: the job's role could not read it.")
 
 
@@ -95,10 +95,8 @@ class ResolvedDataSource(Part):
 
     name: str = Field(description="Its name, a folder in the folder of data sources.")
     type: str = Field(default="File", description="`File`, `Archive` or `Prefix`.")
-    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
-    s3_keys: list[ResolvedKey] = Field(
-        validation_alias="s3Keys", serialization_alias="s3Keys", description="Its objects."
-    )
+    s3_bucket: str = Field(description="Bucket.")
+    s3_keys: list[ResolvedKey] = Field(description="Its objects.")
     destination: str | None = optional("Path at which applications find it; absent: by its name.")
 
 

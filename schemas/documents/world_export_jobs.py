@@ -9,13 +9,8 @@ from .base import Document, FailureChanges, Part
 class ArchiveLocation(Part):
     """Location of the archive in the object store, by the names of the request."""
 
-    s3_bucket: str = Field(validation_alias="s3Bucket", serialization_alias="s3Bucket", description="Bucket.")
-    s3_prefix: str | None = Field(
-        default=None,
-        validation_alias="s3Prefix",
-        serialization_alias="s3Prefix",
-        description="Prefix of its key.",
-    )
+    s3_bucket: str = Field(description="Bucket.")
+    s3_prefix: str | None = optional("Prefix of its key.")
 
 
 class WorldExportRequest(Part):

@@ -3,12 +3,11 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
-from typing import Any, Protocol
+from typing import Any
 
 from ..wire.errors import InvalidParameterException
-from ..wire.job_configs import RobotApplicationConfig, SimulationApplicationConfig
+from ..wire.job_configs import JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping
-from ..wire.strict_json import load_strict
 from .requirements import JobRequirement, parse_requirements, rooms_of
 
 REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
@@ -24,31 +23,9 @@ _MAKES_SENSE = ("after", "by_s", "body")
 _BEGINNING = "ROBOMAKER_"
 _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
 """Likeness of two names from which on one is taken for the other: behind the beginning, and of all of it."""
-_MAX_CHARACTERS = 1024
-_PROGRAM_SUFFIXES = (".py", ".launch", ".xml")
-"""Launch files that `roslaunch` or `ros2 launch` starts; other names are those of functions."""
 
 
-class JobRequirementsSource(Protocol):
-    """The members of a request that requirements can be given in."""
-
-    @property
-    def requirements(self) -> list[JobRequirement] | None:
-        """The extension member."""
-        ...
-
-    @property
-    def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
-        """The robot application, whose launch variables may hold requirements."""
-        ...
-
-    @property
-    def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
-        """The simulation application, likewise."""
-        ...
-
-
-def requirements_of(request: JobRequirementsSource) -> list[JobRequirement]:
+def requirements_of(request: JobRequest) -> list[JobRequirement]:
     """The requirements that a request asks for.
 
     Raises:
@@ -57,7 +34,7 @@ def requirements_of(request: JobRequirementsSource) -> list[JobRequirement]:
     return _placed_requirements(request)[1]
 
 
-def rooms_asked(request: JobRequirementsSource) -> list[tuple[str, str]]:
+def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
     """The rooms that a request's goals ask for, each with the path of the member that does.
 
     Raises:
@@ -67,23 +44,13 @@ def rooms_asked(request: JobRequirementsSource) -> list[tuple[str, str]]:
     return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
 
 
-def _placed_requirements(request: JobRequirementsSource) -> tuple[str, list[JobRequirement]]:
+def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]]:
     """The path of the member that holds a request's requirements, and these."""
-    given: dict[str, list[JobRequirement]] = {}
-    if request.requirements is not None:
-        given["requirements"] = request.requirements
-    for place, text in _variables(request):
-        given[place] = parse_requirements(load_strict(text, place, _MAX_CHARACTERS), place)
-    if not given:
-        return "requirements", []
-    (first, requirements), *others = given.items()
-    for place, again in others:
-        if again != requirements:
-            raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
-    return first, requirements
+    place, requirements = given_once(request, "requirements", REQUIREMENTS_VARIABLE, parse_requirements)
+    return place, requirements or []
 
 
-def check_requirements(request: JobRequirementsSource) -> None:
+def check_requirements(request: JobRequest) -> None:
     """Finds out what of a request's requirements cannot be judged, as far as the request says it.
 
     Raises:
@@ -178,47 +145,25 @@ def no_such_room(room: str, rooms: Sequence[str]) -> str:
     return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
 
 
-def _has_world(request: JobRequirementsSource) -> bool:
+def _has_world(request: JobRequest) -> bool:
     return any(config.worldConfigs for config in request.simulationApplications or ())
 
 
-def _starts_on_origin(request: JobRequirementsSource) -> bool:
+def _starts_on_origin(request: JobRequest) -> bool:
     return any(config.application == _STARTS_ON_ORIGIN for config in request.simulationApplications or ())
 
 
-def _has_only_programs(request: JobRequirementsSource) -> bool:
+def _has_only_programs(request: JobRequest) -> bool:
     """Whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
     configs = request.simulationApplications or request.robotApplications or ()
-    launches = [config.launchConfig for config in configs]
-    return bool(launches) and all(
-        launch.command or (launch.launchFile or "").endswith(_PROGRAM_SUFFIXES) for launch in launches
-    )
+    return bool(configs) and all(is_program(config.launchConfig) for config in configs)
 
 
-def _variables(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
-    """The paths of members that set the launch variable, each with the value."""
-    for place, variables in _environments(request):
-        if REQUIREMENTS_VARIABLE in variables:
-            yield f"{place}.{REQUIREMENTS_VARIABLE}", variables[REQUIREMENTS_VARIABLE]
-
-
-def _misspelt(request: JobRequirementsSource) -> Iterator[tuple[str, str]]:
+def _misspelt(request: JobRequest) -> Iterator[tuple[str, str]]:
     """The paths of members with a variable that is nearly called like the launch variable, each with its name."""
-    for place, variables in _environments(request):
-        for name in misspelt_requirements(variables):
-            yield place, name
-
-
-def _environments(request: JobRequirementsSource) -> Iterator[tuple[str, Mapping[str, str]]]:
-    """The launch variables of all applications, with the path of the member that holds them."""
-    configs: Mapping[str, list[RobotApplicationConfig] | list[SimulationApplicationConfig] | None] = {
-        "simulationApplications": request.simulationApplications,
-        "robotApplications": request.robotApplications,
-    }
-    for member, applications in configs.items():
-        for index, config in enumerate(applications or ()):
-            variables = config.launchConfig.environmentVariables or {}
-            yield f"{member}[{index}].launchConfig.environmentVariables", variables
+    for place, launch in launches(request):
+        for name in misspelt_requirements(launch.environmentVariables or {}):
+            yield f"{place}.environmentVariables", name
 
 
 def _is_meant(name: str) -> bool:

@@ -7,12 +7,11 @@ the launch variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of it
 from collections.abc import Sequence
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from ..wire.base import Model, Shape, ShapeName, optional
 from ..wire.common import text, unique_names
-from ..wire.errors import InvalidParameterException
-from ..wire.request_problems import problems_of
+from ..wire.request_problems import parsed_member
 
 MAX_REQUIREMENTS = 50
 """How many requirements a run may have."""
@@ -164,11 +163,7 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
     Raises:
         InvalidParameterException: one line per problem: where, what, and what would be right.
     """
-    try:
-        return _Holder.model_validate({"requirements": data}).requirements
-    except ValidationError as error:
-        lines = [str(problem).removeprefix("requirements") for problem in problems_of(error, _Holder)]
-        raise InvalidParameterException("\n".join(f"{what}{line}" for line in lines)) from None
+    return parsed_member(data, what, "requirements", _Holder)
 
 
 def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[int, str]]:

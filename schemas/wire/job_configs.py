@@ -1,8 +1,9 @@
 """The parts of a simulation job: applications, launch, tools, uploads, data, network, compute."""
 
 import re
+from collections.abc import Callable, Iterator
 from pathlib import PurePosixPath
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, Protocol, Self, TypeVar
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -21,7 +22,9 @@ from .common import (
     text,
     unique_names,
 )
+from .errors import InvalidParameterException
 from .globs import Glob
+from .strict_json import load_strict
 
 Command = Annotated[str, ShapeName("Command"), text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
 CommandList = Annotated[list[NonEmptyString], ShapeName("CommandList")]
@@ -313,3 +316,70 @@ class Compute(Shape):
 
 class ComputeResponse(Compute):
     """Limits on a job's use of the machine."""
+
+
+MAX_VARIABLE_CHARACTERS = 1024
+"""Longest value of a launch variable."""
+_PROGRAM_SUFFIXES = (".py", ".launch", ".xml")
+"""Launch files that are run as programs; other names are those of factories."""
+
+_Given = TypeVar("_Given")
+
+
+class JobRequest(Protocol):
+    """A request for a job: its applications, whose launch variables may hold requirements and trials."""
+
+    @property
+    def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The robot application."""
+        ...
+
+    @property
+    def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
+        """The simulation application."""
+        ...
+
+
+def launches(request: JobRequest) -> Iterator[tuple[str, LaunchConfig]]:
+    """The paths of a request's launch configurations, each with the configuration."""
+    for member, configs in (
+        ("simulationApplications", request.simulationApplications),
+        ("robotApplications", request.robotApplications),
+    ):
+        for index, config in enumerate(configs or ()):
+            yield f"{member}[{index}].launchConfig", config.launchConfig
+
+
+def is_program(launch: LaunchConfig) -> bool:
+    """Whether an application is launched as a program, as far as the request says it."""
+    return bool(launch.command) or (launch.launchFile or "").endswith(_PROGRAM_SUFFIXES)
+
+
+def given_once(
+    request: JobRequest, member: str, variable: str, parse: Callable[[object, str], _Given]
+) -> tuple[str, _Given | None]:
+    """Finds the value that a request gives by a member or by a launch variable, with the path of where it does.
+
+    Args:
+        request: the request.
+        member: the member; its path, and no value, come back where neither is given.
+        variable: the launch variable.
+        parse: checks plain values, and says in errors where they are.
+
+    Raises:
+        InvalidParameterException: the variable's text is not such a value, or there are two that differ.
+    """
+    given: dict[str, _Given] = {}
+    if (value := getattr(request, member)) is not None:
+        given[member] = value
+    for place, launch in launches(request):
+        if (text := (launch.environmentVariables or {}).get(variable)) is not None:
+            path = f"{place}.environmentVariables.{variable}"
+            given[path] = parse(load_strict(text, path, MAX_VARIABLE_CHARACTERS), path)
+    if not given:
+        return member, None
+    (first, value), *others = given.items()
+    for place, again in others:
+        if again != value:
+            raise InvalidParameterException(f"{first} and {place} differ; leave one of them out")
+    return first, value

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Union, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from .errors import InvalidParameterException
 from .json_values import is_list, is_mapping, is_object
 
 Location = tuple[str | int, ...]
@@ -89,6 +90,25 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
     if (more := len(findings) - MAX_PROBLEMS) > 0:
         problems.append(RequestProblem((), f"{more} more problems are not listed"))
     return problems
+
+
+def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) -> Any:
+    """Checks plain values of one member.
+
+    Args:
+        data: the values.
+        what: where they come from, for messages.
+        member: the member.
+        model: a model with nothing but this member.
+
+    Raises:
+        InvalidParameterException: one line per problem: where, what, and what would be right.
+    """
+    try:
+        return getattr(model.model_validate({member: data}), member)
+    except ValidationError as error:
+        lines = [str(problem).removeprefix(member) for problem in problems_of(error, model)]
+        raise InvalidParameterException("\n".join(f"{what}{line}" for line in lines)) from None
 
 
 def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
