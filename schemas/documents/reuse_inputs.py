@@ -10,13 +10,11 @@ from pydantic import Field
 from ..runs.variables import hide_secrets
 from ..wire.base import Model
 from ..wire.json_values import is_list, is_mapping
+from ..wire.request_problems import Location, path_text
 from .simulation_jobs import MadeOf, SimulationJobDocument
 
 REUSE_LABEL = "reuseKey"
 """Label of a job in the catalog: the key of its inputs."""
-
-Path = tuple[str | int, ...]
-"""Names and places that lead to a value."""
 
 _MOST_CHANGES = 3
 _MOST_CHARACTERS = 40
@@ -93,7 +91,7 @@ def _compared(request: Mapping[str, Any]) -> dict[str, Any]:
     return compared
 
 
-def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
+def _leaves(value: Any, path: Location) -> Iterator[tuple[Location, Any]]:
     """The innermost values with their paths; an empty object or list is one, too."""
     if is_mapping(value) and value:
         for name, inner in value.items():
@@ -105,15 +103,15 @@ def _leaves(value: Any, path: Path) -> Iterator[tuple[Path, Any]]:
         yield path, value
 
 
-def _text(leaves: Mapping[Path, Any], path: Path) -> str:
+def _text(leaves: Mapping[Location, Any], path: Location) -> str:
     return json.dumps(leaves[path]) if path in leaves else _ABSENT
 
 
-def _change(path: Path, before: Mapping[Path, Any], now: Mapping[Path, Any]) -> str:
+def _change(path: Location, before: Mapping[Location, Any], now: Mapping[Location, Any]) -> str:
     if path[0] in _CONTENTS:
         return f"{_CONTENTS[str(path[0])]} has changed"
     within = path[1:] if path[0] == "request" else path
-    name = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in within).removeprefix(".")
+    name = path_text(within)
     told = [_text(leaves, path) for leaves in (before, now)]
     if told[0] == told[1]:
         return f"{name}: the secret has changed"

@@ -8,14 +8,14 @@ import re
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 from ..operations.registry import STEPS
 from ..runs.requested_trials import planned_trials
 from ..runs.trials import TrialCounts
 from ..wire.json_values import is_list, is_object
+from ..wire.request_problems import Location
 
-Location: TypeAlias = tuple[str | int, ...]
 _OPERATION = "StartSimulationJobBatch"
 _REQUESTS = "createSimulationJobRequests"
 _CLIENT_TOKEN = "clientRequestToken"  # noqa: S105 - a member's name

@@ -12,12 +12,12 @@ from pydantic import ValidationError
 from ..operations.registry import STEPS, operation_shape
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
-from ..wire.request_problems import nearest, problems_of, some
+from ..wire.request_problems import Location, nearest, path_text, problems_of, some
 from .inputs import InputCheck
 from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
 from .reference_kinds import ANYTHING, Kind, Structure
 from .rooms import room_problems
-from .text import Location, MappingNode, Node, ScalarNode, child, key_place, parse, path_text, plain, value_place
+from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _HEAD = ("version", "name", "description")
 

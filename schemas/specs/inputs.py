@@ -16,7 +16,7 @@ from ..operations.registry import STEPS, check_request
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
-from ..wire.request_problems import RequestProblem, nearest
+from ..wire.request_problems import Location, RequestProblem, nearest, path_text
 from .batch_splitting import parts_of
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
 from .reference_kinds import (
@@ -37,7 +37,7 @@ from .reference_kinds import (
     without_none,
 )
 from .references import ReferenceMistake, parse_template
-from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, path_text, plain, value_place
+from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]
 

@@ -28,8 +28,8 @@ from ..runs.variables import hide_secrets
 from ..wire.base import Model, Shape
 from ..wire.common import text
 from ..wire.errors import Place
-from ..wire.request_problems import RequestProblem
-from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
+from ..wire.request_problems import Location, RequestProblem
+from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 
 _NAME = r"[a-zA-Z_][a-zA-Z0-9_]*"
 StepName = Annotated[str, text(1, 63, _NAME)]

@@ -16,8 +16,8 @@ from ..runs.trials import Trials
 from ..wire.errors import Problem, SpecError
 from ..wire.json_values import is_list, is_mapping, is_object
 from ..wire.operation_shape import READS
+from ..wire.request_problems import path_text
 from .model import CheckedSpec
-from .text import path_text
 
 GENERATION = "CreateWorldGenerationJob"
 EXPORT = "CreateWorldExportJob"

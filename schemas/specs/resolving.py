@@ -10,11 +10,11 @@ from pydantic import ValidationError
 from ..operations.registry import STEPS
 from ..wire.errors import Place, Problem, SpecError
 from ..wire.json_values import is_list
-from ..wire.request_problems import problems_of
+from ..wire.request_problems import Location, path_text, problems_of
 from .batch_splitting import Part, parts_of
 from .model import FOR_EACH, INDEX, CheckedStep, for_each_of, place_of, variable_of
 from .references import ReferenceMistake, parse_template
-from .text import ListNode, Location, MappingNode, Node, path_text
+from .text import ListNode, MappingNode, Node
 
 
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -12,9 +12,10 @@ from ..runs.requested_requirements import goals_at_start, no_such_room, starts_o
 from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem
+from ..wire.request_problems import Location, path_text
 from .model import FOR_EACH, CheckedStep, for_each_of, variable_of
 from .references import ReferenceMistake, parse_template
-from .text import ListNode, Location, MappingNode, Node, ScalarNode, child, path_text, plain
+from .text import ListNode, MappingNode, Node, ScalarNode, child, plain
 
 _REQUESTS = "createSimulationJobRequests"
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")

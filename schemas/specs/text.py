@@ -17,13 +17,11 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.events import AliasEvent, MappingStartEvent, NodeEvent, ScalarEvent, SequenceStartEvent
 
 from ..wire.errors import Place, Problem, SpecError
+from ..wire.request_problems import Location
 
 MAX_BYTES = 1024 * 1024
 MAX_DEPTH = 64
 MAX_NODES = 100_000
-
-Location: TypeAlias = tuple[str | int, ...]
-"""Keys and list positions that lead to a node."""
 
 _INTEGER = re.compile(r"[-+]?[0-9]+")
 _BASED_INTEGER = re.compile(r"0o[0-7]+|0x[0-9a-fA-F]+")
@@ -139,11 +137,6 @@ def key_place(node: Node, location: Location) -> Place:
         return node.key_places[str(last)]
     following = child(node, last)
     return following.place if following is not None else node.place
-
-
-def path_text(location: Location) -> str:
-    """A location as people write it: `steps.worlds.input.tags[0]`."""
-    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in location).removeprefix(".")
 
 
 def parse(text: str, filename: str) -> Node:

@@ -2,8 +2,9 @@
 
 from ..operations.world_generation_jobs import too_many_worlds
 from ..wire.errors import Problem, SpecError
+from ..wire.request_problems import path_text
 from .model import CheckedSpec, CheckedStep
-from .text import MappingNode, ScalarNode, path_text, value_place
+from .text import MappingNode, ScalarNode, value_place
 
 _COUNT = "worldCount"
 _MEMBERS = ("floorplanCount", "interiorCountPerFloorplan")

@@ -26,6 +26,11 @@ _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 """Pattern of one word of a name in camel or snake case."""
 
 
+def path_text(location: Location) -> str:
+    """A location as people write it: `steps.worlds.input.tags[0]`."""
+    return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in location).removeprefix(".")
+
+
 @dataclass(frozen=True)
 class RequestProblem:
     """One thing wrong with a request."""
@@ -42,8 +47,7 @@ class RequestProblem:
     @property
     def path(self) -> str:
         """The location as people write it: `simulationApplications[0].launchConfig`."""
-        steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in self.location)
-        return "".join(steps).removeprefix(".")
+        return path_text(self.location)
 
     def __str__(self) -> str:
         return f"{self.path}: {self.message}" if self.location else self.message
