@@ -34,12 +34,16 @@ class StoredResource(Protocol):
         ...
 
 
-class Part(BaseModel):
-    """An object inside a document; members that are `None` are absent from its JSON."""
+class _Stored(BaseModel):
+    """Whatever is stored under camelCase names."""
 
     model_config = ConfigDict(
         alias_generator=to_camel, validate_by_name=True, validate_by_alias=True, frozen=True, defer_build=True
     )
+
+
+class Part(_Stored):
+    """An object inside a document; members that are `None` are absent from its JSON."""
 
     @model_serializer(mode="plain")
     def _present(self) -> dict[str, Any]:
@@ -53,17 +57,10 @@ class Part(BaseModel):
         return self.model_dump(mode="json", by_alias=True)
 
 
-class Changes(BaseModel):
+class Changes(_Stored):
     """Members of a document that change after it was created; only those that are given are set."""
 
-    model_config = ConfigDict(
-        alias_generator=to_camel,
-        validate_by_name=True,
-        validate_by_alias=True,
-        frozen=True,
-        extra="forbid",
-        defer_build=True,
-    )
+    model_config = ConfigDict(extra="forbid")
 
     def to_json(self) -> dict[str, Any]:
         """The members that were given, as plain JSON values under the names they are stored by."""
