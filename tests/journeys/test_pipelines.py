@@ -200,7 +200,7 @@ def test_a_defect_in_a_step_is_a_failed_step(
     def stumble(*arguments: Any) -> Any:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setitem(step_registry(), "ListWorlds", Operation(entry.shape, stumble, entry.module))
+    monkeypatch.setitem(step_registry(), "ListWorlds", Operation(entry.shape, stumble))
     record = run(QUICK)
 
     assert statuses(record) == {"template": "Completed", "list": "Failed"}
