@@ -166,7 +166,8 @@ class Supervision:
             if self._channel in ready:
                 self._obey()
             self._look_who_ended(ready)
-            self._run_timers()
+            while self._timers and self._timers[0][0] <= time.monotonic():
+                heapq.heappop(self._timers)[2]()
             self._look_at_use()
             if self._is_stopping and not self._pidfds():
                 return
@@ -200,10 +201,6 @@ class Supervision:
             if program.ended in ready:
                 self._on_program_end(program, program.see_end())
 
-    def _run_timers(self) -> None:
-        while self._timers and self._timers[0][0] <= time.monotonic():
-            heapq.heappop(self._timers)[2]()
-
     def _look_at_use(self) -> None:
         if time.monotonic() < self._next_look_s:
             return
@@ -214,7 +211,9 @@ class Supervision:
         self._tell_trials()
         self._next_look_s = time.monotonic() + self._meter.interval_s
         if excess is not None:
-            self._on_excess(excess)
+            self._is_over = True  # at once, with any failure behaviour: its processes must not run any longer
+            if not self._is_stopping:
+                self._attribute(excess)
         elif self._disk_writer is None and self._disk.look():
             self._is_over = True  # files are measured and reported once no process writes to them
             self._disk_writer = self._meter.busiest_writer()
@@ -301,12 +300,6 @@ class Supervision:
         self._has_crashed = True
         self._tell({"event": "crashed", "exit": crashed.to_message()})
 
-    def _on_excess(self, excess: Excess) -> None:
-        """Ends the run at once, with any failure behaviour: its processes must not run any longer."""
-        self._is_over = True
-        if not self._is_stopping:
-            self._attribute(excess)
-
     def _attribute(self, excess: Excess) -> None:
         what = f"used too much: {excess.text}"
         program = next((program for program in self._programs if program.pid == excess.session), None)
@@ -338,8 +331,8 @@ class Supervision:
         # At the duration limit a robot program may still answer what it was asked, until it is asked to end again.
         is_first, self._was_asked = not self._was_asked, True
         self._progress.request_stop(reason)
-        if not is_first:
-            self._interrupt_run()
+        if not is_first and self._run_pid is not None and self._run_status is None:
+            os.kill(self._run_pid, signal.SIGTERM)
         if reason != RunStop.DURATION_LIMIT or not is_first or self._run_ended is None:
             self._terminate_programs()
 
@@ -351,10 +344,6 @@ class Supervision:
         if not self._is_stopping:
             self._progress.request_stop(AGENT_GONE)
 
-    def _interrupt_run(self) -> None:
-        if self._run_pid is not None and self._run_status is None:
-            os.kill(self._run_pid, signal.SIGTERM)
-
     def finish(self) -> Exit:
         """Ends all processes of the run and cleans up.
 
@@ -365,16 +354,13 @@ class Supervision:
         if self._run_pid is not None and self._run_status is None:
             self._run_status = statuses.get(self._run_pid)
         self._clean_up()
-        self._look_at_disk()
+        # A run that left more than it may has failed, even if it ended well.
+        if not self._is_stopped and (found := self._disk.last_look()) is not None:
+            self._attribute(Excess(found, self._disk_writer or 0))
         for log in self._logs:
             with suppress(OSError):
                 log.close()
         return replace(self._exit(), cpu_time_s=_cpu_time_s())
-
-    def _look_at_disk(self) -> None:
-        """Checks what the run left: it has failed if that is more than it may leave, even if it ended well."""
-        if not self._is_stopped and (found := self._disk.last_look()) is not None:
-            self._attribute(Excess(found, self._disk_writer or 0))
 
     def _clean_up(self) -> None:
         left = {pid for program in self._programs if (pid := program.clean_up()) is not None}

@@ -186,7 +186,16 @@ def spawn(
 
     def become() -> NoReturn:
         try:
-            _take_over(tell, argv, folder, environment, logs, confine)
+            nothing = os.open(os.devnull, os.O_RDONLY)
+            for descriptor, target in ((nothing, 0), (logs[0].descriptor, 1), (logs[1].descriptor, 2)):
+                os.dup2(descriptor, target)
+            os.closerange(3, tell)
+            os.closerange(tell + 1, os.sysconf("SC_OPEN_MAX"))
+            for number in _RESTORED_SIGNALS:  # what is ignored stays ignored in programs
+                signal.signal(number, signal.SIG_DFL)
+            confine()
+            os.chdir(folder)
+            os.execvpe(argv[0], list(argv), dict(environment))  # noqa: S606 - no shell is meant
         except BaseException as error:
             os.write(tell, _why_not(error, argv[0], folder).encode())
         finally:
@@ -205,26 +214,6 @@ def spawn(
         os.waitpid(pid, 0)
         raise StartError(problem.decode(errors="replace"))
     return pid
-
-
-def _take_over(
-    tell: int,
-    argv: Sequence[str],
-    folder: Path,
-    environment: Mapping[str, str],
-    logs: tuple[CappedLog, CappedLog],
-    confine: Callable[[], None],
-) -> None:
-    nothing = os.open(os.devnull, os.O_RDONLY)
-    for descriptor, target in ((nothing, 0), (logs[0].descriptor, 1), (logs[1].descriptor, 2)):
-        os.dup2(descriptor, target)
-    os.closerange(3, tell)
-    os.closerange(tell + 1, os.sysconf("SC_OPEN_MAX"))
-    for number in _RESTORED_SIGNALS:  # what is ignored stays ignored in programs
-        signal.signal(number, signal.SIG_DFL)
-    confine()
-    os.chdir(folder)
-    os.execvpe(argv[0], list(argv), dict(environment))  # noqa: S606 - no shell is meant
 
 
 def _why_not(error: BaseException, program: str, folder: Path) -> str:
