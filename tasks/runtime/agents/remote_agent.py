@@ -16,7 +16,7 @@ from ..episode.stops import RunStopped
 from .agent_client import ACTION, ACTION_HEADER, END, ERROR, ProtocolError
 from .agent_layout import Layout
 from .agent_protocol import ObservationWriter, RobotHello, read_action, read_words
-from .agent_socket import AgentLink, Clock, Closed, Message, Stopped
+from .agent_socket import AgentLink, Closed, Message, Stopped
 
 _MIN_SILENT_STEPS = 20
 """A second of most robots; shorter silences are a slow controller."""
@@ -44,8 +44,6 @@ class RemoteAgent:
         simulated_time: Callable[[int], float],
         control_timestep_s: float | None = None,
         keep: Callable[[bytes], None] | None = None,
-        clock: Clock = time.monotonic,
-        wall_clock: Clock = time.perf_counter,
     ) -> None:
         """Takes over a connection on which both have greeted.
 
@@ -58,8 +56,6 @@ class RemoteAgent:
             simulated_time: Seconds at a time step, by its number; NaN if unknown.
             control_timestep_s: Simulated seconds of a step; needed for free-running.
             keep: Told each action that the environment is given, as its arrays lie in the message.
-            clock: Seconds of the link's clock.
-            wall_clock: Seconds, for measuring how long answers take.
         """
         self._link = link
         self._hello = hello
@@ -69,8 +65,6 @@ class RemoteAgent:
         self._simulated_time = simulated_time
         self._period_s = (control_timestep_s or 0.0) / hello.real_time_factor
         self._keep = keep
-        self._clock = clock
-        self._wall_clock = wall_clock
         self._due_s = 0.0
         self._number = -1
         self._action: Any = None
@@ -145,28 +139,28 @@ class RemoteAgent:
         self._link.refuse(text)
 
     def _in_lockstep(self) -> Any:
-        began_s = self._wall_clock()
+        began_s = time.perf_counter()
         with suppress(BrokenPipeError):  # what it said before it closed the connection is still to be read
             self._link.send(self._writer.message, self._hello.timeout_s)
         self._sent += 1
         expected = range(self._number, self._number + 1)
         action = self._understood(self._link.receive(self._hello.timeout_s), expected)
-        self._waited_s += self._wall_clock() - began_s
+        self._waited_s += time.perf_counter() - began_s
         return action
 
     def _freely(self) -> Any:
         if self._actions == 0:
             action = self._in_lockstep()
-            self._due_s = self._clock()
+            self._due_s = time.monotonic()
             return _copied(action)
         self._sent += self._link.offer(self._writer.message)
         # Lost time is not made up for: a burst of steps after a pause would be worse.
-        self._due_s = max(self._due_s + self._period_s, self._clock())
+        self._due_s = max(self._due_s + self._period_s, time.monotonic())
         expected = range(self._number + 1)
         latest_s = self._due_s + self._period_s
         while (message := self._link.receive_until(self._due_s)) is not None:
             self._action = self._understood(message, expected)
-            if self._clock() > latest_s:
+            if time.monotonic() > latest_s:
                 break  # it sends faster than can be read
         return _copied(self._action)
 

@@ -1,7 +1,6 @@
 """The robot's side of a run whose robot application is a program: waits for it, greets it, lets it act."""
 
 import math
-import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -20,7 +19,7 @@ from .agent_client import ACTION, ACTION_HEADER, HELLO, OBSERVATION_HEADER, PROT
 from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter
 from .agent_layout import Layout
 from .agent_protocol import MAX_WORDS_BYTES
-from .agent_socket import AgentLink, AgentSocket, Clock, Stop, Stopped
+from .agent_socket import AgentLink, AgentSocket, Stop, Stopped
 from .remote_agent import RemoteAgent
 
 CONNECT_TIMEOUT_S = 60.0
@@ -36,14 +35,13 @@ class RemoteRobot(Observer):
 
     next_time_s = math.inf
 
-    def __init__(self, plan: RunPlan, robot: str, stop: Stop, *, clock: Clock = time.monotonic) -> None:
+    def __init__(self, plan: RunPlan, robot: str, stop: Stop) -> None:
         """Listens.
 
         Args:
             plan: The run.
             robot: The robot application's name.
             stop: Whether the run is to stop.
-            clock: Seconds, for time limits.
 
         Raises:
             LaunchError: It cannot.
@@ -51,7 +49,6 @@ class RemoteRobot(Observer):
         self._plan = plan
         self._robot = robot
         self._stop = stop
-        self._clock = clock
         self._socket: AgentSocket | None = AgentSocket(plan)
         self._link: AgentLink | None = None
         self._agent: RemoteAgent | None = None
@@ -73,7 +70,7 @@ class RemoteRobot(Observer):
         timestep_s = _control_timestep_s(environment)
         greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
         assert self._socket is not None
-        greeter = Greeter(self._socket, self._robot, self._stop, self._clock, self._plan.max_duration_s)
+        greeter = Greeter(self._socket, self._robot, self._stop, max_duration_s=self._plan.max_duration_s)
         try:
             self._link, hello = greeter.greet(greeting, _connect_timeout_s(context.environment))
         except Stopped:
@@ -96,7 +93,6 @@ class RemoteRobot(Observer):
             simulated_time=_simulated_time(environment, timestep_s),
             control_timestep_s=timestep_s,
             keep=self._keeper.keep,
-            clock=self._clock,
         )
         return self._agent
 

@@ -168,16 +168,15 @@ def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) ->
     return DiskMeter(_folders_of(plan), plan.compute.disk_bytes, plan.found or NOTHING_FOUND, processes=processes)
 
 
-def found_files(plan: RunPlan, clock: Callable[[], float] = time.time) -> FoundFiles:
+def found_files(plan: RunPlan) -> FoundFiles:
     """Measures what a run's folders hold before anything of it runs: data sources, copied bundles, files of images.
 
     Args:
         plan: The run.
-        clock: Seconds since 1970.
     """
     files = files_below(_outermost(_folders_of(plan)))
     size_bytes = sum(file.size_bytes for file in files if file is not None)
-    return FoundFiles(size_bytes=size_bytes, at_s=clock())
+    return FoundFiles(size_bytes=size_bytes, at_s=time.time())
 
 
 def _folders_of(plan: RunPlan) -> dict[Path, str]:

@@ -6,7 +6,6 @@ they are made anew, unless they offer `renew` (see `Renewable`), which saves com
 
 import os
 import shutil
-import time
 from collections.abc import Callable
 from contextlib import closing, suppress
 from typing import TypeVar
@@ -30,14 +29,13 @@ _SEED_VARIABLE = "ROBOMAKER_SEED"
 _Row = TypeVar("_Row")
 
 
-def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[[], float] = time.perf_counter) -> None:
+def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
     """Runs the trials of a run, those that have finished in an earlier attempt left out, to table and `result.json`.
 
     Args:
         run: What to do; its plan has trials.
         progress: Where to say how far it is and how it ended.
         stop: Whether to stop.
-        clock: Wall-clock seconds.
 
     Raises:
         CheckpointError: Another process runs the run.
@@ -48,7 +46,7 @@ def run_trials(run: RunRequest, progress: Progress, stop: Stop, clock: Callable[
     assert plan.trials is not None
     note_run(plan)
     tally = Tally(plan.trials)
-    checkpoints = TrialCheckpoints(plan, clock)
+    checkpoints = TrialCheckpoints(plan)
     journal = TrialJournal(journal_path(plan), tally.take)
     progress.finish_trials(journal.rows)
     with closing(journal), closing(checkpoints), suppress(RunStopped):  # it may be stopped between two trials

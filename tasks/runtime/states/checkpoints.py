@@ -9,7 +9,7 @@ import os
 import pickle
 import random
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
@@ -83,14 +83,12 @@ class Checkpointer:
         self,
         plan: RunPlan,
         rng: np.random.Generator,
-        clock: Callable[[], float] = time.perf_counter,
     ) -> None:
         """Takes the folder.
 
         Args:
             plan: The run; it has a `checkpoint_dir`.
             rng: The run's generator.
-            clock: Wall-clock seconds.
 
         Raises:
             CheckpointError: Another process continues the run already.
@@ -100,8 +98,7 @@ class Checkpointer:
         self._folder = plan.checkpoint_dir
         self._rng = rng
         self._plan = plan
-        self._clock = clock
-        self._began = clock()
+        self._began = time.perf_counter()
         self._number = 0
         self._used_s = 0.0
         self._every_s = plan.checkpoint_every_s
@@ -134,7 +131,7 @@ class Checkpointer:
     def due(self, time_s: float) -> bool:
         """Whether a checkpoint is to be made at a simulated time."""
         # Half a microsecond forgives rounding in sums of time steps.
-        return time_s >= self._next_time_s - 5e-7 and self._clock() >= self._not_before
+        return time_s >= self._next_time_s - 5e-7 and time.perf_counter() >= self._not_before
 
     def save(self, parts: RunParts, loop: LoopState) -> None:
         """Writes a checkpoint and removes those before the last two.
@@ -145,7 +142,7 @@ class Checkpointer:
             OSError: The folder is full or cannot be written.
         """
         assert self._every_s is not None
-        began = self._clock()
+        began = time.perf_counter()
         self._next_time_s = loop.time_s + self._every_s
         try:
             payload = self._payload(parts, loop)
@@ -155,11 +152,11 @@ class Checkpointer:
             self.give_up(f"its state cannot be kept: {type(error).__name__}: {error}")
             return
         self._number += 1
-        wall_time_s = self._used_s + self._clock() - self._began
+        wall_time_s = self._used_s + time.perf_counter() - self._began
         write_checkpoint(
             self._folder, self._number, payload, sim_time_s=loop.time_s, steps=loop.steps, wall_time_s=wall_time_s
         )
-        now = self._clock()
+        now = time.perf_counter()
         self._not_before = now + (now - began) * (1 / COST_SHARE - 1)
 
     def resume(self, parts: RunParts) -> LoopState:

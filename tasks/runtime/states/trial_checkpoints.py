@@ -5,7 +5,6 @@ The journal has the rows; a checkpoint says only that there are some, and how mu
 
 import os
 import time
-from collections.abc import Callable
 
 from ....schemas.runs.plan import RunPlan
 from .checkpoint_files import begin_checkpoints, last_checkpoint, number_of, write_checkpoint
@@ -18,20 +17,18 @@ _PAYLOAD = b"the trials are in the journal"
 class TrialCheckpoints:
     """Makes the checkpoints of one run; none where the run keeps none."""
 
-    def __init__(self, plan: RunPlan, clock: Callable[[], float] = time.perf_counter) -> None:
+    def __init__(self, plan: RunPlan) -> None:
         """Takes the folder.
 
         Args:
             plan: The run.
-            clock: Wall-clock seconds.
 
         Raises:
             RunTakenError: Another process runs the run.
             OSError: The folder cannot be written.
         """
         self._folder = plan.checkpoint_dir if plan.checkpoint_every_s is not None else None
-        self._clock = clock
-        self._began = clock()
+        self._began = time.perf_counter()
         self._due = self._began + EVERY_S
         self._number, self._used_s = 0, 0.0
         self._lock: int | None = None
@@ -51,7 +48,7 @@ class TrialCheckpoints:
         Raises:
             OSError: The folder is full or cannot be written.
         """
-        now = self._clock()
+        now = time.perf_counter()
         if self._folder is None or now < self._due:
             return
         self._due = now + EVERY_S

@@ -32,7 +32,6 @@ def record_failure_videos(
     environment: Mapping[str, str],
     *,
     limit_s: float,
-    clock: Callable[[], float] = time.monotonic,
 ) -> None:
     """Makes the videos that a run's policy asks for, once the run's outcome is known.
 
@@ -46,7 +45,6 @@ def record_failure_videos(
         stop: Asked about every 0.1 s; anything but None ends the rendering.
         environment: Variables of the rendering process.
         limit_s: Wall-clock limit.
-        clock: Seconds, for the limit.
     """
     if not _may_film(plan):
         return
@@ -56,7 +54,7 @@ def record_failure_videos(
     try:
         request = _request(plan)
         variables = {**environment, **({} if request.backend == "rays" else {"MUJOCO_GL": request.backend})}
-        problem = _carry_out(request, plan.work_dir.absolute(), variables, stop, clock() + limit_s, clock)
+        problem = _carry_out(request, plan.work_dir.absolute(), variables, stop, time.monotonic() + limit_s)
     except (OSError, LaunchError) as error:
         problem = str(error)
     if problem:
@@ -110,7 +108,6 @@ def _carry_out(
     environment: Mapping[str, str],
     stop: Callable[[], str | None],
     deadline_s: float,
-    clock: Callable[[], float],
 ) -> str | None:
     """Runs the program that renders the videos; returns what went wrong."""
     remarks_path = work_dir / _REMARKS_FILE
@@ -129,7 +126,7 @@ def _carry_out(
         while process.poll() is None:
             if (reason := stop()) is not None:
                 return f"the job was stopped ({reason})"
-            if clock() >= deadline_s:
+            if time.monotonic() >= deadline_s:
                 return "it took too long"
             with suppress(subprocess.TimeoutExpired):
                 process.wait(_POLL_S)

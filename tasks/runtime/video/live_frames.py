@@ -8,7 +8,6 @@ import io
 import sys
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -44,15 +43,12 @@ class LiveFrames:
     The run's thread only reads a flag while no viewer waits, and copies positions when one does.
     """
 
-    def __init__(
-        self, backend: str | None, settings: VideoSettings, clock: Callable[[], float] = time.monotonic
-    ) -> None:
+    def __init__(self, backend: str | None, settings: VideoSettings) -> None:
         """Prepares; nothing is rendered before a viewer waits.
 
         Args:
             backend: `egl` or `osmesa`; None or `rays`: rays.
             settings: Camera and size.
-            clock: Seconds.
         """
         self.camera = settings.camera
         """`follow`, `top`, `both`, or the name of a camera of the model."""
@@ -60,7 +56,7 @@ class LiveFrames:
         """Why there are no pictures; empty if there are."""
         self.closed = False
         """Whether the run is over."""
-        self._backend, self._settings, self._clock = backend or RAYS, settings, clock
+        self._backend, self._settings = backend or RAYS, settings
         self._changed = threading.Condition()
         self._waiting = 0
         self._wanted = False
@@ -71,13 +67,13 @@ class LiveFrames:
 
     def offer(self, environment: Any, time_s: float) -> None:
         """Copies the physics' positions if a viewer waits for a picture and one is due."""
-        if not self._wanted or self._clock() < self._next_s:
+        if not self._wanted or time.monotonic() < self._next_s:
             return
         model, data = raw_physics(environment.physics)
         places = [data.qpos.copy(), data.mocap_pos.copy(), data.mocap_quat.copy()]
         with self._changed:
             self._wanted = False
-            self._next_s = self._clock() + INTERVAL_S
+            self._next_s = time.monotonic() + INTERVAL_S
             self._state = _State(model, getattr(environment, "video_camera", None), time_s, places)
             if self._drawer is None:
                 self._drawer = threading.Thread(target=self._draw_all, name="live view", daemon=True)

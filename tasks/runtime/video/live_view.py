@@ -54,7 +54,6 @@ class LiveView(Observer):
         plan: RunPlan,
         backend: str | None,
         settings: VideoSettings,
-        clock: Callable[[], float] = time.monotonic,
         patience_s: float = PATIENCE_S,
     ) -> None:
         """Starts the server, and says in the log and in `live-view.json` where it is.
@@ -63,15 +62,14 @@ class LiveView(Observer):
             plan: The run; `live_view_port` is the port, 0 for any free one.
             backend: How to render; None: with rays.
             settings: Camera and size.
-            clock: Seconds.
             patience_s: How long a request waits for the next picture.
         """
         self.url: str | None = None
         self._server: _Server | None = None
-        self._plan, self._clock = plan, clock
-        self._frames = LiveFrames(backend, settings, clock)
+        self._plan = plan
+        self._frames = LiveFrames(backend, settings)
         self._state, self._time_s = "starting", 0.0
-        self._began_s = clock()
+        self._began_s = time.monotonic()
         self._file = plan.work_dir / LIVE_VIEW_FILE
         try:
             address = (_ADDRESS, plan.live_view_port or 0)
@@ -88,7 +86,7 @@ class LiveView(Observer):
     def watch(self, environment: Any, time_s: float) -> None:
         """Notes the time, and the state if a viewer waits for a picture."""
         if self._state == "starting":
-            self._state, self._began_s = "running", self._clock()
+            self._state, self._began_s = "running", time.monotonic()
         self._time_s = time_s
         self._frames.offer(environment, time_s)
         self.next_time_s = time_s + _CHECK_EVERY_S
@@ -107,7 +105,7 @@ class LiveView(Observer):
 
     def status(self) -> dict[str, Any]:
         """Returns the status that the page shows beside the picture; times in seconds."""
-        wall_s = self._clock() - self._began_s
+        wall_s = time.monotonic() - self._began_s
         return {
             "job": self._plan.job_id,
             "run": self._plan.run_id,

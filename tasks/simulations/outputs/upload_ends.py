@@ -23,7 +23,6 @@ class UploadEnd:
         job: ARN of the job.
         catalog: where it is stored.
         why_stop: why the job has to end; `None` if it does not have to.
-        clock: seconds on a clock that only runs forward.
     """
 
     def __init__(
@@ -31,23 +30,21 @@ class UploadEnd:
         job: str,
         catalog: Catalog,
         why_stop: Callable[[], StopReason | None],
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._job = job
         self._catalog = catalog
         self._why_stop = why_stop
-        self._clock = clock
         self._was_canceled = why_stop() is StopReason.CANCELED
         self._lock = threading.Lock()
-        self._next_s = clock() + _ASK_EVERY_S
+        self._next_s = time.monotonic() + _ASK_EVERY_S
         self._heard = False
 
     def __call__(self) -> bool:
         """The last answer; one thread asks again when it is time, and no other waits for it."""
-        if not self._heard and self._clock() >= self._next_s and self._lock.acquire(blocking=False):
+        if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
             try:
                 self._heard = self._is_canceled()
-                self._next_s = self._clock() + _ASK_EVERY_S
+                self._next_s = time.monotonic() + _ASK_EVERY_S
             finally:
                 self._lock.release()
         return self._heard
