@@ -4,7 +4,6 @@ import fcntl
 import os
 import threading
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 
 from ...schemas.run_orders import Order
@@ -53,11 +52,6 @@ class SpecRuns:
                 (folder / ORDER).write_text(order.model_dump_json(), encoding="utf-8")
                 start_process(OpenRun(folder, order, os.dup(lock)), self._variables)
 
-    def broke_off(self) -> list[str]:
-        """The runs whose processes died before they had ended, the newest first; each can be taken up again."""
-        left = filter(self.has_broken_off, self._open())
-        return sorted(left, key=lambda name: name.rpartition("-")[2], reverse=True)
-
     def has_broken_off(self, run_id: str) -> bool:
         """Whether the process of a run died before the run had ended."""
         return has_broken_off(self._runs / run_id)
@@ -77,12 +71,6 @@ class SpecRuns:
                 return False
             start_process(claimed, self._variables, CONTINUED)
         return True
-
-    def take_up_all(self) -> list[str]:
-        """Has the runs that broke off go on, as many as there is room for; answers which."""
-        with suppress(ThrottlingException):
-            return [run_id for run_id in self.broke_off() if self.take_up(run_id)]
-        return []
 
     def _open(self) -> Iterator[str]:
         """The ordered runs that have not ended; those that no visitor ordered are none of them."""

@@ -97,10 +97,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         other_requirements=otherwise,
         requirements=requirements.changes,
         **found,
-        gone=lost.gone,
-        no_longer_judged=lost.no_longer_judged,
-        asked_less=lost.asked_less,
-        fewer_trials=lost.fewer_trials,
+        **dict(lost),
     )
 
 

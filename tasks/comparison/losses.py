@@ -66,16 +66,10 @@ def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -
 
 def told_losses(losses: Sequence[FoundLoss]) -> Losses:
     """Losses as data, by their kind."""
-
-    def of(kind: LossKind) -> list[Loss]:
-        return [each.told() for each in losses if each.kind == kind]
-
-    return Losses(
-        gone=of("gone"),
-        no_longer_judged=of("no_longer_judged"),
-        asked_less=of("asked_less"),
-        fewer_trials=of("fewer_trials"),
-    )
+    found: dict[str, list[Loss]] = defaultdict(list)
+    for each in losses:
+        found[each.kind].append(each.told())
+    return Losses(**found)
 
 
 def _gone(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:

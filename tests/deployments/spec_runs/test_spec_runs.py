@@ -85,19 +85,19 @@ def test_a_run_whose_process_was_killed_is_taken_up(tmp_path: Path, program: Non
     runs.begin(run, STANDING)  # its program is not found
     wait_for(lambda: not runs.is_going(run.run_id), "its death")
     assert (folder / "order.json").stat().st_mode & 0o077 == 0
-    assert others.broke_off() == [run.run_id]
-    assert others.take_up_all() == [run.run_id]
-    assert (others.going(), others.broke_off(), others.take_up(run.run_id)) == ([run.run_id], [], False)
+    assert others.has_broken_off(run.run_id)
+    assert others.take_up(run.run_id)
+    assert others.going() == [run.run_id]
+    assert not others.has_broken_off(run.run_id)
+    assert not others.take_up(run.run_id)
     wait_for(lambda: others.last_words(run.run_id).endswith("\na: 1"), "its order on its input")
     for name in ("order.json", "running.lock"):  # as its process does at its end
         (folder / name).unlink()
     others.cancel(run.run_id)
     wait_for(lambda: not others.is_going(run.run_id), "its end")
-    assert (others.broke_off(), others.take_up(run.run_id), others.take_up("none-20260302T000000000")) == (
-        [],
-        False,
-        False,
-    )
+    assert not others.has_broken_off(run.run_id)
+    assert not others.take_up(run.run_id)
+    assert not others.take_up("none-20260302T000000000")
 
 
 def test_a_step_is_carried_out_once_whichever_process_asks(tmp_path: Path) -> None:
