@@ -143,7 +143,7 @@ class KeptRollout:
     def _take_in(self, waiting: Sequence[StoredEvent], events: Sequence[RolloutEvent]) -> bool:
         """Brings the ledger up to now; whether anything happened."""
         ledger, now_s = self._ledger, self._now_s()
-        wake_s, watched_s = ledger.due().wake_s, self._watched_s
+        wake_s, watched_s = ledger.wake_s(), self._watched_s
         for each in waiting:
             watched_s = _bridge(ledger, watched_s, each.at_s)
             ledger.apply(_EVENT.validate_python(each.event), each.at_s)
@@ -155,7 +155,7 @@ class KeptRollout:
         return bool(waiting or events or offered) or (wake_s is not None and wake_s <= now_s)
 
     def _offer(self, ledger: Ledger, now_s: float) -> bool:
-        offers = ledger.due().offers
+        offers = ledger.offers()
         numbers = self._service.catalog.number_orders(self.job.arn, len(offers)) if offers else []
         for robot, number in zip(offers, numbers, strict=True):
             ledger.apply(Offered(robot=robot, action_id=number), now_s)

@@ -8,12 +8,12 @@ from collections import Counter
 from itertools import count
 
 import pytest
-from helpers.rollout_ledger import plan_of
+from helpers.rollout_ledger import advance, plan_of
 
 from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
 from prefect_robomaker.schemas.rollouts.events import Failed, Fetched, Offered, Progressed, Report, Succeeded
 from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, advance, begin
+from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 ROBOTS = 10_000
 STEPS: tuple[tuple[RobotDeploymentStep, float | None], ...] = (

@@ -17,6 +17,25 @@ def plan_of(names: list[str], *, unfit: set[str] | None = None, **members: objec
     return RolloutPlan.model_validate({"robots": robots, **members})
 
 
+def cancellations(rollout: Rollout) -> dict[str, int]:
+    """The orders that robots are to be told to give up, by robot, as `order_keeping` reads them from a rollout."""
+    numbers = {
+        arn: state.earlier_action_id or (state.action_id if state.order == "canceling" else None)
+        for arn, state in rollout.robots.items()
+    }
+    return {arn: number for arn, number in numbers.items() if number is not None}
+
+
+def advance(rollout: Rollout, event: RolloutEvent | None, now_s: float) -> Rollout:
+    """A stored rollout after one event, or after time passed."""
+    ledger = Ledger(rollout)
+    if event is None:
+        ledger.pass_time(now_s)
+    else:
+        ledger.apply(event, now_s)
+    return ledger.rollout()
+
+
 class LedgerService:
     """A ledger, which may be stored and read again in between."""
 
@@ -43,7 +62,7 @@ class LedgerService:
             for arn, s in robots.items()
             if s.action_id and (s.order in ("fetched", "refused") or (s.order == "offered" and not rollout.held))
         }
-        return {**orders, **{arn: ("cancel", number) for arn, number in self.ledger.due().cancellations.items()}}
+        return {**orders, **{arn: ("cancel", number) for arn, number in cancellations(rollout).items()}}
 
     def report(self, event: RolloutEvent, now_s: float) -> None:
         self.ledger.apply(event, now_s)
@@ -53,7 +72,7 @@ class LedgerService:
             self.ledger = Ledger(Rollout.of_json(self.ledger.rollout().to_json()))
 
     def turns(self) -> tuple[str, ...]:
-        return self.ledger.due().offers
+        return self.ledger.offers()
 
     def offer(self, robot: str, number: int, now_s: float) -> None:
         self.report(Offered(robot=robot, action_id=number), now_s)

@@ -77,16 +77,16 @@ def simulate(
     now_s = BEGAN_S
     while now_s <= BEGAN_S + until_s:
         ledger.pass_time(now_s)
-        due = ledger.due()
-        for robot in due.offers:
+        offers, wake_s = ledger.offers(), ledger.wake_s()
+        for robot in offers:
             number = next(numbers)
             ledger.apply(Offered(robot=robot, action_id=number), now_s)
             if not silent(place[robot]):
                 for at_s, event in _life(robot, number, now_s, rng, bad=bad(place[robot])):
                     heapq.heappush(coming, (at_s, next(ties), event))
         following = [coming[0][0]] if coming else []
-        following += [due.wake_s] if due.wake_s is not None and ledger.status == "InProgress" else []
-        if not due.offers and not following:
+        following += [wake_s] if wake_s is not None and ledger.status == "InProgress" else []
+        if not offers and not following:
             break
         now_s = min(following, default=now_s)
         while coming and coming[0][0] <= now_s and now_s <= BEGAN_S + until_s:

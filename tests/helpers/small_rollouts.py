@@ -1,6 +1,6 @@
 """Rollouts of a few robots, driven by hand: offers what is due, and says what robots do."""
 
-from helpers.rollout_ledger import plan_of
+from helpers.rollout_ledger import cancellations, plan_of
 from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
 from prefect_robomaker.schemas.rollouts.events import (
     Canceled,
@@ -39,7 +39,7 @@ class SmallRollout:
 
     def offer(self) -> list[str]:
         """Gives an order to each robot whose turn it is."""
-        robots = list(self.ledger.due().offers)
+        robots = list(self.ledger.offers())
         for robot in robots:
             self._numbers += 1
             self.happen(Offered(robot=robot, action_id=self._numbers))
@@ -79,7 +79,7 @@ class SmallRollout:
         return robot_status(state, active=self.rollout.status == "InProgress"), state.failure_code
 
     def cancellations(self) -> dict[str, int]:
-        return dict(self.ledger.due().cancellations)
+        return cancellations(self.rollout)
 
     @property
     def rollout(self) -> Rollout:

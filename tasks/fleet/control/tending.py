@@ -67,7 +67,7 @@ class EndedRollouts:
     def _wake_s(self, each: OpenRollout) -> float | None:
         key = (each.job, each.revision)
         if key not in self._wakes:
-            self._wakes[key] = Ledger(each.rollout).due().wake_s
+            self._wakes[key] = Ledger(each.rollout).wake_s()
         return self._wakes[key]
 
     def _kept(self, each: OpenRollout) -> KeptRollout:

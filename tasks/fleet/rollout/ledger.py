@@ -26,7 +26,7 @@ The status of a rollout that has ended stays; its robots may still change, by wh
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
 from ....schemas.rollouts.events import (
@@ -66,23 +66,6 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
 """How the rollout ends, and the failure code of robots that have begun."""
 
 
-@dataclass(frozen=True)
-class Due:
-    """Orders and cancellations that a rollout has to send now, and when to ask again."""
-
-    offers: tuple[str, ...]
-    """Robots that each get an order with a number of its own; the ledger is told by `Offered`."""
-
-    cancellations: Mapping[str, int]
-    """All orders that robots are to be told to give up until they answer: their numbers, by robot."""
-
-    wake_s: float | None
-    """When the next time-out comes, or a maintenance window may open or close, in seconds since the epoch.
-
-    Nothing: only events change the rollout.
-    """
-
-
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
     """A rollout that begins.
 
@@ -104,29 +87,6 @@ def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = N
     return ledger.rollout()
 
 
-def advance(rollout: Rollout, event: RolloutEvent | None, now_s: float) -> Rollout:
-    """A rollout after one event; for many, keep a `Ledger`, which need not read all robots each time.
-
-    Args:
-        rollout: the rollout before it.
-        event: what happened; nothing: only time passed.
-        now_s: when.
-    """
-    ledger = Ledger(rollout)
-    if event is None:
-        ledger.pass_time(now_s)
-    else:
-        ledger.apply(event, now_s)
-    return ledger.rollout()
-
-
-def due(rollout: Rollout, now_s: float) -> Due:
-    """Returns the orders and cancellations that a rollout has to send at a given time."""
-    ledger = Ledger(rollout)
-    ledger.pass_time(now_s)
-    return ledger.due()
-
-
 class Ledger:
     """A rollout that takes in events; not for several threads at once."""
 
@@ -142,9 +102,6 @@ class Ledger:
         self._line = Line(rollout.plan, self._robots)
         self._deadlines = Deadlines(self._robots)
         self._change_s = next_change_s(self._plan.windows, self._now_s)
-        self._cancellations = {
-            robot: action_id for robot, state in self._robots.items() if (action_id := _to_cancel(state)) is not None
-        }
 
     def rollout(self) -> Rollout:
         """The rollout as it stands, to be stored."""
@@ -183,13 +140,22 @@ class Ledger:
                 orders[robot] = number
         return orders
 
-    def due(self) -> Due:
-        """Returns the orders and cancellations to send now; ask again after each event and at `wake_s`."""
-        return Due(
-            offers=self._turns(),
-            cancellations=dict(self._cancellations),
-            wake_s=self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None,
-        )
+    def offers(self) -> tuple[str, ...]:
+        """Robots that each get an order now, with a number of its own, which the ledger is told by `Offered`.
+
+        Ask again after each event, and at `wake_s`.
+        """
+        if self._rollout.held or not self._rollout.takes_returns:
+            return ()
+        free = self._plan.concurrency - self._tally.open
+        return self._line.next(free, first=self._is_active, others=self._is_released)
+
+    def wake_s(self) -> float | None:
+        """When the next time-out comes, or a maintenance window may open or close, in seconds since the epoch.
+
+        Nothing: only events change the rollout.
+        """
+        return self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None
 
     def apply(self, event: RolloutEvent, now_s: float) -> None:
         """Takes in an event, after the time-outs that came before it.
@@ -237,12 +203,6 @@ class Ledger:
             else:
                 self._hold_or_let_go()
         self._now_s = now_s
-
-    def _turns(self) -> tuple[str, ...]:
-        if self._rollout.held or not self._rollout.takes_returns:
-            return ()
-        free = self._plan.concurrency - self._tally.open
-        return self._line.next(free, first=self._is_active, others=self._is_released)
 
     def _wake_s(self) -> float | None:
         deadline = self._deadlines.next()
@@ -360,10 +320,6 @@ class Ledger:
         if state.deadline_s != before.deadline_s:
             self._deadlines.add(robot, state)
         self._line.update(robot)
-        if (number := _to_cancel(state)) is not None:
-            self._cancellations[robot] = number
-        else:
-            self._cancellations.pop(robot, None)
 
     def _outage(self, event: Outage, now_s: float) -> None:
         """Moves the deadlines of robots by the part of an outage that has not been taken in."""
@@ -374,8 +330,3 @@ class Ledger:
                 if state.deadline_s is not None:
                     self._put(robot, changed(state, deadline_s=state.deadline_s + lasted_s))
             self._now_s = now_s  # windows that opened in between were of no use
-
-
-def _to_cancel(state: RobotDeploymentState) -> int | None:
-    """The order that a robot is to be told to give up; it never saw its own before it has answered the earlier."""
-    return state.earlier_action_id or (state.action_id if state.order == "canceling" else None)

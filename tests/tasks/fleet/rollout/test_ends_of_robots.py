@@ -49,7 +49,7 @@ def test_a_robot_that_never_fetches_its_order_does_not_respond() -> None:
     rollout.offer()
     rollout.wait(99)
     assert rollout.shown("r0") == ("PendingNewDeployment", None)
-    assert rollout.ledger.due().wake_s == 1100
+    assert rollout.ledger.wake_s() == 1100
 
     rollout.wait(1)
 
@@ -252,7 +252,7 @@ def test_an_outage_of_the_service_costs_robots_no_time() -> None:
     rollout.happen(Outage(since_s=1060), Outage(since_s=1060))
 
     assert rollout.shown("r0") == ("Deploying", None)
-    assert rollout.ledger.due().wake_s == 1100 + 5000
+    assert rollout.ledger.wake_s() == 1100 + 5000
     rollout.wait(40)
     assert rollout.shown("r0") == ("Failed", "RobotAgentConnectionTimeout")
     assert rollout.shown("r1") == ("NoResponse", "RobotDeploymentNoResponse")

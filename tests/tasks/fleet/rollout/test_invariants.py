@@ -4,7 +4,7 @@ from itertools import pairwise
 from typing import Any
 
 from helpers.examples import examples
-from helpers.rollout_ledger import plan_of
+from helpers.rollout_ledger import advance, cancellations, plan_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -26,7 +26,7 @@ from prefect_robomaker.schemas.rollouts.events import (
 )
 from prefect_robomaker.schemas.rollouts.plan import RolloutPlan
 from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, advance, begin, due
+from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 
 def made(kind: Any, **members: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -83,7 +83,7 @@ def happen(ledger: Ledger, event: RolloutEvent | None, now_s: float, number: int
         ledger.apply(event, now_s)
         return
     ledger.pass_time(now_s)
-    for place, robot in enumerate(ledger.due().offers):
+    for place, robot in enumerate(ledger.offers()):
         ledger.apply(Offered(robot=robot, action_id=number * 6 + place + 1), now_s)
 
 
@@ -91,8 +91,8 @@ def check(ledger: Ledger) -> None:
     rollout, plan = ledger.rollout(), ledger.rollout().plan
     states = rollout.robots.values()
     assert sum(state.is_open for state in states) == ledger.open_orders <= plan.concurrency
-    assert len(ledger.due().offers) <= plan.concurrency - ledger.open_orders
-    assert not (rollout.held and ledger.due().offers)
+    assert len(ledger.offers()) <= plan.concurrency - ledger.open_orders
+    assert not (rollout.held and ledger.offers())
     assert rollout.held or not rollout.paused
     for state in states:
         assert (state.failure_code is not None) == (state.outcome == "failed")
@@ -107,7 +107,7 @@ def check(ledger: Ledger) -> None:
     assert (rollout.failure_code is not None) == (rollout.status == "Failed")
     if rollout.status == "Succeeded":
         assert all(state.has_ended for state in states)
-    for robot, number in ledger.due().cancellations.items():
+    for robot, number in cancellations(ledger.rollout()).items():
         assert number in (ledger.robot(robot).action_id, ledger.robot(robot).earlier_action_id)
 
 
@@ -147,10 +147,12 @@ def test_a_rollout_that_is_stored_after_each_event_is_the_same(plan: RolloutPlan
         happen(ledger, event, now_s, number)
         stored = advance(stored, event, now_s)
         if event is None:
-            for place, robot in enumerate(due(stored, now_s).offers):
+            for place, robot in enumerate(Ledger(advance(stored, None, now_s)).offers()):
                 stored = advance(stored, Offered(robot=robot, action_id=number * 6 + place + 1), now_s)
         stored = Rollout.of_json(stored.to_json())
-        assert due(stored, now_s) == ledger.due()
+        again = Ledger(stored)
+        again.pass_time(now_s)
+        assert (again.offers(), again.wake_s()) == (ledger.offers(), ledger.wake_s())
         assert stored == ledger.rollout()
 
 
@@ -180,8 +182,8 @@ def test_each_rollout_ends(plan: RolloutPlan, history: History) -> None:
     for number in range(len(history), len(history) + 50):
         if ledger.status != "InProgress" and not ledger.open_orders:
             break
-        happen(ledger, None, ledger.due().wake_s or now_s, number)  # no robot says anything any more
+        happen(ledger, None, ledger.wake_s() or now_s, number)  # no robot says anything any more
 
     assert ledger.status != "InProgress"
     assert ledger.open_orders == 0
-    assert ledger.due().wake_s is None
+    assert ledger.wake_s() is None
