@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
-from ruamel.yaml import YAML
 from scipy import ndimage
 
 from ....schemas.worlds.world import Floorplan, Furniture, Point, Room, Wall
@@ -62,13 +61,6 @@ class OccupancyGrid:
         """Row and column of the cell that holds a point, which may lie outside the grid."""
         x, y = (value - start for value, start in zip(point, self.origin, strict=True))
         return floor(y / self.resolution_m), floor(x / self.resolution_m)
-
-    def center(self, row: int, column: int) -> Point:
-        """Middle of a cell, in metres."""
-        return (
-            self.origin[0] + (column + 0.5) * self.resolution_m,
-            self.origin[1] + (row + 0.5) * self.resolution_m,
-        )
 
 
 def occupancy_grid(
@@ -165,17 +157,6 @@ def _fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point
     cells[south:north, west:east] |= entered
 
 
-def clearance(grid: OccupancyGrid) -> NDArray[np.float64]:
-    """Distance in metres from every free cell's middle to the nearest obstacle; 0 where not free.
-
-    Measured to the face of the nearest cell that is not free, along the grid's axes exactly, in
-    other directions up to 1 cm too far.
-    """
-    free = grid.free
-    distance = ndimage.distance_transform_edt(free, sampling=grid.resolution_m)
-    return np.where(free, np.asarray(distance) - grid.resolution_m / 2, 0.0)
-
-
 def _is_upright(corners: Sequence[Point]) -> bool:
     """Whether a polygon is a rectangle along the axes: it enters all cells of its extent."""
     return len(corners) == 4 and all(
@@ -185,7 +166,7 @@ def _is_upright(corners: Sequence[Point]) -> bool:
 
 
 def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:
-    """Free cells whose middle a disc can stand on without touching anything: `clearance` of a radius or more.
+    """Free cells whose middle a disc can stand on without touching anything.
 
     Several times faster than the distances themselves: a cell is left out when one that is not free lies within the
     radius, row by row of the disc.
@@ -286,17 +267,3 @@ def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
         "free_thresh: 0.196",
     ]
     return {"map.pgm": picture.getvalue(), "map.yaml": ("\n".join(lines) + "\n").encode()}
-
-
-def read_map(folder: Path) -> OccupancyGrid:
-    """Reads what `write_map` wrote."""
-    document = YAML(typ="safe").load((folder / "map.yaml").read_text(encoding="utf-8"))
-    with Image.open(folder / document["image"]) as image:
-        pixels = np.asarray(image)[::-1]
-    x, y, _ = document["origin"]
-    return OccupancyGrid(
-        origin=(float(x), float(y)),
-        occupied=pixels == OCCUPIED_PIXEL,
-        known=pixels != UNKNOWN_PIXEL,
-        resolution_m=float(document["resolution"]),
-    )

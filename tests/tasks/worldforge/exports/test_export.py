@@ -12,13 +12,14 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from helpers.written_maps import read_grid
 from PIL import Image
 
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
 from prefect_robomaker.tasks.worldforge.bundle.plain_names import with_plain_names
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.exports.export_key import export_key
-from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M, read_map
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M
 
 TOP = "aws_robomaker_worldforge_pkgs"
 PACKAGES = ("aws_robomaker_worldforge_shared_models", "aws_robomaker_worldforge_worlds")
@@ -101,7 +102,7 @@ def test_maps_agree_with_rays_through_the_exported_geometry(bundles: dict[str, P
     colliding = np.array([1, 1, 0, 1, 0, 0], np.uint8)  # other groups are for the eye only
     for name in bundles:
         folder = exported / WORLDS / name
-        grid = read_map(folder)
+        grid = read_grid(folder)
         model = mujoco.MjModel.from_xml_path(str(folder / "world.xml"))
         data = mujoco.MjData(model)
         mujoco.mj_forward(model, data)

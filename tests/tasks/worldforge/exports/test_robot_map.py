@@ -5,10 +5,11 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from helpers.written_maps import read_grid
 
 from prefect_robomaker.tasks.worldforge.bundle.robot_map import robot_map, write_robot_map
 from prefect_robomaker.tasks.worldforge.exports.export_scene import read_scene
-from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_LOW_M, OccupancyGrid, read_map
+from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_LOW_M, OccupancyGrid
 
 HEIGHTS = (0.1, 0.4, 1.2)
 TOUCHING_M = 1e-4
@@ -33,7 +34,7 @@ def met(path: Path, like: OccupancyGrid, height_m: float) -> np.ndarray:
         (south, west), (north, east) = like.cell((x - reach, y - reach)), like.cell((x + reach, y + reach))
         for row in range(max(south, 0), min(north + 1, found.shape[0])):
             for column in range(max(west, 0), min(east + 1, found.shape[1])):
-                data.geom_xpos[box] = *like.center(row, column), middle_m
+                data.geom_xpos[box] = *(like.origin + (np.array([column, row]) + 0.5) * like.resolution_m), middle_m
                 if mujoco.mj_geomDistance(model, data, box, int(geom), 0.01, None) < -TOUCHING_M:
                     found[row, column] = True
     return found
@@ -62,7 +63,7 @@ def test_a_low_robot_drives_under_what_a_high_one_meets(bundle: Path) -> None:
     assert (high.occupied | ~usual.occupied).all()
     table = next(item for item in scene.world.furniture if item.model_type == "CoffeeTables")
     under = low.cell((table.x, table.y))
-    coarse = read_map(bundle)
+    coarse = read_grid(bundle)
     assert coarse.occupied[under]
     assert low.free.sum() > usual.free.sum() > high.free.sum()
     assert usual.free.sum() > coarse.free.sum(), "legs are legs"
@@ -74,6 +75,6 @@ def test_the_file_says_how_high_the_robot_is(bundle: Path, tmp_path: Path) -> No
     assert (
         (tmp_path / "map.yaml").read_text().startswith("# what a robot 0.25 m high meets, from 0.02 m above the floor")
     )
-    assert (read_map(tmp_path).occupied == robot_map(scene, 0.25).occupied).all()
+    assert (read_grid(tmp_path).occupied == robot_map(scene, 0.25).occupied).all()
     with pytest.raises(ValueError, match=r"a robot 2\.5 m high: 0\.05 to 2 m would be right"):
         robot_map(scene, 2.5)

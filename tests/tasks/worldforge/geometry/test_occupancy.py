@@ -8,20 +8,20 @@ from typing import Any
 import numpy as np
 import pytest
 from helpers.examples import examples
+from helpers.written_maps import read_grid
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from scipy import ndimage
 
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.worlds.world import Floorplan, Furniture
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import (
     OccupancyGrid,
-    clearance,
     fitting,
     occupancy_grid,
     reachable,
-    read_map,
     room_cells,
     write_map,
 )
@@ -45,8 +45,10 @@ def piece(x: float = 0, y: float = 0, yaw: float = 0, **changes: float) -> Furni
 
 def centers(grid: OccupancyGrid) -> tuple[np.ndarray, np.ndarray]:
     rows, columns = grid.occupied.shape
-    x = [grid.center(0, column)[0] for column in range(columns)]
-    y = [grid.center(row, 0)[1] for row in range(rows)]
+    x, y = (
+        start + (np.arange(count) + 0.5) * grid.resolution_m
+        for start, count in zip(grid.origin, (columns, rows), strict=True)
+    )
     return np.meshgrid(x, y)
 
 
@@ -134,7 +136,7 @@ def test_legs_passed_as_polygons_leave_the_space_between_them() -> None:
 def test_maps_survive_their_files(tmp_path: Path) -> None:
     grid = occupancy_grid(plan(3), [piece(0.3, 0.2, 0.7)])
     write_map(grid, tmp_path)
-    again = read_map(tmp_path)
+    again = read_grid(tmp_path)
     assert again.origin == grid.origin
     assert again.resolution_m == grid.resolution_m
     assert (again.occupied == grid.occupied).all()
@@ -193,13 +195,6 @@ def test_nothing_is_reachable_from_inside_an_obstacle_or_outside_the_map() -> No
     assert reachable(grid, (2.0, 2.0), 0.2).any()
 
 
-def test_clearance_is_the_distance_to_the_nearest_face() -> None:
-    grid = occupancy_grid(EMPTY, [piece(width_m=0.5, depth_m=0.5)])
-    distance = clearance(grid)
-    assert distance[grid.cell((0.526, 0.01))] == pytest.approx(0.525 - 0.25, abs=0.051)
-    assert distance[grid.cell((0.0, 0.0))] == 0
-
-
 def test_a_turned_desk_lies_where_its_yaw_says() -> None:
     grid = occupancy_grid(EMPTY, [piece(yaw=pi / 2, width_m=2.0, depth_m=0.2)])
     assert grid.occupied[grid.cell((0.9, 0.0))]
@@ -207,6 +202,8 @@ def test_a_turned_desk_lies_where_its_yaw_says() -> None:
 
 
 @pytest.mark.parametrize("radius", [0.05, 0.1, 0.2, 0.23, 0.35, 0.6])
-def test_where_a_disc_fits_is_where_the_clearance_is_its_radius(radius: float) -> None:
+def test_a_disc_fits_where_the_distance_to_what_is_not_free_is_its_radius(radius: float) -> None:
     grid = occupancy_grid(EMPTY, [piece(0.3, 0.2, 0.7), piece(-1.0, 0.8, 0.0)])
-    assert (fitting(grid, radius) == (grid.free & (clearance(grid) >= radius - 5e-4))).all()
+    distance = np.asarray(ndimage.distance_transform_edt(grid.free)) * grid.resolution_m
+    # To the face of the nearest cell, from the middle of each.
+    assert (fitting(grid, radius) == (grid.free & (distance - grid.resolution_m / 2 >= radius - 5e-4))).all()
