@@ -8,6 +8,7 @@ import hashlib
 import json
 import tempfile
 from collections.abc import Iterable
+from dataclasses import asdict
 from pathlib import Path
 
 from pydantic import ValidationError
@@ -23,7 +24,7 @@ from ...schemas.wire.errors import (
 from ..catalog import Resource
 from ..service.service import Service
 from .signing_keys import signing_key
-from .sources import fetch_source, place_of, sources_by_architecture
+from .sources import FileHashes, fetch_source, place_of, sources_by_architecture
 from .swu.description import Release
 from .swu.signing import SigningKey
 from .swu.wrapping import wrap
@@ -96,18 +97,16 @@ def _wrapped(source: StoredSource, release: Release, key: SigningKey, file: Path
     fetch_source(source, release.version, archive, service)
     try:
         with archive.open("rb") as bundle, file.open("wb") as target:
-            facts = wrap(bundle, release, key, target)
+            archive_sha256 = wrap(bundle, release, key, target)
     except BundleError as error:
         raise DeploymentError(f"{place_of(source)}: {error}", "ExtractingBundleFailure") from error
+    hashes = FileHashes.of(file)
     return Artifact(
         bucket=service.settings.bucket,
-        key=f"{_FOLDER}/{facts.sha256}.swu",
+        key=f"{_FOLDER}/{hashes.sha256}.swu",
         file_name=FILE_NAME,
         name=release.name,
         version=release.version,
-        size_bytes=facts.size_bytes,
-        sha256=facts.sha256,
-        sha1=facts.sha1,
-        md5=facts.md5,
-        archive_sha256=facts.bundle_sha256,
+        archive_sha256=archive_sha256,
+        **asdict(hashes),
     )

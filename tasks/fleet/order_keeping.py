@@ -201,18 +201,10 @@ class _Wishes:
         wanted.append(_Wanted(self._order(robot, action_id, artifact, rollout), is_cancelling))
 
     def _order(self, robot: str, action_id: int, artifact: Artifact, rollout: OpenRollout) -> RobotOrder:
-        is_for_agent = artifact.target is not None
         return RobotOrder(
             action_id=action_id,
             robot=robot,
-            name=artifact.name,
-            version=artifact.version,
-            file_name=artifact.file_name,
-            size_bytes=artifact.size_bytes,
-            sha256=artifact.sha256,
-            sha1=artifact.sha1,
-            md5=artifact.md5,
             launch=rollout.launch,
-            target=artifact.target,
-            tags=dict(self._robots.tags(robot)) if is_for_agent else None,
+            tags=None if artifact.target is None else dict(self._robots.tags(robot)),
+            **artifact.model_dump(include=set(RobotOrder.model_fields)),
         )

@@ -102,6 +102,12 @@ def last_deployment(fleet: str, service: Service) -> Resource | None:
     return page.resources[0] if page.resources else None
 
 
+def rollout_of(job: str, service: Service) -> Rollout | None:
+    """The rollout of the deployment job of an ARN; nothing: it has not begun."""
+    stored = service.catalog.rollout(job)
+    return None if stored is None else Rollout.of_json(dict(stored.rollout))
+
+
 def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     """Registers a robot with a fleet, whose lease the caller holds; of no effect on one that is.
 
@@ -112,7 +118,8 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
     known = service.catalog.get(robot, kind=ROBOT)
     if RobotDocument.of(known).fleet != fleet.arn:
         deployment = last_deployment(fleet.arn, service)
-        _register(known, fleet, deployment, _standings(deployment, service), service)
+        rollout = None if deployment is None else rollout_of(deployment.arn, service)
+        _register(known, fleet, deployment, rollout, service)
 
 
 def take_out_of_fleet(robot: str, service: Service) -> None:
@@ -129,7 +136,7 @@ def settle(fleet: Resource, service: Service) -> None:
     deployment = last_deployment(fleet.arn, service)
     if deployment is not None and FleetDocument.of(fleet).last_deployment_job != deployment.arn:
         service.catalog.update(fleet.arn, FleetChanges(last_deployment_job=deployment.arn))
-    rollout = _standings(deployment, service)
+    rollout = None if deployment is None else rollout_of(deployment.arn, service)
     for robot in robots_of(fleet.arn, service):
         with suppress(ResourceNotFoundException):  # robots may be deleted at any time
             _register(robot, fleet, deployment, rollout, service)
@@ -156,12 +163,6 @@ def is_meant(robot: Resource, deployment: Resource) -> bool:
     if document.rolls_back is not None:
         return robot.arn in document.rolls_back.robots
     return robot.status != "InSync" or not document.repeats
-
-
-def _standings(deployment: Resource | None, service: Service) -> Rollout | None:
-    """The rollout of a deployment, if it has begun."""
-    stored = None if deployment is None else service.catalog.rollout(deployment.arn)
-    return None if stored is None else Rollout.of_json(dict(stored.rollout))
 
 
 def _status(robot: Resource, fleet: Resource, deployment: Resource | None, rollout: Rollout | None) -> str:

@@ -1,6 +1,8 @@
 """The archives of an application's version: which one an architecture gets, and whether it is still the same."""
 
+import hashlib
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from pathlib import Path
 
 from ...schemas.documents.applications import ApplicationDocument, StoredSource
@@ -12,6 +14,31 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..service.service import Service
+
+_PART_BYTES = 1024 * 1024
+
+
+@dataclass(frozen=True)
+class FileHashes:
+    """Length and hashes of a file, in hexadecimal digits."""
+
+    size_bytes: int
+    sha256: str
+    sha1: str
+    md5: str
+
+    @classmethod
+    def of(cls, path: Path) -> "FileHashes":
+        """Reads a file."""
+        # Updaters ask for the last two; neither protects anything, the signatures do.
+        digests = [hashlib.sha256(), hashlib.sha1(usedforsecurity=False), hashlib.md5(usedforsecurity=False)]
+        size_bytes = 0
+        with path.open("rb") as file:
+            while part := file.read(_PART_BYTES):
+                size_bytes += len(part)
+                for digest in digests:
+                    digest.update(part)
+        return cls(size_bytes, *(digest.hexdigest() for digest in digests))
 
 
 def sources_by_architecture(application: Resource, architectures: Iterable[str]) -> dict[str, StoredSource]:

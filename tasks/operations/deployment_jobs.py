@@ -41,6 +41,7 @@ from ..fleet.records import (
     is_meant,
     last_deployment,
     robots_of,
+    rollout_of,
     settle,
 )
 from ..fleet.rollout.statuses import robot_deployments
@@ -113,8 +114,7 @@ def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> 
 def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> Answer:
     """Tells how a deployment and each of its robots stand; one that waits names the robots it is meant for."""
     job = _job(request.job, service)
-    stored = service.catalog.rollout(job.arn)
-    rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))
+    rollout = rollout_of(job.arn, service)
     robots = _robots(job, rollout, service)
     return {
         **_summary(job),

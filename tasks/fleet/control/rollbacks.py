@@ -16,7 +16,7 @@ from ....schemas.wire.errors import ResourceNotFoundException
 from ...catalog import ClientToken, Resource
 from ...service.service import Service
 from ..kept_rollouts import KeptRollout
-from ..records import DEPLOYMENT, fleet_held, last_deployment, settle
+from ..records import DEPLOYMENT, fleet_held, last_deployment, rollout_of, settle
 
 TAG = "robomaker:rollback-of"
 """Tag of the jobs that bring robots back: the ARN of the job that failed."""
@@ -52,8 +52,8 @@ def roll_back(job: str, service: Service) -> bool:
         ThrottlingException: others have kept changing the fleet; ask again.
         ServiceUnavailableException: the catalog does not answer; ask again.
     """
-    stored = service.catalog.rollout(job)
-    if stored is None or not Rollout.of_json(dict(stored.rollout)).rollback_is_due:
+    rollout = rollout_of(job, service)
+    if rollout is None or not rollout.rollback_is_due:
         return False
     failed = service.catalog.get(job, kind=DEPLOYMENT)
     try:

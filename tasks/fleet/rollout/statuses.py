@@ -1,12 +1,11 @@
 """A rollout as DescribeDeploymentJob shows it: the status, progress and failure of each robot."""
 
-from datetime import UTC, datetime
-
 from ....schemas.operations.deployment_jobs import ProgressDetail, RobotDeployment
 from ....schemas.operations.robots import RobotStatus
 from ....schemas.rollouts.robots import RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
 from .estimates import remaining_s
+from .waits import moment_of
 
 
 def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | None:
@@ -51,8 +50,8 @@ def _deployment(robot: str, state: RobotDeploymentState, active: bool, job: str,
         reason = "the robot left the fleet" if state.gone == "left" else "the robot was deleted"
     return RobotDeployment(
         arn=robot,
-        deploymentStartTime=_moment(state.started_s),
-        deploymentFinishTime=_moment(state.finished_s) if state.has_ended else None,
+        deploymentStartTime=moment_of(state.started_s),
+        deploymentFinishTime=moment_of(state.finished_s) if state.has_ended else None,
         status=robot_status(state, active=active),
         progressDetail=_progress(state, job, now_s),
         failureReason=reason,
@@ -70,7 +69,3 @@ def _progress(state: RobotDeploymentState, job: str, now_s: float) -> ProgressDe
         estimatedTimeRemainingSeconds=remaining_s(state, now_s) if state.order == "fetched" else None,
         targetResource=job,
     )
-
-
-def _moment(time_s: float | None) -> datetime | None:
-    return None if time_s is None else datetime.fromtimestamp(time_s, UTC)

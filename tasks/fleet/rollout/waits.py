@@ -19,13 +19,13 @@ def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
         return []
     found: list[DeploymentWait] = []
     if rollout.paused:
-        found.append(DeploymentWait(cause="PAUSED", since=_moment(rollout.paused_s), by=rollout.paused_by))
+        found.append(DeploymentWait(cause="PAUSED", since=moment_of(rollout.paused_s), by=rollout.paused_by))
     is_asked = rollout.plan.requires_approval and rollout.approved_s is None
     if is_asked and Ledger(rollout).waits_for_approval:  # reading it takes a while in a large fleet
         found.append(DeploymentWait(cause="APPROVAL"))
     windows = rollout.plan.windows
     if not is_open(windows, now_s):
-        found.append(DeploymentWait(cause="MAINTENANCE_WINDOW", until=_moment(opens_s(windows, now_s))))
+        found.append(DeploymentWait(cause="MAINTENANCE_WINDOW", until=moment_of(opens_s(windows, now_s))))
     return found
 
 
@@ -53,5 +53,6 @@ def in_words(wait: DeploymentWait, job: str) -> str:
     return f"waits for its maintenance window, which opens{until}"
 
 
-def _moment(time_s: float | None) -> datetime | None:
+def moment_of(time_s: float | None) -> datetime | None:
+    """A time in seconds since the epoch, as answers show it."""
     return None if time_s is None else datetime.fromtimestamp(time_s, UTC)

@@ -1,7 +1,7 @@
 """Archives in cpio's "new ASCII" format (`070701`), as SWUpdate reads them: plain files, one after the other."""
 
 from collections.abc import Iterable
-from typing import Protocol
+from typing import BinaryIO
 
 MAX_BYTES = 2**32 - 1
 """The format has 32 bits for a file's length."""
@@ -12,15 +12,7 @@ _END = "TRAILER!!!"
 _ALIGN = 4
 
 
-class Target(Protocol):
-    """Writable file that receives an archive."""
-
-    def write(self, data: bytes, /) -> int:
-        """Writes all of it."""
-        ...
-
-
-def write_member(target: Target, number: int, name: str, parts: Iterable[bytes], size_bytes: int) -> None:
+def write_member(target: BinaryIO, number: int, name: str, parts: Iterable[bytes], size_bytes: int) -> None:
     """Appends a file.
 
     Args:
@@ -43,7 +35,7 @@ def write_member(target: Target, number: int, name: str, parts: Iterable[bytes],
     target.write(bytes(-size_bytes % _ALIGN))
 
 
-def write_end(target: Target) -> None:
+def write_end(target: BinaryIO) -> None:
     """Ends an archive."""
     target.write(_head(0, 0, _END, 0))
 

@@ -2,7 +2,6 @@
 
 import hashlib
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import BinaryIO
 
 from ....schemas.wire.errors import BundleError
@@ -13,18 +12,7 @@ from .signing import SigningKey
 _PART_BYTES = 1024 * 1024
 
 
-@dataclass(frozen=True)
-class Wrapped:
-    """Size and hashes of a `.swu`, for orders."""
-
-    size_bytes: int
-    sha256: str
-    sha1: str
-    md5: str
-    bundle_sha256: str
-
-
-def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) -> Wrapped:
+def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) -> str:
     """Wraps a bundle; it is read twice, and never lies in memory as a whole.
 
     Args:
@@ -34,7 +22,7 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
         target: where the `.swu` is written.
 
     Returns:
-        Length and hashes of what was written, and the hash of the bundle in it.
+        The SHA-256 of the bundle, in hexadecimal digits.
 
     Raises:
         BundleError: the bundle is empty, has 4 GiB or more, or changed meanwhile.
@@ -49,40 +37,17 @@ def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) 
         raise BundleError(f"the bundle has {size_bytes} bytes; a .swu takes 1 to {MAX_BYTES}")
     description = describe(release, digest.hexdigest())
     signature = key.sign(description)
-    measured = _Measured(target)
     for number, (name, content) in enumerate([("sw-description", description), ("sw-description.sig", signature)], 1):
-        write_member(measured, number, name, [content], len(content))
+        write_member(target, number, name, [content], len(content))
     bundle.seek(0)
     try:
-        write_member(measured, 3, BUNDLE, _parts(bundle), size_bytes)
+        write_member(target, 3, BUNDLE, _parts(bundle), size_bytes)
     except ValueError as error:
         raise BundleError(f"the bundle changed while it was wrapped: {error}") from None
-    write_end(measured)
-    return measured.result(digest.hexdigest())
+    write_end(target)
+    return digest.hexdigest()
 
 
 def _parts(bundle: BinaryIO) -> Iterator[bytes]:
     while part := bundle.read(_PART_BYTES):
         yield part
-
-
-class _Measured:
-    """Writes to a file, and measures what is written."""
-
-    def __init__(self, target: BinaryIO) -> None:
-        self._target = target
-        self._size_bytes = 0
-        self._sha256 = hashlib.sha256()
-        # Robots ask for these two; neither protects anything, the signature does.
-        self._sha1 = hashlib.sha1(usedforsecurity=False)
-        self._md5 = hashlib.md5(usedforsecurity=False)
-
-    def write(self, data: bytes) -> int:
-        for each in (self._sha256, self._sha1, self._md5):
-            each.update(data)
-        self._size_bytes += len(data)
-        return self._target.write(data)
-
-    def result(self, bundle_sha256: str) -> Wrapped:
-        sha256, sha1, md5 = (each.hexdigest() for each in (self._sha256, self._sha1, self._md5))
-        return Wrapped(self._size_bytes, sha256, sha1, md5, bundle_sha256)

@@ -11,12 +11,11 @@ from tuf.api.metadata import Metadata, Root
 from tuf.api.serialization import DeserializationError
 
 from ....schemas.wire.errors import ConfigurationError
-from .files import root_bytes
-from .keys import KeyFolder, new_key, read_key, remove_file, write_private
-from .metadata import Changes, to_metadata
+from .keys import KeyFolder, new_key, read_key, write_private
+from .metadata import Changes, to_bytes, to_metadata
 from .publishing import Coming, Publisher, roles_signed
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES
-from .roots import Attested, check_ceremony, first_root, following_root, is_signed, missing_signatures, sign_root
+from .roots import Attested, check_ceremony, first_root, following_root, missing_signatures, sign_root
 
 ROOT = "root"
 
@@ -67,7 +66,7 @@ def begin_apart(
         keys = {role: online[role].public_key for role in ONLINE_ROLES}
         attested = _attested(publisher, Attested(), change)
         root = first_root(roots, threshold, keys, publisher.clock(), attested)
-        machine.note_root(root_bytes(root))
+        machine.note_root(to_bytes(root))
     publisher.publish(lambda current: None if current else Changes())
     return root
 
@@ -168,7 +167,7 @@ def draft_root(
         if ROOT in rotate:
             replaced[ROOT], made = _new_root_keys(publisher, known, folder)
         draft = following_root(known, publisher.clock(), replaced, attested)
-        write_private(machine.draft_path, root_bytes(draft), replace=True)
+        write_private(machine.draft_path, to_bytes(draft), replace=True)
     return draft, made
 
 
@@ -191,11 +190,11 @@ def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[
     signers = [read_key(path) for path in key_files] or _own_keys(publisher, draft, known)
     sign_root(draft, known, signers)
     with machine.keys.held():
-        write_private(machine.draft_path, root_bytes(draft), replace=True)
-    if not is_signed(draft, known):
-        return missing_signatures(draft, known)
-    _publish_root(publisher, draft)
-    return 0
+        write_private(machine.draft_path, to_bytes(draft), replace=True)
+    missing = missing_signatures(draft, known)
+    if not missing:
+        _publish_root(publisher, draft)
+    return missing
 
 
 def _attested(publisher: Publisher, before: Attested, change: AttestedChange) -> Attested:
@@ -207,14 +206,14 @@ def _attested(publisher: Publisher, before: Attested, change: AttestedChange) ->
 def _publish_root(publisher: Publisher, root: Metadata[Root]) -> None:
     # First what both the old and the new keys have signed: a robot may have either root at any moment.
     publisher.publish(lambda current: Changes(resign=frozenset(roles_signed(current))), None, Coming(root=root))
-    if not publisher.files.write(ROOT, root.signed.version, root_bytes(root)):
+    if not publisher.files.write(ROOT, root.signed.version, to_bytes(root)):
         raise ConfigurationError(
             f"another machine published root {root.signed.version} meanwhile; "
             f"remove {publisher.machine.draft_path} and begin again"
         )
     publisher.root()
     with publisher.machine.keys.held():
-        remove_file(publisher.machine.draft_path)
+        publisher.machine.draft_path.unlink(missing_ok=True)
         for role in (ROOT, *ONLINE_ROLES):
             publisher.machine.keys.remove_others(role, root.signed.roles[role].keyids)
 

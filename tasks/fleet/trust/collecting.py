@@ -23,8 +23,6 @@ from .roles import FOLDER, TIMESTAMPS, application_of, target_key, timestamp_key
 _KEPT_AFTER = timedelta(days=7)
 """How long an expired timestamp stays: a publisher that was stopped for so long must not take its number again."""
 
-_DOCUMENTS = "deployments"
-
 
 @dataclass(frozen=True)
 class Unneeded:

@@ -5,7 +5,7 @@ import json
 import tempfile
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
@@ -15,7 +15,7 @@ from ....schemas.rollouts.artifacts import Artifact
 from ....schemas.wire.errors import DeploymentError
 from ...catalog import Resource
 from ...service.service import Service
-from ..sources import fetch_condition, fetch_source, sources_by_architecture
+from ..sources import FileHashes, fetch_condition, fetch_source, sources_by_architecture
 from .deployment_documents import (
     DeploymentTargets,
     attestation_path,
@@ -27,7 +27,7 @@ from .deployment_documents import (
 from .publishing import Publisher, publisher_of
 from .roots import Attested
 from .serving import TIMESTAMP_S
-from .targets import FileHashes, TargetStep
+from .targets import TargetStep
 
 _MAGIC_BYTES = 2
 
@@ -168,8 +168,5 @@ def _artifact(bundle: _Bundle, name: str, version: str, target: str, service: Se
         name=name,
         version=version,
         target=target,
-        size_bytes=bundle.hashes.size_bytes,
-        sha256=bundle.hashes.sha256,
-        sha1=bundle.hashes.sha1,
-        md5=bundle.hashes.md5,
+        **asdict(bundle.hashes),
     )

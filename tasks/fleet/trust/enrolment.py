@@ -13,9 +13,8 @@ from ....schemas.documents.fleets import RobotDocument, RobotEnrolment
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
-from .files import root_bytes
 from .keys import RandomBytes
-from .metadata import Changes
+from .metadata import Changes, to_bytes
 from .publishing import publisher_of
 
 VALID_S = 3600.0
@@ -56,7 +55,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
     expires_s = service.clock().timestamp() + VALID_S
 
     def offered(stored: dict[str, object]) -> RobotEnrolment:
-        if RobotEnrolment.model_validate(_members(stored)).token_sha256 is not None and not rotate:
+        if RobotDocument.model_validate(stored).token_sha256 is not None and not rotate:
             raise InvalidParameterException(
                 f"robot {robot.name!r} has a token already; --rotate replaces it as soon as the agent has enrolled"
             )
@@ -68,7 +67,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
         )
 
     service.catalog.update(robot.arn, offered)
-    return OneTimeToken(f"{secret}-{hashlib.sha256(root_bytes(root)).hexdigest()}", expires_s)
+    return OneTimeToken(f"{secret}-{hashlib.sha256(to_bytes(root)).hexdigest()}", expires_s)
 
 
 def take(name: str, secret: str, token_sha256: str, service: Service) -> str | None:
@@ -98,7 +97,7 @@ def take(name: str, secret: str, token_sha256: str, service: Service) -> str | N
     now_s = service.clock().timestamp()
 
     def taken(stored: dict[str, object]) -> RobotEnrolment:
-        known = RobotEnrolment.model_validate(_members(stored))
+        known = RobotDocument.model_validate(stored)
         if not _is_taken(known, secret, token_sha256, now_s):
             raise _Refused
         return RobotEnrolment(kind="agent", token_sha256=token_sha256, enrolment_taken=token_sha256)
@@ -119,10 +118,6 @@ def _is_taken(known: RobotEnrolment, secret: str, token_sha256: str, now_s: floa
     is_right = hmac.compare_digest(_hash(secret), known.enrolment_sha256 or "")
     is_young = known.enrolment_expires_s is not None and now_s < known.enrolment_expires_s
     return is_right and is_young and known.enrolment_taken in (None, token_sha256)
-
-
-def _members(stored: dict[str, object]) -> dict[str, object]:
-    return {name: stored[name] for name in RobotEnrolment.members() if name in stored}
 
 
 def _hash(secret: str) -> str:

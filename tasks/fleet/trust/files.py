@@ -5,7 +5,7 @@ Who reads it trusts nothing that the store gives: everything has to be signed by
 one that this machine knows. Expired metadata may be read here, since it is about to be signed again.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NoReturn
 
@@ -20,7 +20,7 @@ from ....schemas.wire.errors import (
     ObjectNotFoundError,
 )
 from ...storage.base import ObjectStore
-from .metadata import Content, Repository, to_bytes, to_metadata
+from .metadata import Content, Repository, to_metadata
 from .roles import FOLDER, NEWEST_TIMESTAMP_KEY, TIMESTAMPS, metadata_key, timestamp_key
 
 
@@ -147,16 +147,6 @@ class RepositoryFiles:
             # After a broken connection it can be what this very call has written.
             return self.store.get_bytes(self.bucket, key) == content
         return True
-
-
-def newest_root(roots: Sequence[bytes], known: Metadata[Root]) -> Metadata[Root]:
-    """The last of some roots that follow a known one, which it is itself if there are none."""
-    return to_metadata(roots[-1], Root) if roots else known
-
-
-def root_bytes(root: Metadata[Root]) -> bytes:
-    """A root as it is written."""
-    return to_bytes(root)
 
 
 def _verified(

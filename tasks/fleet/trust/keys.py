@@ -7,7 +7,7 @@ one takes the other's place.
 
 import fcntl
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -131,9 +131,3 @@ def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
                 path.hardlink_to(part)
     except OSError as error:
         raise ConfigurationError(f"{path} cannot be written: {error.strerror}") from error
-
-
-def remove_file(path: Path) -> None:
-    """Removes a file, if it is there."""
-    with suppress(FileNotFoundError):
-        path.unlink()

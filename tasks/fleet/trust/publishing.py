@@ -21,10 +21,10 @@ from tuf.api.metadata import Metadata, Root
 from ....schemas.wire.errors import ConfigurationError, StorageError
 from ...service.service import Service
 from ..attestations.attestation_keys import attestation_key
-from .files import RepositoryFiles, newest_root, root_bytes
+from .files import RepositoryFiles
 from .keys import RandomBytes, new_key
 from .machine import Machine
-from .metadata import Changes, Next, Repository, next_repository
+from .metadata import Changes, Next, Repository, next_repository, to_bytes, to_metadata
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES, lifetime_of
 from .roots import Attested, first_root
 
@@ -80,7 +80,7 @@ class Publisher:
         if roots:
             with self.machine.keys.held():
                 self.machine.note_root(roots[-1])
-        return newest_root(roots, known)
+        return to_metadata(roots[-1], Root) if roots else known
 
     def begin(self, root: Metadata[Root]) -> None:
         """Puts the first root into the object store.
@@ -89,7 +89,7 @@ class Publisher:
             ConfigurationError: it has another one.
         """
         self.files.store.ensure_bucket(self.files.bucket)
-        if not self.files.write("root", root.signed.version, root_bytes(root)):
+        if not self.files.write("root", root.signed.version, to_bytes(root)):
             raise ConfigurationError(
                 f"the object store has the repository of other keys already; copy {self.machine.folder} from the "
                 "machine that made it (docs/fleet-trust.md)"
@@ -192,7 +192,7 @@ class Publisher:
             keys = {role: self._key(role) for role in KEY_ROLES}
             online = {role: keys[role].public_key for role in ONLINE_ROLES}
             root = first_root([keys["root"]], 1, online, self.clock(), self.attested())
-            self.machine.note_root(root_bytes(root))  # before the store has it: nothing else can make this one again
+            self.machine.note_root(to_bytes(root))  # before the store has it: nothing else can make this one again
             return root
 
     def _key(self, role: str) -> Signer:

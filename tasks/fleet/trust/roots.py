@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from datetime import datetime
 
 from securesystemslib.signer import Signer
-from tuf.api.exceptions import UnsignedMetadataError
 from tuf.api.metadata import Key, Metadata, Root
 
 from ....schemas.wire.errors import ConfigurationError
@@ -141,16 +140,6 @@ def sign_root(draft: Metadata[Root], known: Metadata[Root], signers: Sequence[Si
 def missing_signatures(draft: Metadata[Root], known: Metadata[Root]) -> int:
     """How many signatures a root still needs: as many as the one before demands, and as it demands itself."""
     return max(_missing(above, draft) for above in (known.signed, draft.signed))
-
-
-def is_signed(draft: Metadata[Root], known: Metadata[Root]) -> bool:
-    """Whether robots take a root after the one before it."""
-    try:
-        for above in (known.signed, draft.signed):
-            above.verify_delegate(Root.type, draft.signed_bytes, draft.signatures)
-    except UnsignedMetadataError:
-        return False
-    return draft.signed.version == known.signed.version + 1
 
 
 def _missing(above: Root, draft: Metadata[Root]) -> int:

@@ -1,39 +1,15 @@
 # pyright: reportPrivateImportUsage=false
 """Targets: files that are put into the object store, and then named by an application's metadata."""
 
-import hashlib
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from tuf.api.metadata import TargetFile
 
+from ..sources import FileHashes
 from .metadata import Changes, Repository
 from .publishing import Publisher
 from .roles import application_role, target_key
-
-_PART_BYTES = 1024 * 1024
-
-
-@dataclass(frozen=True)
-class FileHashes:
-    """Length and hashes of a file, in hexadecimal digits."""
-
-    size_bytes: int
-    sha256: str
-    sha1: str
-    md5: str
-
-    @classmethod
-    def of(cls, path: Path) -> "FileHashes":
-        """Reads a file."""
-        digests = [hashlib.sha256(), hashlib.sha1(usedforsecurity=False), hashlib.md5(usedforsecurity=False)]
-        size_bytes = 0
-        with path.open("rb") as file:
-            while part := file.read(_PART_BYTES):
-                size_bytes += len(part)
-                for digest in digests:
-                    digest.update(part)
-        return cls(size_bytes, *(digest.hexdigest() for digest in digests))
 
 
 @dataclass

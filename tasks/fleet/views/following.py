@@ -7,9 +7,8 @@ from ....schemas.lifecycles import is_terminal
 from ....schemas.rollouts.rollout import Rollout
 from ...catalog import Resource
 from ...service.service import Service
-from ..records import DEPLOYMENT
+from ..records import DEPLOYMENT, rollout_of
 from ..rollout.waves import waves_of
-from .standings import rollout_of
 
 LOOK_S = 1.0
 """How often it is looked."""
@@ -62,5 +61,5 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
 
 
 def _look(job: Resource, service: Service) -> Look:
-    rollout, at_s = rollout_of(job, service), service.clock().timestamp()
+    rollout, at_s = rollout_of(job.arn, service), service.clock().timestamp()
     return Look(job, at_s) if rollout is None else Look(job, at_s, rollout, waves_of(rollout.plan))

@@ -6,12 +6,12 @@ from datetime import UTC, datetime
 from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ....schemas.rollouts.robots import RobotDeploymentState
 from ....schemas.rollouts.rollout import Rollout
-from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotKind, RobotStanding
+from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
-from ..records import last_deployment, robots_of
+from ..records import last_deployment, robots_of, rollout_of
 from ..rollout.counts import counts_of, current_wave
 from ..rollout.thresholds import Tally
 from ..rollout.waits import shown_rollback, waits_for
@@ -21,7 +21,7 @@ from ..rollout.waves import waves_of
 def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
     """How a fleet stands: its robots, and its latest deployment."""
     job = last_deployment(fleet.arn, service)
-    rollout = None if job is None else rollout_of(job, service)
+    rollout = None if job is None else rollout_of(job.arn, service)
     states = {} if rollout is None else rollout.robots
     return FleetStanding(
         fleet=fleet.name,
@@ -29,12 +29,6 @@ def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
         robots=tuple(_robot(robot, states.get(robot.arn)) for robot in reversed(robots_of(fleet.arn, service))),
         deployment=None if job is None else deployment_standing(job, rollout, service.clock().timestamp()),
     )
-
-
-def rollout_of(job: Resource, service: Service) -> Rollout | None:
-    """The rollout of a deployment job; nothing: it has not begun."""
-    stored = service.catalog.rollout(job.arn)
-    return None if stored is None else Rollout.of_json(dict(stored.rollout))
 
 
 def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) -> DeploymentStanding:
@@ -96,7 +90,7 @@ def _robot(robot: Resource, state: RobotDeploymentState | None) -> RobotStanding
     has_failed = state is not None and state.outcome == "failed"
     return RobotStanding(
         robot=robot.name,
-        kind=_kind(document),
+        kind=None if document.token_sha256 is None else "agent" if document.has_agent else "updater",
         status=robot.status,
         version=document.installed,
         last_seen=None if seen_s is None else datetime.fromtimestamp(int(seen_s), UTC),
@@ -104,12 +98,6 @@ def _robot(robot: Resource, state: RobotDeploymentState | None) -> RobotStanding
         failure_code=state.failure_code if state is not None and has_failed else None,
         failure_reason=state.failure_reason if state is not None and has_failed else None,
     )
-
-
-def _kind(document: RobotDocument) -> RobotKind | None:
-    if document.token_sha256 is None:
-        return None
-    return "agent" if getattr(document, "kind", None) == "agent" else "updater"
 
 
 def _order(state: RobotDeploymentState) -> OrderStanding | None:
