@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import subprocess
 from collections.abc import Sequence
-from typing import Any, Callable, Protocol, Union
+from typing import Any, Callable, Union
 
 from .child.forking import Child
 from .child.phases import carry_out
@@ -19,33 +19,8 @@ from .programs.work import ChildWork, ScriptWork, Watch
 from .settings import Home, Options
 from .states import Event, Failed, Passed, Phase, State, kept, wanted
 
-
-class Work(Protocol):
-    """Something that goes on beside the polls."""
-
-    @property
-    def percent(self) -> int | None:
-        """How much of it is done."""
-
-    @property
-    def later(self) -> str | None:
-        """Why it has to be tried again later."""
-
-    @property
-    def due_s(self) -> float | None:
-        """When it has to be looked at, by the monotonic clock."""
-
-    @property
-    def pipe(self) -> int | None:
-        """File descriptor that becomes readable when the work has news; `None`: it has none."""
-
-    def poll(self) -> list[Event]:
-        """Returns the events since the last call."""
-        ...
-
-    def stop(self) -> None:
-        """Ends it."""
-
+Work = Union[ChildWork, ScriptWork, Watch]
+"""Something that goes on beside the polls."""
 
 Begun = Union[Work, Sequence[Event]]
 """Work that goes on, or the events of what is done already."""
@@ -83,9 +58,9 @@ class Effects:
             Phase.VALIDATING: self._child,
             Phase.CONDITION: self._condition,
             Phase.DOWNLOADING: self._child,
-            Phase.PRE_LAUNCH: self._pre_launch,
+            Phase.PRE_LAUNCH: self._file,
             Phase.LAUNCHING: self._launch,
-            Phase.POST_LAUNCH: self._post_launch,
+            Phase.POST_LAUNCH: self._file,
             Phase.WATCHING: self._watch,
             Phase.RETURNING: self._launch,
         }
@@ -129,19 +104,12 @@ class Effects:
         command = interpreted(path)
         return self._script(state, state.deployment.version, command, "the condition file", "DownloadConditionFailed")
 
-    def _pre_launch(self, state: State) -> Begun:
+    def _file(self, state: State) -> Begun:
         assert state.deployment is not None
-        version = state.deployment.version
+        version, name, code = state.deployment.version, "preLaunchFile", "PreLaunchFileFailure"
         file = version.launch.before
-        return self._file(state, version, file, "preLaunchFile", "PreLaunchFileFailure")
-
-    def _post_launch(self, state: State) -> Begun:
-        assert state.deployment is not None
-        version = state.deployment.version
-        file = version.launch.after
-        return self._file(state, version, file, "postLaunchFile", "PostLaunchFileFailure")
-
-    def _file(self, state: State, version: Version, file: str | None, name: str, code: str) -> Begun:
+        if state.phase is Phase.POST_LAUNCH:
+            file, name, code = version.launch.after, "postLaunchFile", "PostLaunchFileFailure"
         if file is None:
             return [Passed(state.phase)]
         command = script_command(self._home.folder / version.folder, file, code)
