@@ -7,6 +7,7 @@ from math import log
 import numpy as np
 
 from .brief import RATIO_TOLERANCE, Brief
+from .connections import Pair
 from .floors import AREA_TOLERANCE, floor_areas, floor_ratios
 from .partition import UNITS_PER_M, Partition
 from .partition_search import shortlists
@@ -20,8 +21,6 @@ _FORBIDDEN = (
 """The smallest sets of rooms and walls between them that no rectangle cut into up to six rectangles has: four that all
 touch each other; two that touch, with three more that touch both; three that each touch three others; and six that
 each touch all but one."""
-
-Pair = tuple[int, int]
 
 
 def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:

@@ -5,7 +5,6 @@ pixels depend on the world alone: not on the machine, its display or its number 
 """
 
 import io
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +23,7 @@ from ..materials.textures import sample
 from ..model.mjcf import wall_faces
 from .preview_light import Block, LightMap
 from .preview_palette import Palette
-from .preview_raster import Raster, View
+from .preview_raster import Image, Raster, View
 
 WIDTH, HEIGHT = 960, 720
 """Size of the picture in pixels."""
@@ -39,7 +38,6 @@ _GLASS = rgb("a8d0e0")
 _EDGE_M = 0.06
 _BEFORE_M = 0.08
 
-Image = NDArray[np.floating[Any]]
 Colors = NDArray[np.uint8]
 
 

@@ -3,18 +3,15 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from math import ceil, floor, sqrt
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
-from .preview_raster import LIGHT
+from .preview_raster import LIGHT, Image
 
 _CELL_M = 0.03
 _MARGIN_M = 1.5
 
-Image = NDArray[np.floating[Any]]
 Block = tuple[float, float, float, float, float]
 """West, south, east, north, height."""
 
