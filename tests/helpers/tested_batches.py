@@ -55,6 +55,7 @@ class Batches:
         document = SimulationJobBatchDocument(
             request={"createSimulationJobRequests": requests},
             batch_policy=StoredBatchPolicy(timeout_in_seconds=60, max_concurrency=2),
+            request_count=len(requests),
             failed={str(len(jobs) + number): why for number in range(failed)},
         )
         batch = self.service.store_job("simulation-job-batch", "batch", document, tags=None, token=None, status=status)
