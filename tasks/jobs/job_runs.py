@@ -442,7 +442,7 @@ class JobRun:
                 stopped=self._is_stopped,
                 resumes=resumes,
                 outdated=lambda: self._is_overtaken(outcome),
-                ended=UploadEnd(self._lease.job.arn, self._service.catalog, self._why_stop),
+                ended=UploadEnd(self._lease.job.arn, self._lease.job.parent, self._service.catalog, self._why_stop),
             )
         except TransferStoppedError:
             return self._concluded(outcome, outputs, finished=finished)
@@ -454,7 +454,12 @@ class JobRun:
 
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
         """The outcome of a job that was cancelled while its outputs were stored, of which a part may be."""
-        outcome = self._overtaken(outcome, outputs) if self._is_overtaken(outcome) else outcome
+        why_stop = self._why_stop()
+        if self._is_overtaken(outcome):
+            outcome = self._overtaken(outcome, outputs)
+        elif outcome.status == "Completed" and why_stop is StopReason.BATCH_CANCELED:
+            # Its run was over, but its outputs are not whole: no good end.
+            outcome = self._overtaken(outcome, outputs).model_copy(update={"failure_code": why_stop.value})
         self._lease.update(SimulationJobProgress(outcome=outcome))  # raises if the lease is another's by now
         try:
             place, part = outputs.conclude(outcome.about_run(), finished=finished)

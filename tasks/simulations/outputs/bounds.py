@@ -16,12 +16,14 @@ from ....schemas.runs.provenance import PROVENANCE_FILE
 from ....schemas.runs.trial_rows import TRIALS_FILE
 from ....schemas.settings import Settings
 from ....schemas.wire.common import shorten
+from ....schemas.wire.errors import TransferStoppedError
+from ...storage.base import Stopped
 
 RESULT_FILE = "result.json"
 _MOST_NAMED = 1000
 """Files that a manifest names as left out: who left a million out needs no million names, and readers fetch them."""
 
-_FIRST = (RESULT_FILE, TRIALS_FILE, PROVENANCE_FILE, "logs/stdout.log", "logs/stderr.log")
+FIRST = (RESULT_FILE, TRIALS_FILE, PROVENANCE_FILE, "logs/stdout.log", "logs/stderr.log")
 """Files that are stored first, because they say how the run went."""
 
 _LONGEST_NAME = 300
@@ -29,8 +31,18 @@ _LONGEST_NAME = 300
 
 def rank(name: str) -> tuple[int, int, bytes]:
     """The order in which outputs are stored as long as there is room: what says how the run went, then the top."""
-    first = _FIRST.index(name) if name in _FIRST else len(_FIRST)
+    first = FIRST.index(name) if name in FIRST else len(FIRST)
     return first, name.count("/"), os.fsencode(name)
+
+
+def check_wanted(ended: Stopped) -> None:
+    """Ends the listing of a run's outputs when they are not wanted any more: there may be very many.
+
+    Raises:
+        TransferStoppedError: `ended` said so.
+    """
+    if ended():
+        raise TransferStoppedError("the outputs are not wanted any more")
 
 
 def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:

@@ -25,7 +25,7 @@ from ...storage.base import Stopped, never
 from ...storage.folders import FolderFile, regular_files
 from ...storage.naming import check_key, join_key
 from ..environment.role_access import acting_service, role_of
-from .bounds import RESULT_FILE, LeftOut, Room, rank
+from .bounds import FIRST, RESULT_FILE, LeftOut, Room, check_wanted, rank
 from .distinct_names import Found, distinct
 from .output_places import output_place, prepare_bucket
 from .result_notes import keep_new_bucket, notes_of
@@ -71,7 +71,9 @@ class RunOutputs:
         self._folder = folder
         self._service = service
         self._sleep = sleep
-        self._planned: list[FolderFile] = []
+        self._planned: list[FolderFile] | None = None
+        """What is to be stored; `None`: it is not listed yet."""
+
         self._arrived: dict[str, ManifestFile | None] = {}
         self._left_out = LeftOut()
         self.bucket, self.prefix = output_place(job, run_id, service)
@@ -144,11 +146,11 @@ class RunOutputs:
             OSError: the outputs cannot be read.
         """
         service = self._patient(stopped)
-        uploaded = self._stage()
+        uploaded = self._stage(ended)
 
         def store_once(*, resumes: bool) -> None:
             prepare_bucket(service, self.bucket)
-            files = [*storable_files(self.output_dir, self.prefix, self._room()), *uploaded]
+            files = [*storable_files(self.output_dir, self.prefix, self._room(), ended), *uploaded]
             files.sort(key=lambda file: rank(file.name))  # what says how the run went is stored first
             self._planned, self._arrived = files, {}
             place = service.store, self.bucket, self.prefix, files
@@ -193,18 +195,25 @@ class RunOutputs:
             OSError: the result cannot be read.
         """
         service = self._patient(lambda: True)
-        for file in self._planned:
-            if file.name not in self._arrived:
-                self._left_out.note(file.name, "was not stored yet when that was cancelled", _size_of(file.path))
-        stored = len(self._arrived)
-        is_part = stored < len(self._planned)
-        words = f"storing outputs was cancelled: {stored} of {len(self._planned)} files are stored" if is_part else None
+        prepare_bucket(service, self.bucket)
+        planned = self._planned
+        if planned is None:
+            is_part, planned = True, self._first_files()
+            words = "storing outputs was cancelled while they were listed: only how the run went is stored"
+            self._left_out.note("...", "was not listed yet when storing was cancelled, like all other outputs")
+        else:
+            for file in planned:
+                if file.name not in self._arrived:
+                    self._left_out.note(file.name, "was not stored yet when that was cancelled", _size_of(file.path))
+            stored = len(self._arrived)
+            is_part = stored < len(planned)
+            words = f"storing outputs was cancelled: {stored} of {len(planned)} files are stored" if is_part else None
         if not finished:
             if words:
                 service.store.put_bytes(self.bucket, join_key(self.prefix, _PARTIAL_NOTE), f"{words}\n".encode())
             return self.place, words
         # The result may have changed: a run that was cancelled is judged no more.
-        again = [file for file in self._planned if file.name == RESULT_FILE]
+        again = planned if self._planned is None else [file for file in planned if file.name == RESULT_FILE]
         publish(
             service.store,
             self.bucket,
@@ -214,10 +223,15 @@ class RunOutputs:
             created_at=self._service.clock(),
             stored=[
                 *(file for name, file in self._arrived.items() if file is not None and name != RESULT_FILE),
-                *rolled_files(self._folder, [file.name for file in self._planned]),
+                *rolled_files(self._folder, [file.name for file in planned]),
             ],
         )
         return self.place, words
+
+    def _first_files(self) -> list[FolderFile]:
+        """What says how the run went, found without listing all outputs."""
+        found = [FolderFile(name, self.output_dir / name) for name in FIRST]
+        return [file for file in found if file.path.is_file() and not file.path.is_symlink()]
 
     def were_stored(self, stopped: Stopped = never) -> None:
         """Checks that they are stored as a whole; a store that does not answer is waited for.
@@ -261,21 +275,23 @@ class RunOutputs:
     def _uploads(self) -> list[Upload]:
         return uploads_of(self._request, self._folder)
 
-    def _stage(self) -> list[FolderFile]:
+    def _stage(self, ended: Stopped) -> list[FolderFile]:
         """The files that upload configurations mean, under the names that they are stored by; all code has stopped.
 
         They are linked into folders of their own, one for each configuration, so that a job worker that goes on after a
         crash finds them too, and finds the same.
         """
         staged, uploads, room = self._folder / "uploads", self._uploads(), self._room()
-        outputs = storable_files(self.output_dir, self.prefix, room)  # they have room before what is from elsewhere
+        outputs = storable_files(
+            self.output_dir, self.prefix, room, ended
+        )  # they have room before what is from elsewhere
         rolling = rolling_only(uploads)
         files = [Found(name, path, replaces=True) for name, path in taken_files(self._folder)]
         matched = self._matched_before(uploads, {file.name for file in files})
         seen: set[tuple[str, int, int]] = set()
         for index, upload in enumerate(uploads):
             folder = staged / f"{index:02d}"
-            stage = self._stager(upload, folder, seen, room)
+            stage = self._stager(upload, folder, seen, room, ended)
             visit_matches(upload.sandbox.root, upload.glob, _counted(stage, index, matched))
             if folder.is_dir():
                 found = regular_files(folder)
@@ -306,8 +322,11 @@ class RunOutputs:
         told, _ = distinct([*outputs, *(file.name for file in placed)], stored, [Found(_NOTES, notes_file)])
         return [*placed, *told]
 
-    def _stager(self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], room: Room) -> Visit:
+    def _stager(
+        self, upload: Upload, folder: Path, seen: set[tuple[str, int, int]], room: Room, ended: Stopped
+    ) -> Visit:
         def visit(descriptor: int, name: str, below: str) -> None:
+            check_wanted(ended)
             try:
                 about = os.stat(name, dir_fd=descriptor, follow_symlinks=False)
                 same = (f"{upload.name}/{below}", about.st_dev, about.st_ino)

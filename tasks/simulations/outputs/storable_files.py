@@ -7,13 +7,14 @@ from pathlib import Path
 
 from ....schemas.wire.errors import StorageError
 from ...storage import MANIFEST_NAME
+from ...storage.base import Stopped, never
 from ...storage.failures import os_failures
 from ...storage.folders import FolderFile, files_told
 from ...storage.naming import check_key, join_key
-from .bounds import Room, rank
+from .bounds import Room, check_wanted, rank
 
 
-def storable_files(folder: Path, prefix: str, room: Room) -> list[FolderFile]:
+def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never) -> list[FolderFile]:
     """Looks through what a run wrote; none of its processes is there any more.
 
     Left out are links, pipes, sockets and devices, what this process may not read, what no store could have under its
@@ -24,8 +25,10 @@ def storable_files(folder: Path, prefix: str, room: Room) -> list[FolderFile]:
         folder: where the run wrote.
         prefix: of the keys that the files get.
         room: what may be stored; it is taken, and is told what is left out.
+        ended: asked before each file whether to end that; quick.
 
     Raises:
+        TransferStoppedError: `ended` said so.
         StorageError: there is no such folder.
     """
     count = size_bytes = 0
@@ -36,6 +39,7 @@ def storable_files(folder: Path, prefix: str, room: Room) -> list[FolderFile]:
     def found() -> Iterator[tuple[FolderFile, int]]:
         nonlocal count, size_bytes
         for file in files_told(folder, leave_out):
+            check_wanted(ended)
             if (why := _obstacle(file, prefix)) is not None:
                 leave_out(file.path, why)
                 continue

@@ -1,5 +1,6 @@
 """Outputs without end: a run that leaves them holds no machine, and cancelling ends its upload."""
 
+import itertools
 import json
 import threading
 import time
@@ -11,11 +12,16 @@ import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
-from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
+from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, TransferStoppedError
+from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
+from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
+from prefect_robomaker.tasks.simulations.outputs.upload_ends import UploadEnd
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]
@@ -169,3 +175,68 @@ def test_a_job_that_stores_holds_no_slot_of_the_machine(
     call("CancelSimulationJob", {"job": first}, service)
     worker.join(200)
     assert service.catalog.get(first).status == "Canceled"
+
+
+def test_cancelling_a_batch_ends_the_uploads_of_its_jobs(service: Service, order: Order) -> None:
+    job = order({"DO": NEAR_GB, "DURATION_S": "0.1", "VERDICT": "PASS"})
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
+    made = lambda lease: BatchRun(lease, service).create_job(0)  # noqa: E731
+    run_under_lease(batch, "simulation-job-batch", service, made)
+    [arn] = [job.arn for job in service.catalog.list("simulation-job").resources]
+
+    def why_stop() -> StopReason | None:
+        return StopReason.BATCH_CANCELED if service.catalog.cancel_requested(batch) else None
+
+    worker = threading.Thread(target=perform_job, args=(arn, service, why_stop), daemon=True)
+    worker.start()
+    wait_for(lambda: service.catalog.get(arn).status == "Terminating", "the upload to begin")
+    time.sleep(1.0)
+    assert service.catalog.get(arn).status == "Terminating", "it is under way"
+    asked_s = time.process_time()
+
+    service.catalog.request_cancel(batch)
+
+    worker.join(200)
+    assert time.process_time() - asked_s < 5.0, "it did not go through the file"
+    job = service.catalog.get(arn)
+    about, names, document = manifest_of(service, job.arn)
+    # A good end whose outputs are missing would be no good end.
+    assert (job.status, document.verdict, document.failure_code) == ("Canceled", None, "BatchCanceled")
+    assert about["partial"] is True
+    assert "large.bin" not in names
+
+
+@pytest.mark.parametrize("reason", [StopReason.BATCH_TIMED_OUT, StopReason.BATCH_CANCELED])
+def test_uploads_go_on_when_the_batch_was_not_cancelled(service: Service, order: Order, reason: StopReason) -> None:
+    """A batch whose time is over lets them finish, and one that lost its lease has another process by now."""
+    job = order()
+    batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
+    reasons: list[StopReason | None] = [None]
+    clock = itertools.count()
+    ended = UploadEnd("none", batch, service.catalog, lambda: reasons[-1], clock=lambda: float(next(clock)))
+    reasons.append(reason)
+
+    assert not any(ended() for _ in range(5))
+
+
+def test_cancelling_is_heard_while_very_many_outputs_are_listed(service: Service, order: Order) -> None:
+    """Of 200,000 files that took three quarters of a minute."""
+    arn = call("CreateSimulationJob", order(), service)["arn"]
+    job = service.catalog.get(arn)
+    output = service.folder("jobs", job.id, "run", "output")
+    for number in range(500):
+        (output / str(number)).touch()
+    (output / "result.json").write_text("{}")
+    outputs = RunOutputs(job, "run", output.parent, service)
+    asked = itertools.count()
+
+    with pytest.raises(TransferStoppedError):
+        outputs.store({}, finished=True, ended=lambda: next(asked) > 100)
+
+    assert next(asked) < 200, "it ended in the midst of the first list"
+    place, words = outputs.conclude({}, finished=True)
+    assert words is not None
+    assert "while they were listed" in words
+    manifest = read_manifest(service.store, place.bucket, place.prefix)
+    assert manifest.about["partial"] is True
+    assert [file.path for file in manifest.files] == ["result.json"]
