@@ -157,7 +157,7 @@ def RunPipeline(
         reuse: whether worlds and results that are there already, of the same inputs, are taken over.
         continues: id of a run whose process died; it is finished, and nothing else is run.
     """
-    pipeline = _current.get()
+    pipeline, taking_up = _current.get(), None
     if pipeline is None:
         settings = Settings.from_environment(os.environ)
         if (skipped := skipped_night(settings)) is not None:
@@ -170,11 +170,14 @@ def RunPipeline(
             if taken is not None:
                 pipeline = PipelineRun.of_order(taken)
             else:
-                TakingUp(settings, tell=tell_of_left).start()
+                taking_up = TakingUp(settings, tell=tell_of_left)
+                taking_up.start()
                 pipeline = PipelineRun.of_parameters(spec, text, origin, reuse=reuse)
     service = pipeline.service
     with ends_as_cancelled(), watched_run(service.catalog, pipeline.cancel):
         pipeline.run()
+        if taking_up is not None:
+            taking_up.wait_in_container()
     return end_state(pipeline.result(), None, verdict_fails_run=service.settings.verdict_fails_run)
 
 

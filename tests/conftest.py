@@ -23,6 +23,7 @@ pytest_plugins = [
     "helpers.job_worker_process",
     "helpers.known_worlds",
     "helpers.minio_server",
+    "helpers.mortal_prefect",
     "helpers.postgres_server",
     "helpers.prefect_server",
     "helpers.real_engine",

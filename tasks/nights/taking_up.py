@@ -45,6 +45,9 @@ _PREFECTS = "PREFECT__"
 _MOST_AT_ONCE = 4
 """Each is a process of some 200 MB; their jobs share the machine with all others."""
 
+_CLAIMED_WITHIN_S = 60.0
+"""How long a flow run in a container waits at its end for runs to be taken up: the first look leaves them for 20 s."""
+
 _logger = logging.getLogger(__name__)
 
 OrderFlowRun = Callable[[Order], bool]
@@ -96,6 +99,31 @@ class TakingUp:
         """
         return [run.run_id for run in broken_off_runs(self._settings) if self._take(run)]
 
+    def wait_in_container(self) -> None:
+        """Waits until the runs have ended that this process finishes, if it is a flow run with a container of its own.
+
+        All processes of a container die with its first one, which is the flow run: each night would take up the run
+        that broke off, and none would finish it.
+        """
+        if not _ends_with_container():
+            return
+        began = time.monotonic()
+        while self._is_finishing() or (time.monotonic() - began < _CLAIMED_WITHIN_S and self._will_take_any()):
+            time.sleep(1.0)
+
+    def _is_finishing(self) -> bool:
+        return any(map(is_going, self._started.values()))
+
+    def _will_take_any(self) -> bool:
+        return any(
+            self._is_for_this_home(run) and not run.why_left and not _is_too_soon(run)
+            for run in broken_off_runs(self._settings)
+        )
+
+    def _is_for_this_home(self, run: BrokenOff) -> bool:
+        """Whether this process may finish a run; else a server that knows the visitor's key does."""
+        return run.order.key_id is None or self._settings.access_keys_file is not None
+
     def _look_until_end(self) -> None:
         missed, looked_at = self._look_for_missed, 0.0
         told: set[str] = set()
@@ -108,8 +136,8 @@ class TakingUp:
             time.sleep(EVERY_S)
 
     def _take(self, run: BrokenOff) -> bool:
-        if run.order.key_id is not None and self._settings.access_keys_file is None:
-            return False  # a server that knows the visitor's key finishes it
+        if not self._is_for_this_home(run):
+            return False
         key = (run.run_id, len(run.order.interruptions))
         seen_at = self._seen_at.setdefault(key, time.monotonic())
         if run.order.deployment is not None:
@@ -154,6 +182,16 @@ def _try(look: Callable[[], object], what: str, told: set[str]) -> None:
         if what not in told:
             _logger.warning("%s are not looked for: %s: %s", what, type(error).__name__, error)
             told.add(what)
+
+
+def _ends_with_container() -> bool:
+    """Whether the first process of the container, or machine, is that of a flow run."""
+    try:
+        return any(
+            word.startswith(b"PREFECT__FLOW_RUN_ID=") for word in Path("/proc/1/environ").read_bytes().split(b"\0")
+        )
+    except OSError:
+        return False  # it is another user's: a machine's own
 
 
 def _is_too_soon(run: BrokenOff) -> bool:

@@ -2,10 +2,8 @@
 
 import os
 import random
-import signal
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from uuid import uuid4
@@ -13,16 +11,14 @@ from uuid import uuid4
 import pytest
 from helpers.batch_invariants import has_ended
 from helpers.kill_rounds import Actor
+from helpers.mortal_prefect import MortalPrefectServer
 from helpers.processes import wait_for
 from helpers.s3_server import MortalS3Server
 
-from prefect_robomaker.deployments.prefect_server.local_server import ensure_server, server_status, stop_server
-from prefect_robomaker.deployments.prefect_server.secret import auth_string
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-NO_PROFILE = {"PREFECT_PROFILES_PATH": "/nowhere"}
 ROLE = "arn:aws:iam::000000000000:role/test"
 SWING = {"SLEEP_S": "0.005", "TIME_LIMIT_S": "20", "ROBOMAKER_CHECKPOINT_EVERY_S": "0.25"}
 
@@ -47,39 +43,6 @@ def service(postgres_database: str, mortal_s3: MortalS3Server, bucket: str, tmp_
     service = Service.open(Settings.from_environment(environ), environ)
     yield service
     service.catalog.close()
-
-
-class MortalPrefectServer:
-    """A Prefect server of its own, that comes back at the address it had.
-
-    Args:
-        home: where it keeps its database.
-    """
-
-    def __init__(self, home: Path) -> None:
-        self._settings = Settings.from_environment({"ROBOMAKER_HOME": str(home)})
-        url = ensure_server(self._settings, NO_PROFILE)
-        self.variables = {"PREFECT_API_URL": url, "PREFECT_API_AUTH_STRING": auth_string(self._settings)}
-
-    def kill(self) -> None:
-        """Kills it and starts it again."""
-        pid = server_status(self._settings, NO_PROFILE).pid
-        assert pid is not None
-        with suppress(ProcessLookupError):
-            os.killpg(pid, signal.SIGKILL)
-        assert ensure_server(self._settings, NO_PROFILE) == self.variables["PREFECT_API_URL"]
-
-    def stop(self) -> None:
-        """Ends it for good."""
-        stop_server(self._settings)
-
-
-@pytest.fixture
-def mortal_prefect(tmp_path: Path) -> Iterator[MortalPrefectServer]:
-    """A Prefect server that a test may kill."""
-    server = MortalPrefectServer(tmp_path / "prefect")
-    yield server
-    server.stop()
 
 
 @pytest.fixture

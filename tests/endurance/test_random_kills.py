@@ -10,11 +10,12 @@ from pathlib import Path
 import pytest
 from helpers.batch_invariants import check_invariants, has_ended
 from helpers.kill_rounds import Actor, kill_at_random
+from helpers.mortal_prefect import MortalPrefectServer
 from helpers.postgres_server import NEEDS_POSTGRESQL, PostgresServer
 from helpers.processes import wait_for, working_below
 from helpers.s3_server import MortalS3Server
 
-from .conftest import MortalPrefectServer, keep, seed_of_the_run, wait_for_the_end
+from .conftest import keep, seed_of_the_run, wait_for_the_end
 
 pytestmark = NEEDS_POSTGRESQL
 

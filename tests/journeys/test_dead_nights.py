@@ -6,11 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import pytest
 from helpers.endpoint_process import Serve
+from helpers.mortal_prefect import MortalPrefectServer
 from helpers.paths import BUNDLES
-from helpers.processes import kill_tree, process_worker, started, wait_for
+from helpers.processes import alive, descendants, kill_tree, process_worker, started, wait_for
 
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.tasks.service.service import Service
@@ -19,8 +21,19 @@ pytestmark = [pytest.mark.deep, pytest.mark.timeout(1800)]
 
 ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]
 SUITE = {"name": "General"}
+CONTAINER = ["unshare", "--pid", "--fork", "--mount-proc"]
+"""Words before a command that is then the first process of a container: all others end with it."""
+
+GRACE_S = 180.0
+"""How long systemd leaves a Prefect worker to end: `TimeoutStopSec` in `robomaker-worker.service`."""
+
 MINE = {"PYTHONPATH": str(BUNDLES / "sleeper"), "PYTHONDONTWRITEBYTECODE": "1"}
 """Variables with which the night's application is found, and without which it is not."""
+
+
+def new_pool() -> str:
+    """A name that no other test gives its work pool; all of them have one server."""
+    return f"nights-{uuid4().hex[:8]}"
 
 
 def state_of(client: Any, flow_run: Any) -> Any:
@@ -117,6 +130,12 @@ def record_of(service: Service) -> RunRecord:
     return RunRecord.model_validate_json(path.read_text())
 
 
+def record_folder(service: Service) -> Path:
+    """The folder of the only run."""
+    [folder] = (path.parent for path in (service.settings.home / "runs").glob("*/order.json"))
+    return folder
+
+
 def check_finished(service: Service, before: dict[str, Any]) -> RunRecord:
     """Checks that a night was finished, and that nothing of it was done twice."""
     record = record_of(service)
@@ -134,19 +153,85 @@ def ended_jobs(service: Service) -> dict[str, Any]:
     return {job.arn: job for job in found if job.status == "Completed"}
 
 
+def kill_a_night(client: Any, pool: str, service: Service, environ: dict[str, str], folder: Path) -> tuple[Any, str]:
+    """Begins a night by a Prefect worker, and kills both in the middle.
+
+    Returns:
+        The deployment's id, and the ARN of the batch that was running.
+    """
+    with process_worker(pool, environ, folder / "worker.log") as worker:
+        wait_for(lambda: pool in {each.name for each in client.read_work_pools()}, "the worker's pool", 300)
+        deployment = begin_night(client, pool)
+        batch = in_the_middle(service)
+        kill_tree(worker.pid)
+    return deployment, batch
+
+
+@pytest.mark.parametrize("place", ["a process", "a container"])
+def test_the_next_night_finishes_the_dead_one(
+    place: str, service: Service, environ: dict[str, str], tmp_path: Path
+) -> None:
+    """The next night is executed as a work pool does it; no Prefect worker has the home, as with container pools."""
+    from prefect.client.orchestration import get_client
+    from prefect.states import Pending
+
+    in_container = place == "a container"
+    if in_container and subprocess.run([*CONTAINER, "true"], capture_output=True, check=False).returncode:
+        pytest.skip("this user may make no namespaces of processes")
+    with get_client(sync_client=True) as client:
+        deployment, _ = kill_a_night(client, new_pool(), service, environ, tmp_path)
+        before = ended_jobs(service)
+        dead = record_folder(service)
+        # Short, so that a container would end before the dead night is finished.
+        steps = {"list": {"operation": "ListWorlds"}}
+        text = night(duration_s=15.0, jobs=2) if not in_container else json.dumps(
+            {"version": 1, "name": "short", "steps": steps}
+        )  # fmt: skip
+        following = client.create_flow_run_from_deployment(deployment, parameters={"text": text})
+
+        def has_place() -> bool:
+            return client.set_flow_run_state(following.id, Pending()).status.value == "ACCEPT"
+
+        wait_for(has_place, "the dead night to give back its place", 300)
+        command = [sys.executable, "-m", "prefect", "flow-run", "execute", str(following.id)]
+        mine = {**environ, **MINE, "PREFECT__FLOW_RUN_ID": str(following.id)}
+        with started([*CONTAINER, *command] if in_container else command, mine, cwd=tmp_path) as executing:
+            executing.wait(900)
+        wait_for(lambda: (dead / "run.json").exists(), "the dead night's record", 0.0 if in_container else 300.0)
+        assert state_of(client, following.id).is_completed()
+
+    record = RunRecord.model_validate_json((dead / "run.json").read_text())
+    assert (record.state, [job.status for job in record.jobs]) == ("succeeded", ["Completed"] * 7)
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
+    for arn, resource in before.items():
+        assert service.catalog.get(arn) == resource
+
+
+def test_a_job_worker_finishes_the_dead_night_whose_batch_it_works_for(
+    service: Service, environ: dict[str, str], tmp_path: Path
+) -> None:
+    from prefect.client.orchestration import get_client
+
+    with get_client(sync_client=True) as client:
+        _, batch = kill_a_night(client, new_pool(), service, environ, tmp_path)
+    before = ended_jobs(service)
+    command = [*ROBOMAKER, "work", batch]
+    with started(command, {**environ, **MINE}, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as working:
+        record = check_finished(service, before)
+        told, _ = working.communicate(timeout=600)
+    assert working.returncode == 0, told
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
+
+
 @pytest.mark.parametrize("finisher", ["another Prefect worker", "robomaker serve"])
 def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
     finisher: str, service: Service, environ: dict[str, str], serve: Serve, tmp_path: Path
 ) -> None:
     from prefect.client.orchestration import get_client
 
-    pool = f"nights-{tmp_path.name}"
+    pool = new_pool()
     with get_client(sync_client=True) as client:
-        with process_worker(pool, environ, tmp_path / "worker.log") as worker:
-            wait_for(lambda: pool in {each.name for each in client.read_work_pools()}, "the worker's pool", 300)
-            deployment = begin_night(client, pool)
-            in_the_middle(service)
-            kill_tree(worker.pid)
+        deployment, _ = kill_a_night(client, pool, service, environ, tmp_path)
         before = ended_jobs(service)
         [dead] = runs_of(client, deployment)
 
@@ -225,3 +310,36 @@ def test_a_night_that_was_cancelled_and_killed_ends_as_cancelled(
 
 def jobs(service: Service) -> list[Any]:
     return list(service.catalog.list("simulation-job").resources)
+
+
+def test_a_prefect_worker_without_its_server_ends_in_time_and_its_night_is_finished(
+    service: Service,
+    environ: dict[str, str],
+    mortal_prefect: MortalPrefectServer,
+    serve: Serve,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A machine that shuts down ends its services, the Prefect server perhaps before the worker."""
+    for name, value in mortal_prefect.variables.items():
+        monkeypatch.setenv(name, value)
+    from prefect.client.orchestration import SyncPrefectClient
+
+    pool, theirs = new_pool(), {**environ, **mortal_prefect.variables}
+    client = SyncPrefectClient(theirs["PREFECT_API_URL"], auth_string=theirs["PREFECT_API_AUTH_STRING"])
+    with client, process_worker(pool, theirs, tmp_path / "worker.log") as worker:
+        wait_for(lambda: pool in {each.name for each in client.read_work_pools()}, "the worker's pool", 300)
+        begin_night(client, pool)
+        in_the_middle(service)
+        below = descendants(worker.pid)
+        mortal_prefect.die()
+        worker.terminate()
+        worker.wait(GRACE_S)
+        wait_for(lambda: not alive(below), "what the worker started to end with it")
+    before = ended_jobs(service)
+    monkeypatch.undo()
+
+    with serve(**environ, **MINE) as served:
+        served.wait_until_ready()
+        record = check_finished(service, before)
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]

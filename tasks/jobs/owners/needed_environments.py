@@ -31,8 +31,9 @@ SETTINGS: Mapping[str, Sequence[str]] = {
 OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
 """Variables of simulations that are no settings."""
 
-_OF_PREFECT_RUN = re.compile(r"tmp\w+prefect")
-"""Names that `tempfile` makes of the suffix that Prefect's workers give it."""
+_OF_PREFECT_RUN = re.compile(r"tmp\w+prefect|prefect-flow-run-\w+")
+"""Names that `tempfile` makes of the suffix that Prefect's workers give it, and of the prefix that `prefect flow-run
+execute` does, which containers of work pools run."""
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
@@ -102,7 +103,7 @@ def written(value: object) -> str:
 
 
 def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
-    """The folders of PYTHONPATH, absolute, without the one that a Prefect worker makes for each run and removes.
+    """The folders of PYTHONPATH, absolute, without the one that Prefect makes for each run and removes.
 
     No other run has that folder. What a run imported from it is a package, and missed as such.
     """

@@ -72,7 +72,7 @@ class RunOutputs:
         self._service = service
         self._sleep = sleep
         self._planned: list[FolderFile] | None = None
-        """What is to be stored; `None`: it is not listed yet."""
+        """Files to store; `None`: they are not listed yet."""
 
         self._arrived: dict[str, ManifestFile | None] = {}
         self._left_out = LeftOut()
@@ -229,7 +229,7 @@ class RunOutputs:
         return self.place, words
 
     def _first_files(self) -> list[FolderFile]:
-        """What says how the run went, found without listing all outputs."""
+        """Files that say how the run went, found without listing all outputs."""
         found = [FolderFile(name, self.output_dir / name) for name in FIRST]
         return [file for file in found if file.path.is_file() and not file.path.is_symlink()]
 
