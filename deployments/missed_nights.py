@@ -16,7 +16,7 @@ from prefect.client.schemas.filters import (
     FlowRunFilter,
     FlowRunFilterStartTime,
 )
-from prefect.client.schemas.objects import WorkPoolStatus
+from prefect.client.schemas.objects import FlowRun, StateType, WorkPoolStatus
 from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.exceptions import ObjectNotFound
@@ -30,6 +30,7 @@ from ..tasks.nights.missed import (
     DueRun,
     booted_at,
     forget_schedule,
+    has_run,
     judged,
     message_of_missed,
     only_one,
@@ -139,7 +140,7 @@ def looked_at(
         return None
     return judged(
         schedule,
-        _runs(schedule, client),
+        _runs(schedule, settings, client),
         is_paused=bool(deployment.paused) or not any(each.active for each in deployment.schedules),
         now=now,
         max_late=timedelta(hours=settings.max_late_hours),
@@ -147,7 +148,7 @@ def looked_at(
     )
 
 
-def _runs(schedule: NightSchedule, client: SyncPrefectClient) -> Mapping[datetime, DueRun]:
+def _runs(schedule: NightSchedule, settings: Settings, client: SyncPrefectClient) -> Mapping[datetime, DueRun]:
     """The runs for times of the schedule since the last look, and the next ones."""
     found = client.read_flow_runs(
         deployment_filter=DeploymentFilter.model_validate({"id": {"any_": [schedule.deployment]}}),
@@ -157,11 +158,19 @@ def _runs(schedule: NightSchedule, client: SyncPrefectClient) -> Mapping[datetim
     )
     return {
         run.expected_start_time.astimezone(UTC): DueRun(
-            run.state.type.value, run.state.name or "", run.state.message or "", run.start_time is not None
+            run.state.type.value, run.state.name or "", run.state.message or "", _has_begun(run, schedule, settings)
         )
         for run in found
         if run.auto_scheduled and run.expected_start_time is not None and run.state is not None
     }
+
+
+def _has_begun(run: FlowRun, schedule: NightSchedule, settings: Settings) -> bool:
+    """Whether a flow run began, and has a run in the data home if its process died."""
+    if run.start_time is None or run.state is None:
+        return False
+    is_dead = run.state.type is StateType.CRASHED
+    return not is_dead or has_run(settings.home, schedule.name, run.start_time, run.state.timestamp)
 
 
 def _tell(before: NightSchedule, found: NightSchedule, settings: Settings) -> None:

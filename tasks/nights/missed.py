@@ -14,6 +14,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from ...schemas.missed_nights import MissedNight, NightSchedule
+from ...schemas.reports.run_record import new_run_id
 from ...schemas.settings import Settings
 from ..notifications.messages import Message
 from ..notifications.sending import send
@@ -21,6 +22,9 @@ from ..notifications.sending import send
 _FOLDER, _LOCK = "nights", "lock"
 _MOST_MISSED = 100
 """How many of a schedule are kept: as many as a history shows nights."""
+
+_SKEW = timedelta(minutes=1)
+"""How far the clocks of this machine and of the Prefect server may be apart."""
 
 PAUSED = "its schedule was paused"
 _NO_WORKER = "no Prefect worker was running"
@@ -36,6 +40,24 @@ class DueRun:
     state_name: str
     message: str
     has_begun: bool
+    """Whether there is anything of it: one that crashed in its first moments has left nothing."""
+
+
+def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
+    """Whether a run of a specification began in a data home within a time, by the names of the folders of runs.
+
+    A flow run whose process dies in its first moments has none: nothing finishes it.
+
+    Args:
+        home: the data home.
+        name: name of the specification.
+        since: when it may have begun.
+        until: until when it may have begun.
+    """
+    first, last = new_run_id(name, since - _SKEW), new_run_id(name, until + _SKEW)
+    with suppress(OSError):
+        return any(first <= path.name <= last for path in (home / "runs").iterdir())
+    return False
 
 
 def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from helpers.night_records import make_night, store_night
 from helpers.processes import wait_for
 from helpers.receivers import Webhook
 
+from prefect_robomaker.schemas.reports.run_record import new_run_id
 from prefect_robomaker.schemas.run_orders import Order
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.missed import missed_nights, note_schedule, schedules_of
@@ -69,6 +71,37 @@ def test_a_first_night_that_never_began_is_told(
     other = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "other")})
     look_for_missed_nights(other, in_two_days)
     assert schedules_of(other.home) == []  # its runs have another home
+
+
+def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
+    deployment: Any, prefect_server: str, tmp_path: Path
+) -> None:
+    """Nothing finishes it: there is no run of it."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterId
+    from prefect.states import Crashed, Running
+
+    from prefect_robomaker.deployments.missed_nights import look_for_missed_nights
+
+    del prefect_server
+    homes = [tmp_path / "without its run", tmp_path / "with its run"]
+    for home in homes:
+        note_schedule(home, str(deployment), "nightly", datetime.now(UTC))
+    chosen = DeploymentFilter(id=DeploymentFilterId(any_=[deployment]))
+    with get_client(sync_client=True) as client:
+        runs = wait_for(lambda: client.read_flow_runs(deployment_filter=chosen), "the server to make runs")
+        first = min(runs, key=lambda run: run.expected_start_time)
+        for state in (Running(), Crashed(message="killed by SIGKILL")):
+            client.set_flow_run_state(first.id, state, force=True)
+        (homes[1] / "runs" / new_run_id("nightly", client.read_flow_run(first.id).start_time)).mkdir(parents=True)
+
+    for home in homes:
+        settings = Settings.from_environment({"ROBOMAKER_HOME": str(home)})
+        look_for_missed_nights(settings, first.expected_start_time + DAY)
+
+    told = {night.due_at: night.reason for night in missed_nights(homes[0], "nightly")}
+    assert told[first.expected_start_time] == "its run crashed before it began: killed by SIGKILL"
+    assert first.expected_start_time not in {night.due_at for night in missed_nights(homes[1], "nightly")}
 
 
 def test_missed_nights_are_kept_and_told_once(

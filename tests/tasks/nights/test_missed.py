@@ -1,11 +1,12 @@
 """Nights that were due and did not happen: which, why, and how often they are told."""
 
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
 
 from prefect_robomaker.schemas.missed_nights import MissedNight, NightSchedule
-from prefect_robomaker.tasks.nights.missed import PAUSED, DueRun, judged, message_of_missed
+from prefect_robomaker.tasks.nights.missed import PAUSED, DueRun, has_run, judged, message_of_missed
 
 DUE = datetime(2026, 11, 27, 2, tzinfo=UTC)
 NOW = DUE + timedelta(hours=7)
@@ -58,6 +59,18 @@ def test_a_night_that_did_not_happen_says_why(run: DueRun | None, reason: str) -
 )
 def test_a_night_that_began_is_not_missed(run: DueRun) -> None:
     assert look(run).missed == []
+
+
+def test_a_night_killed_in_its_first_moments_has_no_run(tmp_path: Path) -> None:
+    def killed(name: str = "night") -> bool:
+        return has_run(tmp_path, name, DUE, DUE + timedelta(minutes=3))
+
+    assert not killed()
+    for folder in ("night-20261127T030000000", "night-2-20261127T020100000", "other-20261127T020100000"):
+        (tmp_path / "runs" / folder).mkdir(parents=True)
+    assert not killed()
+    (tmp_path / "runs" / "night-20261127T020100000").mkdir()
+    assert killed()
 
 
 def test_a_machine_that_was_off_is_told_apart_from_a_missing_worker() -> None:
