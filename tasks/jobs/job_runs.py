@@ -454,12 +454,8 @@ class JobRun:
 
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
         """The outcome of a job that was cancelled while its outputs were stored, of which a part may be."""
-        why_stop = self._why_stop()
-        if self._is_overtaken(outcome):
+        if is_overtaken(outcome.status, self._why_stop(), is_whole=False):
             outcome = self._overtaken(outcome, outputs)
-        elif outcome.status == "Completed" and why_stop is StopReason.BATCH_CANCELED:
-            # Its run was over, but its outputs are not whole: no good end.
-            outcome = self._overtaken(outcome, outputs).model_copy(update={"failure_code": why_stop.value})
         self._lease.update(SimulationJobProgress(outcome=outcome))  # raises if the lease is another's by now
         try:
             place, part = outputs.conclude(outcome.about_run(), finished=finished)
@@ -474,7 +470,7 @@ class JobRun:
 
     def _overtaken(self, outcome: Outcome, outputs: RunOutputs) -> Outcome:
         """The outcome of a job that was cancelled while they were stored; the run's result has no verdict any more."""
-        outcome = overtaken(outcome)
+        outcome = overtaken(outcome, self._why_stop())
         self._lease.update(SimulationJobProgress(outcome=outcome, verdict=None, verdict_reason=None))
         remove_verdict(outputs.output_dir)
         return outcome

@@ -37,12 +37,15 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
     return outcome.model_copy(update=took)
 
 
-def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None) -> bool:
+def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, is_whole: bool = True) -> bool:
     """Whether a run's good end gives way to a cancellation that was answered before the job had ended.
 
-    One that failed stays failed, and the end of a batch takes nothing from a job whose run was over.
+    One that failed stays failed, and the end of a batch takes nothing from a job whose run was over, unless its outputs
+    were not stored as a whole for that.
     """
-    return status == "Completed" and stopped_because is StopReason.CANCELED
+    if stopped_because is StopReason.BATCH_CANCELED and is_whole:
+        return False
+    return status == "Completed" and stopped_because in (StopReason.CANCELED, StopReason.BATCH_CANCELED)
 
 
 def stopped(reason: StopReason, words: str) -> Outcome:
@@ -52,9 +55,11 @@ def stopped(reason: StopReason, words: str) -> Outcome:
     return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
 
 
-def overtaken(outcome: Outcome) -> Outcome:
-    """The outcome of a job whose run had completed when it was cancelled."""
-    return outcome.model_copy(update={"status": "Canceled", "verdict": None, "verdict_reason": None})
+def overtaken(outcome: Outcome, reason: StopReason | None = None) -> Outcome:
+    """The outcome of a job whose run had completed when it, or its batch, was cancelled."""
+    code = reason.value if reason is StopReason.BATCH_CANCELED else None
+    without = {"failure_code": code, "verdict": None, "verdict_reason": None}
+    return outcome.model_copy(update={"status": "Canceled", **without})
 
 
 def failed(code: str, reason: str) -> Outcome:
