@@ -1,22 +1,28 @@
-"""Closes flow runs and task runs of dead processes in Prefect, in a thread beside other work.
-
-The local Prefect server does it all the time, the job worker of `robomaker serve` too, and each start of a run once:
-so runs are closed also on a server that others keep. What only seems dead there, and has ended by the records of this
-home, is shown as it ended; limits of batches that have ended are removed.
-"""
+"""Closes flow runs and task runs of dead processes in Prefect, by what they wrote down, in a thread."""
 
 import logging
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
+from contextlib import suppress
+from datetime import datetime
 from functools import partial
+from typing import Any
+from uuid import UUID
 
 from prefect.client.orchestration import PrefectClient, SyncPrefectClient, get_client
+from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterName
+from prefect.client.schemas.objects import FlowRun, State
+from prefect.exceptions import ObjectNotFound
 from prefect.settings import get_current_settings
 
+from ..schemas.lifecycles import is_terminal
+from ..schemas.reports.run_states import result_of
 from ..schemas.settings import Settings
+from ..schemas.wire.errors import RobomakerError
 from ..tasks.backends.backend import JOB_WORKER_FLOW
+from ..tasks.execution.batch_slots import batches_with_limits, limit_name
 from ..tasks.execution.dead_flow_runs import (
     SILENCE_S,
     UNHEARD_S,
@@ -25,12 +31,121 @@ from ..tasks.execution.dead_flow_runs import (
     sweep,
     tell_ends,
     tell_of_dead,
+    was_silent,
 )
+from ..tasks.execution.flow_ends import end_state
 from ..tasks.execution.prefect_settings import asking_once
+from ..tasks.inspection.run_records import RECORD_NAME, read_record
+from ..tasks.inspection.standings import job_result
 from ..tasks.nights.broken_off import broken_off_runs
 from ..tasks.operations.registry import flow_names, registry
-from .leftover_limits import remove_leftover_limits
-from .recorded_ends import RecordedEnds
+from ..tasks.service.service import Service
+
+_KIND = "simulation-job-batch"
+
+_logger = logging.getLogger(__name__)
+
+
+def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
+    """Lists the limits of batches that have ended, by the catalog; batches of other homes are not known there.
+
+    Args:
+        batches: their ids.
+        service: where the catalog is.
+
+    Returns:
+        The names of their limits.
+    """
+    found = service.catalog.get_many([service.arn(_KIND, batch) for batch in batches])
+    return [limit_name(batch.id) for batch in found.values() if is_terminal(batch.kind, batch.status)]
+
+
+def remove_leftover_limits(client: SyncPrefectClient, settings: Settings) -> list[str]:
+    """Deletes the limits of batches that have ended; returns their names."""
+    if not (batches := batches_with_limits(client)):
+        return []
+    with Service.opened(settings) as service:
+        names = leftover_limits(batches, service)
+    removed: list[str] = []
+    for name in names:
+        try:
+            client.delete_global_concurrency_limit_by_name(name)
+        except ObjectNotFound:
+            continue  # somebody else was faster
+        removed.append(name)
+    if removed:
+        _logger.info("removed the concurrency limits of batches that have ended: %s", ", ".join(removed))
+    return removed
+
+
+_FRESH_S = 60.0
+
+
+class RecordedEnds:
+    """Ends of flow runs as one data home has recorded them; used from one thread.
+
+    Args:
+        settings: the data home's.
+        client: of the server that shows the flow runs.
+    """
+
+    def __init__(self, settings: Settings, client: SyncPrefectClient) -> None:
+        self._settings = settings
+        self._client = client
+        self._answers: dict[UUID, tuple[float, State[Any] | None]] = {}
+
+    def end_of(self, run: FlowRun) -> State[Any] | None:
+        """Says how a flow run ended; `None`: it is not known here. Answers are up to a minute old."""
+        now_s = time.monotonic()
+        self._answers = {each: (at_s, end) for each, (at_s, end) in self._answers.items() if now_s - at_s < _FRESH_S}
+        if run.id not in self._answers:
+            self._answers[run.id] = now_s, self._find_end(run)
+        return self._answers[run.id][1]
+
+    def _find_end(self, run: FlowRun) -> State[Any] | None:
+        try:
+            arn = run.parameters.get("arn")
+            return self._end_of_run(run) if arn is None else self._end_of_job(run, str(arn))
+        except (RobomakerError, OSError) as error:
+            _logger.debug("how %s ended is not known: %s", run.name, error)
+            return None
+
+    def _end_of_run(self, run: FlowRun) -> State[Any] | None:
+        """The end of a run of a specification: only the flow run that wrote the record has ended so."""
+        began = run.start_time or run.created
+        for path in (self._settings.home / "runs").glob(f"*/{RECORD_NAME}"):
+            with suppress(OSError):
+                if began is not None and datetime.fromtimestamp(path.stat().st_mtime, began.tzinfo) < began:
+                    continue
+                if str(run.id).encode() not in path.read_bytes():  # most are of others, and some are large
+                    continue
+            record = read_record(path)
+            if record.flow_run == run.id:
+                return end_state(result_of(record), None, verdict_fails_run=self._settings.verdict_fails_run)
+        return None
+
+    def _end_of_job(self, run: FlowRun, arn: str) -> State[Any] | None:
+        """The end of a job, if a flow run that was called dead is the last that carried it out."""
+        if not was_silent(run):
+            return None  # somebody saw that it died
+        with Service.opened(self._settings) as service:
+            job = service.catalog.get_many([arn]).get(arn)
+            if job is None or not is_terminal(job.kind, job.status) or not self._is_last(run):
+                return None
+            flow = self._client.read_flow(run.flow_id).name
+            operation = next(each for each in registry().values() if each.run_job and each.perform_name == flow)
+            result = job_result(operation.name, operation.described(arn, service), service)
+            return end_state(result, None, verdict_fails_run=self._settings.verdict_fails_run)
+
+    def _is_last(self, run: FlowRun) -> bool:
+        """Whether no later flow run carried out the same job: its end would be that one's."""
+        named = FlowRunFilter(name=FlowRunFilterName(any_=[run.name]))
+        began = run.start_time or run.created
+        return all(
+            each.id == run.id or began is None or (each.start_time or each.created or began) < began
+            for each in self._client.read_flow_runs(flow_run_filter=named)
+        )
+
 
 SWEEP_S = 5.0
 """Time from one sweep to the next."""
@@ -39,8 +154,6 @@ _LIMITS_S = 60.0
 """Time from one look at the limits of batches to the next."""
 
 _RETRY_S = 1.0
-
-_logger = logging.getLogger(__name__)
 
 
 def close_dead_runs(settings: Settings) -> None:

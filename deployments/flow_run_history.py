@@ -65,7 +65,7 @@ def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[s
     from prefect.client.orchestration import SyncPrefectClient
 
     from ..tasks.execution.batch_slots import batches_with_limits
-    from .leftover_limits import leftover_limits, remove_leftover_limits
+    from .dead_run_sweeper import leftover_limits, remove_leftover_limits
 
     with SyncPrefectClient(str(status.api_url), auth_string=auth_string(settings)) as client:
         if act:

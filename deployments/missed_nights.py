@@ -21,7 +21,7 @@ from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.exceptions import ObjectNotFound
 
-from ..schemas.missed_nights import NightSchedule
+from ..schemas.reports.history import NightSchedule
 from ..schemas.settings import Settings
 from ..schemas.specs.check import load_spec
 from ..schemas.wire.errors import RobomakerError

@@ -24,11 +24,10 @@ from ..schemas.reports.progress import Note, ProgressEvent, ProgressListener, St
 from ..schemas.reports.run_record import Interruption, RerunOf, RunRecord, StepRecord, new_run_id
 from ..schemas.reports.run_states import BAD_ENDS, FlowResult, is_bad, result_of
 from ..schemas.settings import Settings
-from ..schemas.specs.batch_splitting import EarlierParts, Part, parts_of, with_client_token
 from ..schemas.specs.check import load_spec
 from ..schemas.specs.model import CheckedSpec
-from ..schemas.specs.resolving import resolve_input
-from ..schemas.specs.world_counts import check_world_counts
+from ..schemas.specs.resolving import EarlierParts, Part, parts_of, resolve_input, with_client_token
+from ..schemas.specs.rooms import check_world_counts
 from ..schemas.wire.errors import (
     ConfigurationError,
     ResourceNotFoundException,
@@ -39,7 +38,6 @@ from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait, Result
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
-from ..tasks.inspection.commits import commit_of
 from ..tasks.inspection.pipeline_parts import (
     Cut,
     Permit,
@@ -49,15 +47,16 @@ from ..tasks.inspection.pipeline_parts import (
     read_spec_file,
 )
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
+from ..tasks.inspection.run_records import commit_of
 from ..tasks.inspection.standings import why_not_completed
-from ..tasks.jobs.owners.own_orders import OwnOrder
+from ..tasks.jobs.job_owners import OwnOrder
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
 from ..tasks.nights.orders import keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
-from ..tasks.notifications.long_waits import LongWaits
-from ..tasks.operations.applications.records import existing_application
+from ..tasks.notifications.notices import LongWaits
+from ..tasks.operations.applications import existing_application
 from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service

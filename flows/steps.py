@@ -26,8 +26,7 @@ from ..tasks.execution.held_leases import died_here
 from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
-from ..tasks.jobs.owners.job_standings import needs_elsewhere
-from ..tasks.jobs.owners.own_orders import OwnOrder
+from ..tasks.jobs.job_owners import OwnOrder, needs_elsewhere
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from .schemas.wire.errors import ServiceError as ServiceError
     from .schemas.wire.errors import SpecError as SpecError
     from .schemas.wire.errors import StorageError as StorageError
-    from .tasks.execution.mapping.runner import MapTaskRunner as MapTaskRunner
+    from .tasks.execution.mapped_runs import MapTaskRunner as MapTaskRunner
     from .tasks.inspection.pipeline_parts import RunInterrupted as RunInterrupted
     from .tasks.operations.registry import call as call
     from .tasks.service.service import Service as Service

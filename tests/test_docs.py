@@ -18,8 +18,7 @@ from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.deployments.cli.grammar import build_parser
-from prefect_robomaker.deployments.cli.inputs.operations import operation_name
-from prefect_robomaker.deployments.cli.inputs.requests import read_request
+from prefect_robomaker.deployments.cli.inputs.specifications import operation_name, read_request
 from prefect_robomaker.deployments.service_model.installation import DATA_PATH, MODEL_FOLDER, SERVICE, WAITERS
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.specs.check import load_spec

@@ -22,7 +22,7 @@ def check_backend(settings: Settings) -> Finding:
         settings: those of a run, with the backend that is examined.
     """
     from ...flows import lookup
-    from ...tasks.jobs.owners.own_orders import OwnOrder
+    from ...tasks.jobs.job_owners import OwnOrder
     from ...tasks.operations.registry import call, registry
     from ...tasks.service.service import Service
     from .prefect_server import use_server
@@ -56,7 +56,7 @@ def _tell(note: str) -> None:
 
 def _request(service: Any) -> dict[str, Any]:
     """A batch of one small job, whose applications are made if need be."""
-    from ...tasks.operations.applications.records import reuse_application
+    from ...tasks.operations.applications import reuse_application
     from ...tasks.operations.registry import call
 
     common = {"name": "robomaker-doctor", "environment": {"uri": _PLACE}, "robotSoftwareSuite": {"name": "General"}}

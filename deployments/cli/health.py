@@ -257,7 +257,7 @@ def check_video() -> Finding:
 def check_extras() -> Finding:
     """Lists facilities that only some jobs need: container images, ROS launch files, a GPU."""
     from ...tasks.simulations.containers.engines import find_engine
-    from ...tasks.simulations.environment.compute import has_gpu
+    from ...tasks.simulations.environment.run_environment import has_gpu
 
     try:
         containers = f"container images by {find_engine(os.environ, shutil.which).program}"
@@ -285,7 +285,7 @@ def check_containers(settings: Settings) -> Finding:
 def check_sandbox(settings: Settings) -> Finding:
     """Checks the sandbox of simulation jobs on this machine, tried in a process of its own."""
     from ...tasks.runtime.sandbox.levels import Confinement
-    from ...tasks.runtime.supervision.boxes import plan_box
+    from ...tasks.runtime.supervision.run_requests import plan_box
 
     command = [sys.executable, "-P", "-m", "prefect_robomaker.tasks.runtime.sandbox.levels"]
     tried = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
@@ -312,7 +312,7 @@ def check_sandbox(settings: Settings) -> Finding:
 
 def check_robot_keys(settings: Settings) -> Finding:
     """Whether what agents trust is signed, and for how long."""
-    from ...tasks.fleet.trust.standing import standing_of
+    from ...tasks.fleet.trust.upkeep import standing_of
     from ...tasks.service.service import Service
 
     with Service.opened(settings) as service:
@@ -347,7 +347,7 @@ def check_left_behind(settings: Settings) -> Finding:
 
 def check_kept_outputs(settings: Settings) -> Finding:
     """Whether outputs of jobs that have ended are on this machine only, because they could not be stored."""
-    from ...tasks.jobs.kept_outputs import find_kept
+    from ...tasks.jobs.job_folders import find_kept
     from ...tasks.service.service import Service
 
     with Service.opened(settings) as service:
@@ -365,7 +365,7 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
         settings: what the jobs' needs are compared with.
         opened_with: what the catalog is opened with.
     """
-    from ...tasks.jobs.owners.job_standings import left_jobs
+    from ...tasks.jobs.job_owners import left_jobs
     from ...tasks.service.service import Service
 
     with Service.opened(opened_with) as service:

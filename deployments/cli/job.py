@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
-from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.settings import Settings
 from .output.answers import print_answer
 from .signals import interrupted_by_signals
@@ -103,7 +102,7 @@ def order(operation: str, request: Mapping[str, Any], settings: Settings, form: 
     Raises:
         ServiceError: the request is refused; nothing was stored.
     """
-    from ...tasks.jobs.owners.own_orders import OwnOrder
+    from ...tasks.jobs.job_owners import OwnOrder
     from ...tasks.operations.registry import registry
     from ...tasks.service.service import Service
 

@@ -86,7 +86,7 @@ def _report(error: Exception, *, debug: bool) -> int:
     if debug:
         traceback.print_exception(error)
     if isinstance(error, SpecError):
-        from .output.problems import print_problems
+        from .output.answers import print_problems
 
         print_problems(error.problems)
     elif isinstance(error, ServiceError):

@@ -14,7 +14,7 @@ from ...schemas.reports.progress import Note
 from ...schemas.reports.run_record import RerunOf, RunRecord
 from ...schemas.settings import Settings
 from ...schemas.specs.model import CheckedSpec
-from .output.browser import open_file, wanted
+from .output.answers import open_file, wanted
 from .signals import interrupted_by_signals
 
 if TYPE_CHECKING:
@@ -112,7 +112,7 @@ def settings_of(arguments: argparse.Namespace) -> Settings:
     Raises:
         ConfigurationError: one of them cannot be used; nothing has been started.
     """
-    from ...tasks.backends.opening import open_backend
+    from ...tasks.backends.backend import open_backend
 
     chosen = {"ROBOMAKER_BACKEND": arguments.backend} if arguments.backend else {}
     settings = Settings.from_environment({**os.environ, **chosen})

@@ -7,7 +7,7 @@ from typing import Any
 from ...schemas.specs.model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of
 from ...schemas.specs.references import ReferenceMistake, parse_template
 from ...schemas.specs.text import ListNode, Node, ScalarNode, child, plain
-from .output.durations import duration
+from .output.answers import duration
 
 _WORLD = "a world"
 _VARIED = ("worlds", "variations")

@@ -14,8 +14,8 @@ from ..prefect_server.local_server import (
     is_own_server,
     server_status,
 )
-from ..prefect_server.login_link import login_link
-from ..prefect_server.server_health import health_of
+from ..prefect_server.outage import health_of
+from ..prefect_server.secret import login_link
 
 if TYPE_CHECKING:
     from ..prefect_server.outage import Outage

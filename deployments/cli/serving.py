@@ -17,11 +17,11 @@ from ...schemas.wire.errors import ConfigurationError
 from ...tasks.service.home import prepare_home
 from ..endpoint.calling.access_keys import AccessKey, read_access_keys
 from ..endpoint.origins import is_loopback
-from ..endpoint.tls import TlsFiles
+from ..endpoint.server import TlsFiles
 from ..log_lines import log_formatter
 from ..service_model.installation import data_path
 from ..worker.worker_process import WorkerProcess, in_words
-from .output.browser import open_address
+from .output.answers import open_address
 from .prefect_server import pages, use_server
 
 if TYPE_CHECKING:
@@ -93,11 +93,10 @@ def _run_server(
     from ..console.console import Console
     from ..console.rendering import HOME
     from ..console_note import forget_console, note_console
-    from ..endpoint.access_log import write_access_log
-    from ..endpoint.application import Endpoint
-    from ..endpoint.calling.audit_log import AuditLog
+    from ..endpoint.application import Endpoint, write_access_log
+    from ..endpoint.calling.access_keys import AuditLog
     from ..endpoint.server import run_server
-    from ..robots.mounting import RobotsBeside
+    from ..robots import RobotsBeside
     from ..spec_runs.spec_runs import SpecRuns
 
     if arguments.log_requests:

@@ -11,14 +11,14 @@ from typing import Any
 from markupsafe import Markup, escape
 from starlette.responses import Response
 
-from ...schemas.documents.simulation_job_batches import BatchInBrief
+from ...schemas.documents.simulation_jobs import BatchInBrief
 from ...schemas.job_owners import JobStanding
 from ...schemas.lifecycles import is_terminal
-from ...schemas.reports.summary import Share
+from ...schemas.reports.report import Share
 from ...tasks.catalog import Resource
-from ...tasks.jobs.owners.job_standings import standing_of
-from ...tasks.reporting.wording import times_by_part
-from .reading.job_lines import Known
+from ...tasks.jobs.job_owners import standing_of
+from ...tasks.reporting.outcomes import times_by_part
+from .batch_caches import Known
 from .rendering import address, icon, render
 from .standing import JOB, UNFINISHED, WAITING, JobLine, Look, look_of_status, rate_of
 from .streams import Parts

@@ -13,7 +13,7 @@ from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import Message, Receive, Scope, Send
 
@@ -31,20 +31,54 @@ from ..endpoint.calling.access_keys import AccessKey
 from ..endpoint.failures import Failures
 from ..endpoint.messages import AccessDeniedException, ProtocolError, ServiceRequest
 from ..endpoint.origins import is_local_host
+from ..foreign_pages import refusal
 from ..spec_runs.spec_runs import SpecRuns
-from ..web_guard.decision import refusal
-from . import acts, batches, jobs, login, overview, runs, search, worlds
+from . import batches, jobs, login, overview, runs, worlds
+from .batch_caches import BatchBriefs, JobLines, Posters
 from .files import published
 from .orders import going, start, worlds_form
 from .orders.forms import read_fields
 from .pages import applications, fleets, nights
-from .reading.briefs import BatchBriefs
-from .reading.job_lines import JobLines
-from .reading.posters import Posters
-from .rendering import HOME, asset, render
-from .sessions import Sessions
+from .rendering import HOME, PAGES, address, asset, render
 from .streams import Streams
-from .visit import Context, Visit
+from .visit import Context, Sessions, Visit
+
+_ACTS = {
+    ("jobs", "cancel"): ("CancelSimulationJob", "job"),
+    ("jobs", "restart"): ("RestartSimulationJob", "job"),
+    ("batches", "cancel"): ("CancelSimulationJobBatch", "batch"),
+    ("generations", "cancel"): ("CancelWorldGenerationJob", "job"),
+}
+"""Operations, and the member that names what they are done to, by the address of the form."""
+
+_OTHERS: Mapping[tuple[str, str], Callable[[Visit], Response]] = {
+    ("runs", "cancel"): going.cancel,
+    ("runs", "again"): going.failed_of_run,
+    ("runs", "take-up"): going.take_up,
+    ("batches", "again"): going.failed_of_batch,
+}
+"""Acts that are more than one call, by the address of the form."""
+
+
+def carry_out(visit: Visit) -> Response:
+    """Does what a form asks for, and shows the resource again.
+
+    Raises:
+        ResourceNotFoundException: there is no such act, or no such resource.
+        AccessDeniedException: the visitor's key is not good for it.
+        ServiceError: it cannot be done to the resource as it is.
+    """
+    folder, resource_id, act = (visit.request.path_params[name] for name in ("folder", "id", "act"))
+    if (other := _OTHERS.get((folder, act))) is not None:
+        return other(visit)
+    found = _ACTS.get((folder, act))
+    if found is None:
+        raise ResourceNotFoundException(f"there is nothing called {act!r} to do here")
+    operation, member = found
+    kind = next(kind for kind, each in PAGES.items() if each == folder)
+    visit.call(operation, {member: visit.service.arn(kind, resource_id)})
+    return RedirectResponse(address(kind, resource_id), 303)
+
 
 LOGGER = logging.getLogger("robomaker.endpoint")
 
@@ -69,7 +103,7 @@ _ADDED = (
 _PAGES: Mapping[str, Page] = {
     "": overview.show,
     "/live": overview.follow,
-    "/search": search.find,
+    "/search": overview.find,
     "/batches": batches.show_all,
     "/batches/{id}": batches.show,
     "/batches/{id}/live": batches.follow,
@@ -152,7 +186,7 @@ class Console:
             Route(f"{HOME}/login", login.log_in(self._context), methods=["POST"]),
             Route(f"{HOME}/logout", self._act(login.log_out), methods=["POST"]),
             *(Route(f"{HOME}{path}", self._act(act), methods=["POST"]) for path, act in _FORMS.items()),
-            Route(f"{HOME}/{{folder}}/{{id}}/{{act}}", self._act(acts.carry_out), methods=["POST"]),
+            Route(f"{HOME}/{{folder}}/{{id}}/{{act}}", self._act(carry_out), methods=["POST"]),
             Route(f"{HOME}/assets/{{version}}/{{name}}", _send_asset),
         ]
         self._pages = Starlette(routes=routes, exception_handlers={HTTPException: _told})

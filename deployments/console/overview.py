@@ -1,17 +1,18 @@
-"""The first page: what runs, what failed last, what changed."""
+"""The first page of the console, and its search by ARN, id, name or tag."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
+from urllib.parse import quote, urlencode
 
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.lifecycles import LIFECYCLES
 from ...tasks.catalog import Resource
 from .batches import BATCH, batch_lines
-from .rendering import render
-from .runs import latest_runs, since_before
+from .rendering import HOME, PAGES, address, render
+from .runs import is_known, latest_runs, since_before
 from .standing import JOB, Look, job_line, look_of_status
 from .streams import Parts
 from .visit import Visit
@@ -84,3 +85,26 @@ def _failures(visit: Visit) -> dict[str, Any]:
     lines = [job_line(job) for job in visit.seen(page.resources)]
     failures = [line for line in lines if line.is_failure][:_MOST_FAILURES]
     return {"failures": failures, "posters": visit.context.posters.of(failures)}
+
+
+_MOST_CHARACTERS = 1300
+_NAMED = ("world-template", "simulation-application", "robot-application", "deployment-fleet", "robot")
+
+
+def find(visit: Visit) -> Response:
+    """Leads to what was searched for, or shows what has that name."""
+    wanted = visit.parameter("q").strip()[:_MOST_CHARACTERS]
+    catalog, service = visit.service.catalog, visit.service
+    arns = [wanted] if wanted.startswith("arn:") else [service.arn(kind, wanted) for kind in (*PAGES, *_NAMED)]
+    for resource in visit.seen(catalog.get_many(arns, ()).values()):
+        if page := address(resource.kind, resource.id):
+            return RedirectResponse(page, 303)
+    if is_known(wanted, visit):
+        return RedirectResponse(f"{HOME}/runs/{quote(wanted)}", 303)
+    if "=" in wanted:
+        return RedirectResponse(f"{HOME}/jobs?{urlencode({'tag': wanted})}", 303)
+    named = [found for kind in _NAMED if wanted and (found := catalog.find(kind, wanted)) is not None]
+    named = visit.seen(named)
+    if len(named) == 1:
+        return RedirectResponse(address(named[0].kind, named[0].id), 303)
+    return visit.page("search.html.j2", wanted=wanted, named=named, status=200 if named else 404)

@@ -10,7 +10,7 @@ from urllib.parse import quote
 
 import jinja2
 
-from ...tasks.reporting import page_environment, page_styles, report_script, wording
+from ...tasks.reporting import outcomes, page_environment, page_styles, report_script
 
 _FOLDER = Path(__file__).parent
 HOME = "/console"
@@ -71,7 +71,7 @@ def ago(moment: datetime) -> str:
     """`3 min ago`; the whole moment from the day before on."""
     seconds = (datetime.now(UTC) - moment).total_seconds()
     if seconds >= 86_400:
-        return wording.minute(moment)
+        return outcomes.minute(moment)
     if seconds < 60:
         return "just now"
     minutes = int(seconds // 60)
@@ -82,6 +82,6 @@ def ago(moment: datetime) -> str:
 def _environment() -> jinja2.Environment:
     environment = page_environment(_FOLDER / "templates")
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
-    environment.filters.update(ago=ago, size=wording.size)
+    environment.filters.update(ago=ago, size=outcomes.size)
     environment.globals.update(HOME=HOME, address=address, asset_address=asset_address)
     return environment

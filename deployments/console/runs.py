@@ -16,7 +16,7 @@ from ...schemas.wire.errors import ConfigurationError, ResourceNotFoundException
 from ...tasks.comparison.nights import NightRun
 from ...tasks.inspection.run_records import RECORD_NAME, read_record, since_last
 from ...tasks.reporting import classify
-from ..spec_runs.standing import Standing, read_standing
+from ..spec_runs.spec_runs import Standing, read_standing
 from .batches import batches_of_run
 from .rendering import HOME
 from .visit import Visit

@@ -8,7 +8,7 @@ from datetime import datetime
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.lifecycles import is_terminal
-from ...schemas.reports.summary import Share
+from ...schemas.reports.report import Share
 from ...tasks.catalog import Resource
 from ...tasks.reporting import classify
 from ...tasks.results.rates import share_of

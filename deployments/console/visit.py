@@ -1,6 +1,10 @@
-"""One request for a page: who asks, what they may see and do, and the answer."""
+"""A visit of the console: who asks for what, with which session."""
 
+import hmac
+import secrets
+import threading
 import uuid
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -9,21 +13,110 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, Response
 
-from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException
+from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException, ThrottlingException
 from ...tasks.catalog import Page, Resource
 from ...tasks.service.service import Service
-from ..endpoint.calling.access_keys import AccessKey
-from ..endpoint.calling.audit_log import Call
-from ..endpoint.calling.calls import Calls
-from ..endpoint.calling.scopes import SCOPES, is_visible, needed_scope
+from ..endpoint.calling.access_keys import AccessKey, Call
+from ..endpoint.calling.scopes import SCOPES, Calls, is_visible, needed_scope
 from ..endpoint.failures import Failures
+from ..endpoint.messages import UnrecognizedClientException
 from ..spec_runs.spec_runs import SpecRuns
-from .reading.briefs import BatchBriefs
-from .reading.job_lines import JobLines
-from .reading.posters import Posters
+from .batch_caches import BatchBriefs, JobLines, Posters
 from .rendering import render
-from .sessions import Session, Sessions
 from .streams import Look, Streams
+
+LIFETIME_S = 12 * 3600
+"""How long a session lasts."""
+
+_MOST_FAILURES = 10
+_FAILURES_WITHIN_S = 60.0
+_MOST_SESSIONS = 10_000
+
+
+@dataclass(frozen=True)
+class Session:
+    """One browser that is logged in."""
+
+    key: AccessKey
+    form_token: str
+    """Secret token of the session's forms, which pages of other sites do not know."""
+
+    ends_at_s: float
+
+
+class Sessions:
+    """The sessions of one server.
+
+    Args:
+        access_keys: those that may log in, by id.
+        clock: seconds that only grow.
+        new_token: makes what cannot be guessed.
+    """
+
+    def __init__(
+        self,
+        access_keys: Mapping[str, AccessKey],
+        clock: Callable[[], float],
+        new_token: Callable[[], str] = lambda: secrets.token_urlsafe(32),
+    ) -> None:
+        self._access_keys = access_keys
+        self._clock = clock
+        self._new_token = new_token
+        self._sessions: dict[str, Session] = {}
+        self._failures: dict[str, deque[float]] = {}
+        """When the last logins from an address failed, of those addresses where one did last."""
+        self._lock = threading.Lock()
+
+    def log_in(self, key_id: str, secret: str, client: str = "") -> str:
+        """Begins a session, and returns the token that the browser's cookie holds.
+
+        Args:
+            key_id: the id of an access key.
+            secret: its secret.
+            client: the address that the visitor comes from: others may go on when its logins fail.
+
+        Raises:
+            UnrecognizedClientException: id and secret are not those of an access key.
+            ThrottlingException: too many logins failed within the last minute.
+        """
+        now = self._clock()
+        with self._lock:
+            failures = self._failures.get(client, ())
+            if len(failures) == _MOST_FAILURES and now - failures[0] < _FAILURES_WITHIN_S:
+                raise ThrottlingException(f"{_MOST_FAILURES} logins failed within a minute; try again in a minute")
+            key = self._access_keys.get(key_id)
+            expected = key.secret if key else self._new_token()
+            if not hmac.compare_digest(expected.encode(), secret.encode()) or key is None:
+                self._note_failure(client, now)
+                raise UnrecognizedClientException("there is no access key with this id and this secret")
+            self._forget_old(now)
+            token = self._new_token()
+            self._sessions[token] = Session(key, self._new_token(), now + LIFETIME_S)
+        return token
+
+    def find(self, token: str | None) -> Session | None:
+        """The session of a cookie; `None`: there is none, or it is over."""
+        with self._lock:
+            session = self._sessions.get(token or "")
+        return session if session is not None and session.ends_at_s > self._clock() else None
+
+    def log_out(self, token: str | None) -> None:
+        """Ends a session."""
+        with self._lock:
+            self._sessions.pop(token or "", None)
+
+    def _note_failure(self, client: str, now: float) -> None:
+        times = self._failures.pop(client, None) or deque(maxlen=_MOST_FAILURES)
+        times.append(now)
+        self._failures[client] = times
+        while len(self._failures) > _MOST_SESSIONS:
+            del self._failures[next(iter(self._failures))]
+
+    def _forget_old(self, now: float) -> None:
+        for token in [token for token, session in self._sessions.items() if session.ends_at_s <= now]:
+            del self._sessions[token]
+        while len(self._sessions) >= _MOST_SESSIONS:
+            del self._sessions[next(iter(self._sessions))]
 
 
 @dataclass(frozen=True)

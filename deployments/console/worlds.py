@@ -8,9 +8,7 @@ from typing import Any
 
 from starlette.responses import HTMLResponse, Response
 
-from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
-from ...schemas.documents.world_templates import WorldTemplateDocument
-from ...schemas.documents.worlds import WorldDocument
+from ...schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.wire.errors import ObjectNotFoundError
 from ...tasks.catalog import Resource
 from ...tasks.inspection.reports import report_of_world

@@ -1,10 +1,8 @@
-"""Tells a Prefect server of deployments: makes those that are new, changes the others in place.
+"""Tells a Prefect server of deployments: makes new ones, changes the others in place, with forms and schedules."""
 
-One after another: writes at the same time only wait for each other on a server with SQLite, and take seven times as
-long.
-"""
-
+import asyncio
 import importlib
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,14 +17,56 @@ from prefect.client.schemas.objects import WorkPool
 from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.schedules import CronSchedule
 from prefect.exceptions import ObjectNotFound, PrefectException, PrefectHTTPStatusError
+from prefect.utilities.callables import parameter_schema
+from pydantic import ValidationError
 
 from ...schemas.wire.errors import ConfigurationError
 from ...schemas.wire.request_problems import nearest
 from ...tasks.execution.dead_flow_runs import ensure_automation
 from ...tasks.execution.schedule_overlaps import OVERLAP, RUNS_AT_ONCE
 from .deployables import Deployable
-from .forms import form_schema
 from .job_variables import environment_of_blocks
+
+_NOTHING = {"type": "null"}
+_AT_ONCE = frozenset({"string", "integer", "number", "array"})
+"""Types whose field is left empty for nothing; a switch cannot be, and an object's fields are many."""
+_DEFAULT = re.compile(r"`?([\w.-]+)`? \(the default\)")
+
+
+def form_schema(flow: Flow[..., Any]) -> dict[str, Any]:
+    """The schema of a flow's parameters, from which a form shows choices, defaults and names as users know them.
+
+    Of an optional type, a form makes one tab for the type and one for nothing, and opens that of nothing. So an
+    optional text, number, choice or list is given as its type alone: what is left empty is not sent. The default of
+    a choice, which the service fills in, is chosen already.
+    """
+    return _shown(parameter_schema(flow).model_dump_for_openapi())
+
+
+def _shown(schema: Any) -> Any:
+    """The same schema, and those in it, for a form."""
+    if isinstance(schema, list):
+        return [_shown(each) for each in schema]
+    if not isinstance(schema, dict):
+        return schema
+    shown = {key: _shown(value) for key, value in schema.items()}
+    if isinstance(properties := shown.get("properties"), Mapping):
+        shown["properties"] = {name: {**_field(each), "title": name} for name, each in properties.items()}
+    return shown
+
+
+def _field(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema of one field."""
+    types = schema.get("anyOf", [])
+    if _NOTHING in types and len(types) == 2:
+        (given,) = [each for each in types if each != _NOTHING]
+        if given.get("type") in _AT_ONCE:
+            schema = {**{key: value for key, value in schema.items() if key not in ("anyOf", "default")}, **given}
+    named = _DEFAULT.search(schema.get("description", ""))
+    if named and "default" not in schema and named[1] in schema.get("enum", ()):
+        schema = {**schema, "default": named[1]}
+    return schema
+
 
 _PAGE = 200  # the most that the server gives at once
 
@@ -203,3 +243,48 @@ def _told() -> Iterator[None]:
         ) from error
     except (httpx.HTTPError, PrefectException) as error:
         raise ConfigurationError(f"the Prefect server does not answer: {type(error).__name__}: {error}") from error
+
+
+_FIELDS = 5
+
+
+def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
+    """The schedule of a cron expression.
+
+    Args:
+        cron: five fields: minute, hour, day of the month, month, day of the week; or `@daily` and the like.
+        timezone: an IANA name such as `Europe/Berlin`, whose summer time counts.
+
+    Raises:
+        ConfigurationError: one of them is none.
+    """
+    try:
+        schedule = CronSchedule(cron=cron, timezone=timezone)
+    except ValidationError as error:
+        wrong = {str(problem["loc"][0]) for problem in error.errors() if problem["loc"]}
+        if "timezone" in wrong:
+            raise ConfigurationError(
+                f"--timezone is {timezone!r}; an IANA name such as UTC or Europe/Berlin would be right"
+            ) from error
+        if len(cron.split()) == _FIELDS:
+            raise ConfigurationError(
+                f"--schedule is {cron!r}; one of its fields is out of range: minute 0-59, hour 0-23, day of the month "
+                "1-31, month 1-12, day of the week 0-7"
+            ) from error
+        raise ConfigurationError(
+            f"--schedule is {cron!r}; five fields would be right (minute, hour, day of the month, month, day of the "
+            "week), such as '0 2 * * *' for every night at two"
+        ) from error
+    if not _comes_due(cron, timezone):
+        raise ConfigurationError(f"--schedule is {cron!r}, which never comes: no month that it names has such a day")
+    return schedule
+
+
+def _comes_due(cron: str, timezone: str) -> bool:
+    """Whether there is a next time, as Prefect's server will look for it; it finds those of the next decades."""
+    from prefect.server.schemas.schedules import CronSchedule as ServersSchedule
+
+    try:
+        return bool(asyncio.run(ServersSchedule(cron=cron, timezone=timezone).get_dates(1)))
+    except ValueError:  # croniter's for a date that there is not
+        return False

@@ -1,9 +1,12 @@
-"""The endpoint as an ASGI application."""
+"""The endpoint as an ASGI application, with its access log."""
 
 import asyncio
+import logging
+import os
 import time
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 from opentelemetry.trace import Span
 from starlette.requests import ClientDisconnect
@@ -15,23 +18,72 @@ from ...schemas.wire.operation_shape import OperationShape
 from ...tasks.operations.registry import registry
 from ...tasks.service.service import Service
 from ...tasks.service.spans import span
-from .access_log import log_access
-from .calling.access_keys import AccessKey
-from .calling.audit_log import AuditLog, Call
-from .calling.authentication import Authenticator, Signer
-from .calling.calls import Calls
+from ..log_lines import log_formatter
+from .calling.access_keys import AccessKey, AuditLog, Call
+from .calling.authentication import Authenticator, Signer, is_repeatable
 from .calling.job_callers import JobCallers
-from .calling.replays import is_repeatable
-from .calling.scopes import check_scope
+from .calling.scopes import Calls, check_scope
+from .connections import Arrivals, read_body
 from .failures import Failures
-from .health import HealthPages
-from .limits import Arrivals, read_body
+from .health import PATH as METRICS
+from .health import HealthPages, Metrics
 from .messages import AccessDeniedException, ServiceRequest
-from .metrics import PATH as METRICS
-from .metrics import Metrics
 from .origins import check_origin
-from .routes import Route, Router
-from .wire import MAX_BODY_BYTES, WireResponse, request_members
+from .wire import MAX_BODY_BYTES, Route, Router, WireResponse, request_members
+
+LOGGER = logging.getLogger("robomaker.access")
+LOGGER.propagate = False  # nothing is written, and nothing costs time, until `write_access_log`
+
+
+def write_access_log(path: Path | None = None) -> logging.Handler:
+    """Begins to log requests.
+
+    Args:
+        path: file that lines are added to; `None`: standard error.
+
+    Returns:
+        The handler; closing it is the caller's.
+
+    Raises:
+        OSError: the file cannot be written.
+    """
+    handler = logging.StreamHandler() if path is None else logging.FileHandler(path, encoding="utf-8")
+    formatter = log_formatter(os.environ, "%(asctime)s %(message)s", "%Y-%m-%dT%H:%M:%SZ")
+    formatter.converter = time.gmtime
+    handler.setFormatter(formatter)
+    LOGGER.addHandler(handler)
+    LOGGER.setLevel(logging.INFO)
+    return handler
+
+
+def log_access(request: ServiceRequest, status: int, error: str, duration_s: float) -> None:
+    """Logs one request, if the access log is on.
+
+    Args:
+        request: what was asked.
+        status: HTTP status of the answer.
+        error: name of the error that it tells of; `-`: of none.
+        duration_s: how long it took.
+    """
+    if LOGGER.handlers:
+        LOGGER.info(
+            "%s %s %s %d %s %.1f ms %s",
+            request.client.host if request.client else "-",
+            ascii(request.method)[1:-1],
+            ascii(request.raw_path)[1:-1][:500],
+            status,
+            error,
+            duration_s * 1000,
+            request.id,
+            # What lines of JSON have besides.
+            extra={
+                "operation": request.operation,
+                "status": status,
+                "duration_ms": round(duration_s * 1000, 1),
+                "request_id": request.id,
+            },
+        )
+
 
 # SQLite reads in parallel, but Python runs one thread at a time: more threads only wait for each other.
 WORKERS = 8

@@ -13,7 +13,7 @@ away, and none is on a request of an SDK:
 import ipaddress
 import re
 
-from ..web_guard.decision import foreign_site
+from ..foreign_pages import foreign_site
 from .messages import AccessDeniedException, ServiceRequest
 
 _HOST = re.compile(r"(?P<name>\[[^\]]*\]|[^:\[\]]*)(:[0-9]{1,5})?")

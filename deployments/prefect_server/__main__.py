@@ -24,7 +24,7 @@ def main() -> None:
     listener.set_inheritable(False)
     settings = Settings.from_environment(os.environ)
     secret = auth_string(settings)
-    from .server_environment import server_variables
+    from .secret import server_variables
 
     # Prefect reads its settings when it is imported.
     os.environ.update(server_variables(server_folder(settings), arguments.port, secret))

@@ -25,8 +25,8 @@ from urllib.parse import urlsplit
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
+from .outage import BUSY_PATIENCE_S, Health, health_of, wait_while_busy
 from .secret import auth_string, server_folder
-from .server_health import BUSY_PATIENCE_S, Health, health_of, wait_while_busy
 
 START_TIMEOUT_S = 180.0
 _PROGRAM = "prefect_robomaker.deployments.prefect_server"

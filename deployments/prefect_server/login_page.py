@@ -1,20 +1,14 @@
-"""Logs a user's browser in: a page that takes a one-time token and goes on to Prefect's pages.
-
-```
-robomaker ── POST /robomaker/login-links, with the auth string ──> a link with a token
-browser   ── GET  /robomaker/login#token                       ──> the page; what follows # is not sent
-page      ── POST /robomaker/login, with the token             ──> the auth string, which Prefect's pages keep
-```
-
-A link that was used or is too old still leads on from a browser that is logged in. One that is not, and asks for a page
-of Prefect's, gets the page that says how to log in; a cookie, which is no secret, says that a browser has logged in.
-"""
+"""Logs a user's browser in: a page that takes a one-time token and leads to Prefect's pages."""
 
 import base64
 import hashlib
 import hmac
 import json
 import re
+import secrets
+import threading
+import time
+from collections.abc import Callable
 from importlib.resources import files
 from urllib.parse import urlencode, urlsplit
 
@@ -22,7 +16,49 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from .one_time_tokens import OneTimeTokens
+LIFE_S = 600.0
+"""How long a token works: ten minutes."""
+
+_MOST = 100
+_TOKEN_BYTES = 24
+
+
+class OneTimeTokens:
+    """Issues tokens and redeems each of them once.
+
+    Args:
+        life_s: how long a token works.
+        clock: seconds that only grow.
+        make: makes a token that cannot be guessed.
+    """
+
+    def __init__(
+        self,
+        life_s: float = LIFE_S,
+        clock: Callable[[], float] = time.monotonic,
+        make: Callable[[], str] = lambda: secrets.token_urlsafe(_TOKEN_BYTES),
+    ) -> None:
+        self._life_s = life_s
+        self._clock = clock
+        self._make = make
+        self._expiries: dict[str, float] = {}
+        self._lock = threading.Lock()
+
+    def issue(self) -> str:
+        """Makes a token; beyond a hundred unused ones the oldest stops working."""
+        with self._lock:
+            while len(self._expiries) >= _MOST:
+                del self._expiries[next(iter(self._expiries))]
+            token = self._make()
+            self._expiries[token] = self._clock() + self._life_s
+            return token
+
+    def redeem(self, token: str) -> bool:
+        """Says whether a token works, and makes it stop working."""
+        with self._lock:
+            expiry = self._expiries.pop(token, None)
+            return expiry is not None and self._clock() < expiry
+
 
 PAGE = "/robomaker/login"
 LINKS = "/robomaker/login-links"

@@ -1,8 +1,12 @@
-"""The auth string of a home's Prefect server: made once, in a file that only its owner can read."""
+"""The auth string of a home's Prefect server, links that log in with it, and settings that the server runs with."""
 
+import base64
+import json
 import os
 import secrets
 import stat
+import urllib.error
+import urllib.request
 from pathlib import Path
 
 from ...schemas.settings import Settings
@@ -65,3 +69,57 @@ def _make(path: Path) -> None:
         pass
     finally:
         temporary.unlink()
+
+
+# Slots held by a process that was killed come back also when the server was killed with it.
+_LEASE_STORAGE = "prefect.server.concurrency.lease_storage.filesystem"
+
+
+def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str]:
+    """The environment variables of the server's process.
+
+    Args:
+        folder: where the server keeps its database.
+        port: port of 127.0.0.1 that it listens at.
+        auth_string: what every request has to carry, `user:secret`.
+    """
+    return {
+        "PREFECT_HOME": str(folder),
+        # The port alone does not reach the pages, which would look for their API at port 4200.
+        "PREFECT_SERVER_API_HOST": "127.0.0.1",
+        "PREFECT_SERVER_API_PORT": str(port),
+        "PREFECT_SERVER_UI_API_URL": f"http://127.0.0.1:{port}/api",
+        "PREFECT_SERVER_API_AUTH_STRING": auth_string,
+        "PREFECT_SERVER_CSRF_PROTECTION_ENABLED": "true",
+        "PREFECT_SERVER_CORS_ALLOWED_ORIGINS": f"http://127.0.0.1:{port}",
+        "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+        "PREFECT_SERVER_UI_SHOW_PROMOTIONAL_CONTENT": "false",
+        "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": _LEASE_STORAGE,
+    }
+
+
+_TIMEOUT_S = 10.0
+
+# The server is on this machine: no proxy has to see the secret.
+_OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+
+
+def login_link(api_url: str, auth_string: str) -> str | None:
+    """A link that logs one browser in, within ten minutes; `None`: the server gives none.
+
+    Args:
+        api_url: API of the server.
+        auth_string: the server's, `user:secret`.
+    """
+    basic = base64.b64encode(auth_string.encode()).decode()
+    request = urllib.request.Request(  # noqa: S310 - an http URL of ours
+        f"{api_url.removesuffix('/api')}/robomaker/login-links",
+        data=b"",
+        method="POST",
+        headers={"Authorization": f"Basic {basic}"},
+    )
+    try:
+        with _OPENER.open(request, timeout=_TIMEOUT_S) as answer:
+            return str(json.load(answer)["link"])
+    except (urllib.error.URLError, OSError, ValueError, KeyError):
+        return None

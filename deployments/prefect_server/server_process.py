@@ -1,21 +1,176 @@
-"""Runs Prefect's server application in this process, guarded and with our pages; Prefect's settings must be set."""
+"""Runs Prefect's server application in this process: guarded, with our pages, and mended where it would get stuck."""
 
 import asyncio
+import faulthandler
+import json
+import logging
 import socket
-from contextlib import AsyncExitStack
+import sqlite3
+from collections.abc import Awaitable, Callable, Sequence
+from contextlib import AsyncExitStack, asynccontextmanager
 from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
+import aiosqlite
 import uvicorn
 from prefect.server.api.server import create_app
+from prefect.server.database.configurations import AioSqliteConfiguration
 from prefect.settings import get_current_settings
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from ..web_guard.guard import Guard
-from .beside import beside
+from ..foreign_pages import Guard
 from .login_page import LoginPage
-from .repeated_logins import RepeatedLogins
-from .sqlite_locks import wait_in_the_event_loop
-from .stuck_loop import tell_when_stuck
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from prefect.client.orchestration import PrefectClient
+
+    Job = Callable[[PrefectClient], Awaitable[None]]
+    from prefect.client.orchestration import PrefectClient
+
+
+_logger = logging.getLogger(__name__)
+
+
+@asynccontextmanager
+async def beside(jobs: "Sequence[Job]", api_url: str, auth_string: str) -> "AsyncIterator[None]":
+    """Runs jobs until the block ends. One that fails is logged; the others and the server go on.
+
+    Args:
+        jobs: what to run.
+        api_url: API of the server, which answers.
+        auth_string: `user:secret`, as the server wants it.
+    """
+    tasks = [asyncio.create_task(_run(job, api_url, auth_string)) for job in jobs]
+    try:
+        yield
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _run(job: "Job", api_url: str, auth_string: str) -> None:
+    from prefect.client.orchestration import PrefectClient
+
+    try:
+        async with PrefectClient(api_url, auth_string=auth_string) as client:
+            await job(client)
+    except Exception:
+        _logger.exception("%s beside the Prefect server failed", getattr(job, "__qualname__", job))
+
+
+_SILENT_S = 15.0
+"""After how long the stacks of all threads are written: three times as long as clients wait for a sign of life."""
+
+_TICK_S = 3.0
+
+
+async def tell_when_stuck(_: "PrefectClient") -> None:
+    """Runs until it is cancelled; the stacks are written by a thread that needs nothing of Python's."""
+    try:
+        while True:
+            faulthandler.dump_traceback_later(_SILENT_S)
+            await asyncio.sleep(_TICK_S)
+    finally:
+        faulthandler.cancel_dump_traceback_later()
+
+
+_PATH = "/events/in"
+
+
+class RepeatedLogins:
+    """An ASGI application that passes on the first login of each socket of events, and drops others."""
+
+    def __init__(self, application: ASGIApp) -> None:
+        self._application = application
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answers a request, or serves a socket."""
+        is_of_events = scope["type"] == "websocket" and scope["path"].endswith(_PATH)
+        await self._application(scope, _first_login(receive) if is_of_events else receive, send)
+
+
+def _first_login(receive: Receive) -> Receive:
+    is_logged_in = False
+
+    async def receive_next() -> Message:
+        nonlocal is_logged_in
+        while True:
+            message = await receive()
+            if not _is_login(message):
+                return message
+            if not is_logged_in:
+                is_logged_in = True
+                return message
+
+    return receive_next
+
+
+def _is_login(message: Message) -> bool:
+    text = message.get("text")
+    # An event starts with its own members; only what may be a login is read twice.
+    if message["type"] != "websocket.receive" or not text or '"auth"' not in text[:40]:
+        return False
+    try:
+        content = json.loads(text)
+    except ValueError:
+        return False
+    return isinstance(content, dict) and content.get("type") == "auth"
+
+
+_SQLITE_WAITS_MS = 50
+"""How long the main thread can be kept waiting; SQLite's own pauses are up to 100 ms."""
+
+_PATIENCE_S = 60.0
+"""How long Prefect lets a connection wait."""
+
+_PAUSE_S = 0.005
+_LONGEST_PAUSE_S = 0.1
+
+_CALLS = frozenset({"execute", "executemany", "commit"})
+"""Calls that are tried again while the database is locked; `executemany` only if it has changed nothing."""
+
+
+def wait_in_the_event_loop() -> None:
+    """Changes how Prefect uses SQLite in this process; called before Prefect's application is made."""
+    set_up, begin = AioSqliteConfiguration.setup_sqlite, AioSqliteConfiguration.begin_transaction
+    execute = aiosqlite.Connection._execute  # pyright: ignore[reportPrivateUsage]
+
+    def setup_sqlite(self: AioSqliteConfiguration, conn: Any, record: Any) -> None:
+        set_up(self, conn, record)
+        cursor = conn.cursor()
+        cursor.execute(f"PRAGMA busy_timeout = {_SQLITE_WAITS_MS}")
+        cursor.close()
+
+    def begin_transaction(self: AioSqliteConfiguration, session: Any, with_for_update: bool = False) -> Any:
+        del with_for_update  # who begins a transaction means to write
+        return begin(self, session, with_for_update=True)
+
+    async def patient(self: aiosqlite.Connection, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+        deadline = asyncio.get_running_loop().time() + _PATIENCE_S
+        pause_s = _PAUSE_S
+        while True:
+            changes = self.total_changes
+            try:
+                return await execute(self, fn, *args, **kwargs)
+            except sqlite3.OperationalError as error:
+                late = asyncio.get_running_loop().time() > deadline
+                if late or not _refused(error, fn) or self.total_changes != changes:
+                    raise
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    AioSqliteConfiguration.setup_sqlite = setup_sqlite
+    AioSqliteConfiguration.begin_transaction = begin_transaction
+    aiosqlite.Connection._execute = patient  # pyright: ignore[reportPrivateUsage]
+
+
+def _refused(error: sqlite3.OperationalError, call: Callable[..., Any]) -> bool:
+    """Whether another connection has the lock; where no waiting helps, the code is `SQLITE_BUSY_SNAPSHOT`."""
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY and getattr(call, "__name__", "") in _CALLS
+
 
 _HOST = "127.0.0.1"
 

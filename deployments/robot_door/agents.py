@@ -9,8 +9,7 @@ from typing import Protocol
 from starlette.types import Receive, Send
 
 from ...schemas.wire.errors import InvalidParameterException
-from .answers import DoorRefusal, send_plain
-from .bodies import read_body
+from .answers import DoorRefusal, read_body, send_plain
 from .downloads import Downloads, ServedFile
 
 MOST_GUESSES = 10

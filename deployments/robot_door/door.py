@@ -8,29 +8,59 @@ from dataclasses import dataclass
 
 from starlette.types import Receive, Scope, Send
 
-from ...schemas.wire.errors import (
-    InvalidParameterException,
-    ResourceNotFoundException,
-    ServiceUnavailableException,
+from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException, ServiceUnavailableException
+from ...tasks.fleet.ddi.open_orders import (
+    MAX_FEEDBACKS,
+    OpenOrders,
+    RobotState,
+    base_document,
+    cancel_document,
+    order_document,
 )
-from ...tasks.fleet.ddi.documents import base_document, cancel_document, order_document
-from ...tasks.fleet.ddi.feedback import Feedback, OrderEnd, parse_attributes, parse_feedback
-from ...tasks.fleet.ddi.open_orders import MAX_FEEDBACKS, OpenOrders, RobotState
+from ...tasks.fleet.ddi.orders import token_in
 from ...tasks.fleet.ddi.reports import (
     AttributesSent,
     CancelFeedback,
+    Feedback,
+    OrderEnd,
     OrderFeedback,
     OrderFetched,
     RobotReport,
     RobotsSeen,
+    parse_attributes,
+    parse_feedback,
 )
-from ...tasks.fleet.ddi.tokens import token_in
 from .addresses import METHODS, Address, Addresses, Resource
 from .agents import AgentAnswers, AgentSide
-from .answers import DoorRefusal, send_document, send_refusal
-from .bodies import Disconnected, read_body
+from .answers import Disconnected, DoorRefusal, read_body, send_document, send_refusal
 from .downloads import Downloads, ReadPart
-from .last_seen import LastSeen
+
+
+class LastSeen:
+    """Gathers; used in the loop's thread only.
+
+    Args:
+        hand_on: takes what was gathered, seconds since 1970 by robot; must not wait.
+        interval_s: how long is gathered.
+    """
+
+    def __init__(self, hand_on: Callable[[Mapping[str, float]], object], interval_s: float) -> None:
+        self._hand_on = hand_on
+        self._interval_s = interval_s
+        self._seen: dict[str, float] = {}
+
+    def note(self, robot: str, at_s: float) -> None:
+        """Notes that a robot polled."""
+        if not self._seen:
+            asyncio.get_running_loop().call_later(self._interval_s, self.flush)
+        self._seen[robot] = at_s
+
+    def flush(self) -> None:
+        """Hands on what was gathered."""
+        seen, self._seen = self._seen, {}
+        if seen:
+            self._hand_on(seen)
+
 
 LOGGER = logging.getLogger("robomaker.robots")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from ...schemas.settings import max_worlds_per_job
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.model import CheckedSpec
-from ...schemas.specs.world_counts import check_world_counts
+from ...schemas.specs.rooms import check_world_counts
 
 SHIPPED = Path(__file__).parents[1] / "specs"
 """Folder of the specifications that come with this package."""

@@ -7,7 +7,7 @@ from uuid import UUID
 import httpx
 from prefect.exceptions import ObjectNotFound, PrefectException
 
-from ...schemas.run_orders import Order
+from ...schemas.reports.run_record import Order
 from ...tasks.execution.dead_flow_runs import tell_of_dead
 from ...tasks.execution.prefect_settings import asking_once
 

@@ -16,9 +16,8 @@ from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import RobomakerError, ServiceError, ServiceUnavailableException
 from ...tasks.catalog import Resource
 from ...tasks.execution.held_leases import HELD, HeldLeases, WorkerStopping
-from ...tasks.execution.one_worker_per_job import run_under_lease
-from ...tasks.execution.retry_limit import fail_job
-from ...tasks.jobs.owners.job_standings import needs_elsewhere, standing_of
+from ...tasks.execution.job_leases import fail_job, run_under_lease
+from ...tasks.jobs.job_owners import needs_elsewhere, standing_of
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .pools import JobPool

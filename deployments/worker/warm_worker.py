@@ -19,7 +19,7 @@ from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException
 from ...tasks.execution.held_leases import HELD
 from ...tasks.machine.machine_slots import jobs_that_wait
-from ...tasks.machine.waiter_files import WaiterRecord
+from ...tasks.machine.slot_files import WaiterRecord
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
 from .jobs import Jobs

@@ -6,12 +6,8 @@ from typing import Any
 from .applications import ApplicationDocument
 from .base import Document
 from .fleets import DeploymentJobDocument, FleetDocument, RobotDocument
-from .simulation_job_batches import SimulationJobBatchDocument
-from .simulation_jobs import SimulationJobDocument
-from .world_export_jobs import WorldExportJobDocument
-from .world_generation_jobs import WorldGenerationJobDocument
-from .world_templates import WorldTemplateDocument
-from .worlds import WorldDocument
+from .simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
+from .worlds import WorldDocument, WorldExportJobDocument, WorldGenerationJobDocument, WorldTemplateDocument
 
 DOCUMENTS: Mapping[str, type[Document]] = {
     "deployment-fleet": FleetDocument,

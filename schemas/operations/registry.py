@@ -5,6 +5,7 @@
 
 import re
 from collections.abc import Mapping, Sequence
+from types import ModuleType
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
@@ -17,11 +18,48 @@ from ..wire.errors import InvalidParameterException
 from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
 from ..worlds.step_operations import STEP_OPERATIONS
+from . import (
+    deployment_jobs,
+    fleets,
+    robot_applications,
+    robots,
+    simulation_applications,
+    simulation_job_batches,
+    simulation_jobs,
+    tags,
+    world_export_jobs,
+    world_generation_jobs,
+    world_templates,
+    worlds,
+)
 from .deployment_jobs import CreateDeploymentJobRequest
-from .resources import OPERATION_GROUPS
 from .simulation_job_batches import MOST_PRIORITY, StartSimulationJobBatchRequest
 from .simulation_jobs import SimulationJobRequestMembers
 from .world_generation_jobs import CreateWorldGenerationJobRequest
+
+_MODULES: Mapping[str, ModuleType] = {
+    "World templates": world_templates,
+    "World generation jobs": world_generation_jobs,
+    "Worlds": worlds,
+    "World export jobs": world_export_jobs,
+    "Robot applications": robot_applications,
+    "Simulation applications": simulation_applications,
+    "Simulation jobs": simulation_jobs,
+    "Simulation job batches": simulation_job_batches,
+    "Fleets": fleets,
+    "Robots": robots,
+    "Deployment jobs": deployment_jobs,
+    "Tags": tags,
+}
+
+OPERATION_GROUPS: Mapping[str, tuple[OperationShape, ...]] = {
+    title: module.OPERATIONS for title, module in _MODULES.items()
+}
+"""The operations by what they are about, in the order in which one needs them."""
+
+RESOURCES: tuple[str, ...] = tuple(sorted(module.__name__.rpartition(".")[2] for module in _MODULES.values()))
+"""Names of the resources' modules."""
+
 
 __all__ = [
     "OPERATIONS",

@@ -5,10 +5,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
-from ..runs.requested_requirements import check_requirements
-from ..runs.requested_trials import check_trials
-from ..runs.requirements import JobRequirements
-from ..runs.trials import Trials
+from ..runs.requirements import JobRequirements, check_requirements
+from ..runs.trials import Trials, check_trials
 from ..wire.base import STORED, Shape, ShapeName, optional
 from ..wire.common import (
     AnsweredArns,

@@ -6,7 +6,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
-from .states import CaseOutcome
+from .run_record import CaseOutcome
 
 
 class CellName(Model):

@@ -8,8 +8,7 @@ from pydantic import Field
 from ..exit_codes import NO_DIFFERENCE, NOT_COMPARABLE, OK, VERDICT_FAILED
 from ..wire.base import Model, optional
 from .changes import CellName, Losses, RequirementChange
-from .inputs import SourceCommit
-from .states import CaseOutcome
+from .run_record import CaseOutcome, SourceCommit
 
 Answer = Literal["better", "worse", "no difference shown", "not comparable"]
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Protocol, TypeAlias
 
-from ..runs.machine_waits import Wait
+from ..runs.programs import Wait
 from ..runs.trials import TrialCounts
 
 FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeeded", "exported", "not created"})

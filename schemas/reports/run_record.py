@@ -1,4 +1,4 @@
-"""The record of one run of a specification: `run.json` in its run folder, and what `robomaker run -o json` prints."""
+"""The record of one run of a specification (`run.json` in its run folder), and the order from which it is made."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -9,12 +9,58 @@ from uuid import UUID
 from pydantic import Field
 
 from ..exit_codes import BROKE, CANCELED, OK, TIMED_OUT, VERDICT_FAILED
-from ..job_owners import JobOwner
+from ..job_owners import JobOwner, NeededEnvironment
 from ..runs.plan import Requirement, Verdict
+from ..runs.programs import ApplicationRole
 from ..wire.base import Model, optional
 from .forecast import ForecastCheck
-from .inputs import JobInputs, SourceCommit
-from .states import RunState
+
+RunState = Literal["succeeded", "failed", "broken", "canceled", "timed out"]
+"""How a run of a specification ended as a whole."""
+
+CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict", "passed"]
+"""The outcome of one job."""
+
+
+class SourceCommit(Model):
+    """The Git commit of the folder that a specification was in."""
+
+    commit: str = Field(description="The commit's full hash.")
+    changed: bool = Field(description="Whether files that Git tracks differed from it.")
+
+
+class UsedApplication(Model):
+    """An application as a job ran it."""
+
+    role: ApplicationRole = Field(description="Robot or simulation application.")
+    name: str = Field(description="Its name in the catalog.")
+    digest: str = Field(description="SHA-256 of its files, or the id of its container image.")
+
+
+class JobInputs(Model):
+    """Inputs that decide the result of a job, as far as they are known: nights are compared by them.
+
+    It is kept in records, and asks less than `ReuseInputs`, by which results are taken over: two jobs of one name and
+    request are the same job on two nights, whatever robot, versions and places of outputs they have.
+    """
+
+    seed: int | None = optional("Its seed; absent: it never became a job.")
+    seed_given: bool = Field(description="Whether the request named the seed; otherwise it was drawn by chance.")
+    world: str | None = optional(
+        "Name of the world's content, the same for the same world of every night; its ARN where the world "
+        "is deleted and its content not known."
+    )
+    applications: list[UsedApplication] = Field(
+        default=[], description="Its applications; one that was never started is missing."
+    )
+    requirements_sha256: str | None = optional(
+        "SHA-256 of the requirements that its request names; absent: it names none."
+    )
+    request_sha256: str = Field(
+        description="SHA-256 of what its request asks for: applications, launch configurations, data, limits and "
+        "requirements, without ARNs, which are others every night."
+    )
+
 
 EXIT_CODES: dict[RunState, int] = {
     "succeeded": OK,
@@ -157,3 +203,29 @@ def interrupted_in_words(interruptions: Sequence[Interruption]) -> str:
 def new_run_id(name: str, at: datetime) -> str:
     """The id of a run of a specification that begins at a moment."""
     return f"{name}-{at:%Y%m%dT%H%M%S%f}"[:-3]
+
+
+class Order(Model):
+    """A run of a specification, kept in the run's folder until it has ended."""
+
+    run_id: str = Field(description="Id of the run; its folder exists.")
+    text: str = Field(description="The specification, which may hold secrets.")
+    filename: str = Field(description="Name of the file in problems.")
+    spec_path: str = Field(description="The file that the record names: that of the package, or the one in the folder.")
+    command: list[str] = Field(description="The command that runs it again.")
+    rerun_of: RerunOf | None = optional("Earlier run that runs again; absent: it is no rerun.")
+    key_id: str | None = optional("Id of the visitor's access key; absent: none is asked for.")
+    address: str | None = optional("Network address of the visitor, for the audit log.")
+    audit_log: Path | None = optional("The server's audit log; absent: there is none.")
+    name: str | None = optional("Name of the run; absent: that of the specification.")
+    seed: int | None = optional("Seed in place of those of the specification; absent: none.")
+    reuse: bool = Field(default=False, description="Whether it may take over worlds and results of earlier runs.")
+    started_at: datetime | None = optional("When it began, UTC; absent: when its process begins.")
+    source: SourceCommit | None = optional("Git commit of the specification's folder; absent: it was in none.")
+    owner: JobOwner | None = optional("The process that carries it out, or did last.")
+    needed: NeededEnvironment | None = optional(
+        "The environment in which it was ordered; absent: any process may finish it."
+    )
+    flow_run: str | None = optional("Id of the flow run of its process; absent: not known.")
+    deployment: str | None = optional("Id of the Prefect deployment that it is a run of; absent: of none.")
+    interruptions: list[Interruption] = Field(default=[], description="When its processes died, the first one first.")

@@ -7,8 +7,7 @@ from pydantic import Field
 
 from ..runs.plan import Verdict
 from ..wire.base import Model, optional
-from .run_record import JobRecord, RunRecord
-from .states import CaseOutcome, RunState
+from .run_record import CaseOutcome, JobRecord, RunRecord, RunState
 
 BAD_ENDS: dict[str, RunState] = {"Failed": "broken", "Canceled": "canceled", "TimedOut": "timed out"}
 """State of a run by the status of a step or job; after one of these no later step starts."""

@@ -7,15 +7,50 @@ Nothing published says which percentages hold if a request has none. Here both a
   away, unless a fifth of the fleet is.
 """
 
-from typing import Literal, Self
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic.alias_generators import to_camel
 
-from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S
+from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentLaunchConfig, MaintenanceWindow
 from ..wire.base import optional
 from ..wire.errors import InvalidParameterException
-from ..wire.maintenance_windows import MaintenanceWindow
-from .stored import StoredPart
+
+MAX_ACTION_ID = 2**31 - 1
+"""Largest number of an order: what clients of hawkBit hold as a signed integer of 32 bits."""
+
+ActionId = Annotated[int, Field(ge=1, le=MAX_ACTION_ID)]
+"""The number of one order to one robot, unlike that of any other order of the catalog."""
+
+TimeS = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+"""A moment, in seconds since the epoch."""
+
+
+class StoredPart(BaseModel):
+    """A frozen object, stored under camelCase names; members that newer releases added are left alone.
+
+    `documents.base.Part` is the same for small documents: it makes its JSON in Python, which takes five times as long,
+    and the rollout of a large fleet is written again and again.
+    """
+
+    model_config = ConfigDict(
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        frozen=True,
+        extra="ignore",
+        defer_build=True,
+    )
+
+    def to_json(self) -> dict[str, Any]:
+        """The object as plain JSON values, without members that are absent."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    @classmethod
+    def of_json(cls, stored: dict[str, Any]) -> Self:
+        """Reads what `to_json` made."""
+        return cls.model_validate(stored)
+
 
 DEFAULT_CONCURRENT_PERCENTAGE = 20
 """Share of a fleet that is deployed to at the same time if a request does not say, in percent."""
@@ -123,3 +158,43 @@ def _each_once(member: str, arns: tuple[str, ...]) -> set[str]:
             raise InvalidParameterException(f"{member}: {arn} is there twice; name each robot once")
         seen.add(arn)
     return seen
+
+
+class Artifact(StoredPart):
+    """A file that robots install, as orders describe it; it lies in the object store."""
+
+    bucket: str = Field(description="Its bucket.")
+    key: str = Field(description="Its key.")
+    file_name: str = Field(description="Its name in orders; SWUpdate takes only `.swu`.")
+    size_bytes: int = Field(ge=1, description="Its length, in bytes.")
+    sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
+    sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
+    md5: str = Field(description="Its MD5, in hexadecimal digits.")
+    archive_sha256: str | None = optional(
+        "SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive."
+    )
+    name: str = Field(description="Name of the application in it.")
+    version: str = Field(description="Version of the application in it.")
+    target: str | None = optional("Path of the signed deployment document that an agent fetches; absent: none.")
+
+    @property
+    def delivers(self) -> str:
+        """SHA-256 of the application's archive that a robot gets by it, in hexadecimal digits."""
+        return self.archive_sha256 or self.sha256
+
+
+class Delivery(StoredPart):
+    """Files and launch configuration that the robots of a rollout get; they do not change."""
+
+    artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
+    agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")
+    agents: frozenset[str] = Field(default=frozenset(), description="The robots that have an agent, by ARN.")
+    architectures: dict[str, str] = Field(description="The architecture of each robot that gets one, by ARN.")
+    launch: DeploymentLaunchConfig = Field(description="How the application is started.")
+
+    def by_robot(self) -> dict[str, Artifact]:
+        """The file of each robot, by ARN."""
+        return {robot: self._files(robot)[architecture] for robot, architecture in self.architectures.items()}
+
+    def _files(self, robot: str) -> dict[str, Artifact]:
+        return self.agent_artifacts if robot in self.agents else self.artifacts

@@ -1,5 +1,7 @@
-"""Programs of a simulation run (applications that are processes, and tools beside them), and what confines them."""
+"""Programs of a simulation run, what confines them, what they wait for, and why they stop."""
 
+from collections.abc import Mapping
+from enum import StrEnum
 from pathlib import Path
 from typing import Literal
 
@@ -97,3 +99,55 @@ class FoundFiles(Model):
 
     size_bytes: int = Field(ge=0, description="Disk space that they took, in bytes, which is not what the run used.")
     at_s: float = Field(description="When that was, in seconds since 1970.")
+
+
+Scarce = Literal["slots", "memory", "disk"]
+"""Resource of the machine that a job waits for."""
+
+WAITS_FOR: Mapping[Scarce, str] = {"slots": "a slot", "memory": "memory", "disk": "disk"}
+"""The same in words, after `waits for`."""
+
+Wait = Scarce | Literal["worker"]
+"""Resource that the jobs of a run wait for: one of this machine, or a job worker elsewhere."""
+
+IN_WORDS: Mapping[Wait, str] = {**WAITS_FOR, "worker": "a job worker"}
+"""All of these in words, after `waits for`."""
+
+NOTICED_S = 1.0
+"""Shorter waits are not recorded, in seconds."""
+
+
+def noticed(waited_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
+    """The waits that are long enough to be recorded.
+
+    Args:
+        waited_s: how long, by what was waited for, in seconds.
+    """
+    return {scarce: round(time_s, 1) for scarce, time_s in waited_s.items() if time_s >= NOTICED_S}
+
+
+class StopReason(StrEnum):
+    """Why a job has to stop. Those of a batch are its jobs' failure codes."""
+
+    CANCELED = "Canceled"
+    """It was cancelled itself, or another worker has taken it over."""
+
+    BATCH_CANCELED = "BatchCanceled"
+    BATCH_TIMED_OUT = "BatchTimedOut"
+
+
+STOPPING: Mapping[str, StopReason] = {
+    "Canceling": StopReason.BATCH_CANCELED,
+    "TimingOut": StopReason.BATCH_TIMED_OUT,
+}
+"""Why the jobs of a batch have to stop, by the batch's status."""
+
+STOP_EVENTS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReason.BATCH_TIMED_OUT: "time_out"}
+"""The event of the batch, by the reason; the keys are the failure codes of its jobs."""
+
+
+class RunStop(StrEnum):
+    """Why a run was ended from outside, in the words of `RunResult.ended_by`."""
+
+    DURATION_LIMIT = "duration limit"
+    CANCELED = "canceled"

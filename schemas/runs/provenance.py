@@ -1,8 +1,8 @@
-"""Provenance of a run's numbers: the content of `provenance.json` in its output folder."""
+"""Documents beside a run's outputs: `manifest.json`, `provenance.json` and `failure-state.json`."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import AfterValidator, AwareDatetime, Field, JsonValue, model_validator
 
 from ..wire.base import Model, optional
 from .plan import RunPlan
@@ -97,3 +97,93 @@ class Provenance(Model):
     resumed_at_s: list[float] = Field(
         default=[], description="Simulated times of the checkpoints from which it was continued."
     )
+
+
+def _inside(path: str) -> str:
+    """Refuses paths that could lead out of the folder they are fetched into."""
+    if "\0" in path or any(part in ("", ".", "..") for part in path.split("/")):
+        raise ValueError(f"{path!r} has to be a relative path without empty, '.' and '..' components")
+    return path
+
+
+class ManifestFile(Model):
+    """One published file."""
+
+    path: Annotated[str, AfterValidator(_inside)] = Field(description="Path below the manifest's own folder.")
+    size_bytes: int = Field(ge=0, description="Size.")
+    sha256: str = Field(pattern=r"^[0-9a-f]{64}$", description="SHA-256 of the content, in hexadecimal.")
+
+
+class Manifest(Model):
+    """Files that were published together, and what they are."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    created_at: AwareDatetime = Field(description="When the files were published.")
+    about: dict[str, JsonValue] = Field(description="Facts about the origin of the files: job, run, status and so on.")
+    files: list[ManifestFile] = Field(description="All files, in the order of their paths.")
+
+    @model_validator(mode="after")
+    def _paths_are_unique(self) -> "Manifest":
+        paths = [file.path for file in self.files]
+        if len(set(paths)) < len(paths):
+            twice = sorted({path for path in paths if paths.count(path) > 1})
+            raise ValueError(f"files name {', '.join(twice)} more than once")
+        return self
+
+
+FAILURE_STATE_FILE = "failure-state.json"
+FAILURE_VECTOR_FILE = "failure-state.npy"
+FAILURE_MODEL_FILE = "failure-model.mjb"
+
+
+class PhysicsWarning(Model):
+    """One kind of warning of MuJoCo."""
+
+    warning: str = Field(description="MuJoCo's name of it, `mjWARN_BADQVEL`.")
+    count: int = Field(description="How often it came.")
+    text: str = Field(description="Message of MuJoCo.")
+    joint: str | None = optional("Joint whose numbers were bad, where that is known.")
+    body: str | None = optional("Body of that joint.")
+
+
+class JointState(Model):
+    """One joint, before it broke."""
+
+    joint: str = Field(description="Its name, else its body's.")
+    body: str = Field(description="Body that it moves.")
+    qpos: list[float | None] = Field(description="Positions in m and rad; null: not finite.")
+    qvel: list[float | None] = Field(description="Velocities in m/s and rad/s; null: not finite.")
+    qacc: list[float | None] = Field(description="Accelerations in m/s² and rad/s²; null: not finite.")
+
+
+class StrongContact(Model):
+    """One contact, before it broke."""
+
+    first: str = Field(description="One geom, else its body.")
+    second: str = Field(description="The other.")
+    normal_force_N: float | None = Field(description="Normal force; null: not finite.")
+    depth_m: float = Field(description="How deep they are in each other; negative: apart.")
+    position_m: tuple[float, float, float] = Field(description="Position of the contact, in metres.")
+
+
+class FailureState(Model):
+    """State of the physics shortly before a run broke."""
+
+    schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
+    time_s: float = Field(description="Simulated time of the state that was kept.")
+    step: int = Field(description="Steps of MuJoCo until then.")
+    began_anew: bool = Field(description="Whether MuJoCo has put everything back to its beginning since.")
+    warnings: list[PhysicsWarning] = Field(description="Warnings of MuJoCo.")
+    not_finite: dict[str, list[int]] = Field(
+        description="Places of `qpos`, `qvel` and `qacc` that are not finite now; empty once MuJoCo began anew."
+    )
+    joints: list[JointState] = Field(description="Joints that MuJoCo warned of, then the fastest; at most 10.")
+    contacts: list[StrongContact] = Field(description="Those with the largest forces, at most 10.")
+    control: dict[str, float] = Field(description="The last control signals, by actuator.")
+    model_file: str = Field(default=FAILURE_MODEL_FILE, description="The compiled model, for the same MuJoCo.")
+    model_sha256: str = Field(description="Digest of the model, as in `provenance.json`.")
+    state_file: str = Field(default=FAILURE_VECTOR_FILE, description="The kept state as a vector of numpy.")
+    state_kind: Literal["mjSTATE_INTEGRATION"] = Field(
+        default="mjSTATE_INTEGRATION", description="Kind of state that `mj_setState` has to be told."
+    )
+    mujoco: str = Field(description="Version of MuJoCo.")

@@ -4,13 +4,18 @@ A job's request has them as its member `requirements` or, for SDKs that do not k
 the launch variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of its own.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from difflib import SequenceMatcher
 from typing import Annotated, Any, Literal, Self, TypeAlias
 
 from pydantic import AfterValidator, Field, model_validator
 
 from ..wire.base import Model, Shape, ShapeName, optional
 from ..wire.common import text, unique_names
+from ..wire.errors import InvalidParameterException
+from ..wire.job_configs import JobRequest, given_once, is_program, launches
+from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import parsed_member
 
 MAX_REQUIREMENTS = 50
@@ -173,3 +178,179 @@ def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[int, str]]:
         for index, requirement in enumerate(requirements)
         if isinstance(requirement, GoalRequirement) and requirement.room is not None
     ]
+
+
+REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
+"""Launch variable that holds requirements as JSON, for SDKs that do not know the member."""
+
+_STARTS_ON_ORIGIN = "indoor-navigation"
+"""The simulation application whose robots start on the origin."""
+
+_WITHIN_M = 0.5
+_MAKES_SENSE = ("after", "by_s", "body")
+"""Members of a goal that another one counts from, or that is not about the place of the robot."""
+
+_BEGINNING = "ROBOMAKER_"
+_NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
+"""Likeness of two names from which on one is taken for the other: behind the beginning, and of all of it."""
+
+
+def requirements_of(request: JobRequest) -> list[JobRequirement]:
+    """The requirements that a request asks for.
+
+    Raises:
+        InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
+    """
+    return _placed_requirements(request)[1]
+
+
+def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
+    """The rooms that a request's goals ask for, each with the path of the member that does.
+
+    Raises:
+        InvalidParameterException: as `requirements_of`.
+    """
+    place, requirements = _placed_requirements(request)
+    return [(f"{place}[{index}].room", room) for index, room in rooms_of(requirements)]
+
+
+def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]]:
+    """The path of the member that holds a request's requirements, and these."""
+    place, requirements = given_once(request, "requirements", REQUIREMENTS_VARIABLE, parse_requirements)
+    return place, requirements or []
+
+
+def check_requirements(request: JobRequest) -> None:
+    """Finds out what of a request's requirements cannot be judged, as far as the request says it.
+
+    Raises:
+        ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
+            world, a goal is where the robot starts, or all applications are programs, so that there is no simulation
+            to judge.
+    """
+    for place, name in _misspelt(request):
+        raise ValueError(
+            f"{place}.{name} is not known; did you mean {REQUIREMENTS_VARIABLE}? The job would be judged without it"
+        )
+    try:
+        place, requirements = _placed_requirements(request)
+        rooms = rooms_asked(request)
+    except InvalidParameterException as error:
+        raise ValueError(str(error)) from None
+    if requirements and _has_only_programs(request):
+        raise ValueError(
+            f"{place}: they would not be judged, since the job has only programs; name a simulation application that "
+            "makes an environment, or let the program write its verdict to result.json"
+        )
+    if _starts_on_origin(request):
+        for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
+            raise ValueError(f"{place}[{index}].{member}: {problem}")
+    if _has_world(request):
+        return
+    for path, room in rooms:
+        raise ValueError(
+            f"{path} is {room!r}, but the job names no world; "
+            "add simulationApplications[0].worldConfigs, or give the goal as x and y"
+        )
+
+
+def misspelt_requirements(variables: Iterable[str]) -> list[str]:
+    """Names of variables that are clearly meant to hold requirements, and do not."""
+    return [name for name in variables if name != REQUIREMENTS_VARIABLE and _is_meant(name)]
+
+
+def doubtful_requirements(variables: Iterable[str]) -> list[str]:
+    """Names of other variables that begin like the one with requirements."""
+    return [
+        name
+        for name in variables
+        if name.startswith(f"{_BEGINNING}REQ") and name != REQUIREMENTS_VARIABLE and not _is_meant(name)
+    ]
+
+
+def starts_on_origin(order: Mapping[str, Any]) -> bool:
+    """Whether the robot of a job starts on the origin of its world, as far as the order for the job says it."""
+    configs = order.get("simulationApplications")
+    first = configs[0] if is_list(configs) and configs else None
+    return is_mapping(first) and first.get("application") == _STARTS_ON_ORIGIN
+
+
+def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
+    """Finds goals that are reached before the robot moves: index, member, and what is wrong with it.
+
+    Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
+
+    Args:
+        requirements: What an order asks for, as JSON; what is no goal is passed over.
+        start_room: Name of the room that the origin is in; None: that is not known.
+    """
+    goals = [
+        (index, each) for index, each in enumerate(requirements) if is_mapping(each) and each.get("kind") == "goal"
+    ]
+    begun = {each.get("after") for _, each in goals}
+    for index, goal in goals:
+        if goal.get("name") in begun or any(goal.get(key) is not None for key in _MAKES_SENSE):
+            continue
+        if start_room is not None and goal.get("room") == start_room:
+            yield index, "room", _in_words(f"the robot starts in {start_room!r}")
+        elif _is_near(goal):
+            yield index, "x", _in_words("the robot starts at (0, 0)")
+
+
+def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
+    """Says which goal cannot be judged because the world has no such room; `None` if all can.
+
+    Args:
+        asked: see `rooms_asked`.
+        rooms: names of the world's rooms.
+    """
+    for path, room in asked:
+        if room not in rooms:
+            return f"{path}: {no_such_room(room, rooms)}"
+    return None
+
+
+def no_such_room(room: str, rooms: Sequence[str]) -> str:
+    """Says that a world has other rooms."""
+    return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
+
+
+def _has_world(request: JobRequest) -> bool:
+    return any(config.worldConfigs for config in request.simulationApplications or ())
+
+
+def _starts_on_origin(request: JobRequest) -> bool:
+    return any(config.application == _STARTS_ON_ORIGIN for config in request.simulationApplications or ())
+
+
+def _has_only_programs(request: JobRequest) -> bool:
+    """Whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
+    configs = request.simulationApplications or request.robotApplications or ()
+    return bool(configs) and all(is_program(config.launchConfig) for config in configs)
+
+
+def _misspelt(request: JobRequest) -> Iterator[tuple[str, str]]:
+    """The paths of members with a variable that is nearly called like the launch variable, each with its name."""
+    for place, launch in launches(request):
+        for name in misspelt_requirements(launch.environmentVariables or {}):
+            yield f"{place}.environmentVariables", name
+
+
+def _is_meant(name: str) -> bool:
+    if name.startswith(_BEGINNING):
+        return _likeness(name.removeprefix(_BEGINNING), REQUIREMENTS_VARIABLE.removeprefix(_BEGINNING)) >= _NEAR
+    return _likeness(name, REQUIREMENTS_VARIABLE) >= _NEAR_AS_A_WHOLE
+
+
+def _likeness(name: str, other: str) -> float:
+    return SequenceMatcher(None, name, other).ratio()
+
+
+def _is_near(goal: Mapping[str, Any]) -> bool:
+    place = [goal.get("x"), goal.get("y"), goal.get("within_m") or _WITHIN_M]
+    numbers = [each for each in place if isinstance(each, int | float)]
+    return len(numbers) == 3 and math.hypot(numbers[0], numbers[1]) <= numbers[2]
+
+
+def _in_words(start: str) -> str:
+    return f"{start}, so the goal cannot be missed; `after` makes it one to come back to, `by_s` one to begin at"

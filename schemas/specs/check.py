@@ -15,7 +15,7 @@ from ..wire.json_values import is_list
 from ..wire.request_problems import Location, nearest, path_text, problems_of, some
 from .inputs import InputCheck
 from .model import MAX_STEPS, REUSABLE, CheckedSpec, CheckedStep, IfExists, Spec, output_model
-from .reference_kinds import ANYTHING, Kind, Structure
+from .reference_typing import ANYTHING, Kind, Structure
 from .rooms import room_problems
 from .text import MappingNode, Node, ScalarNode, child, key_place, parse, plain, value_place
 

@@ -17,9 +17,8 @@ from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Place, Problem
 from ..wire.json_values import is_list, is_object
 from ..wire.request_problems import Location, RequestProblem, nearest, path_text
-from .batch_splitting import parts_of
 from .model import FOR_EACH, FOR_EACH_KEYS, INDEX, as_written, for_each_of, is_step_name, place_of, variable_of
-from .reference_kinds import (
+from .reference_typing import (
     ANYTHING,
     BOOLEAN,
     NUMBER,
@@ -37,6 +36,7 @@ from .reference_kinds import (
     without_none,
 )
 from .references import ReferenceMistake, parse_template
+from .resolving import parts_of
 from .text import ListNode, MappingNode, Node, ScalarNode, child, key_place, plain, value_place
 
 Scope: TypeAlias = Mapping[str, Kind]

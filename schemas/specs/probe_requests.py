@@ -11,8 +11,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from ..operations.simulation_jobs import SimulationJobRequest
-from ..runs.requested_trials import TRIALS_VARIABLE, trials_of
-from ..runs.trials import Trials
+from ..runs.trials import TRIALS_VARIABLE, Trials, trials_of
 from ..wire.errors import Problem, SpecError
 from ..wire.json_values import is_list, is_mapping, is_object
 from ..wire.operation_shape import READS

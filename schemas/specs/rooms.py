@@ -8,14 +8,15 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from ..runs.requested_requirements import goals_at_start, no_such_room, starts_on_origin
+from ..operations.world_generation_jobs import too_many_worlds
+from ..runs.requirements import goals_at_start, no_such_room, starts_on_origin
 from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
-from ..wire.errors import InvalidParameterException, Problem
+from ..wire.errors import InvalidParameterException, Problem, SpecError
 from ..wire.request_problems import Location, path_text
-from .model import FOR_EACH, CheckedStep, for_each_of, variable_of
+from .model import FOR_EACH, CheckedSpec, CheckedStep, for_each_of, variable_of
 from .references import ReferenceMistake, parse_template
-from .text import ListNode, MappingNode, Node, ScalarNode, child, plain
+from .text import ListNode, MappingNode, Node, ScalarNode, child, plain, value_place
 
 _REQUESTS = "createSimulationJobRequests"
 _WORLD: Location = ("simulationApplications", 0, "worldConfigs", 0, "world")
@@ -136,3 +137,35 @@ def _below(node: Node | None, location: Location) -> Node | None:
     for key in location:
         node = child(node, key) if node is not None else None
     return node
+
+
+_COUNT = "worldCount"
+_MEMBERS = ("floorplanCount", "interiorCountPerFloorplan")
+
+
+def check_world_counts(spec: CheckedSpec, most: int) -> None:
+    """Refuses what the service itself would accept, and then fail; counts that only a run can tell pass.
+
+    Args:
+        spec: the specification.
+        most: worlds that one job may make, see `ROBOMAKER_MAX_WORLDS_PER_JOB`.
+
+    Raises:
+        SpecError: a job asks for more.
+    """
+    problems = [problem for step in spec.steps.values() if (problem := _problem(step, most))]
+    if problems:
+        raise SpecError(problems)
+
+
+def _problem(step: CheckedStep, most: int) -> Problem | None:
+    count = step.input.entries.get(_COUNT) if isinstance(step.input, MappingNode) else None
+    if step.operation != "CreateWorldGenerationJob" or not isinstance(count, MappingNode):
+        return None
+    members = [count.entries.get(member) for member in _MEMBERS]
+    floorplans, interiors = (node.value if isinstance(node, ScalarNode) else None for node in members)
+    if not isinstance(floorplans, int) or not isinstance(interiors, int):
+        return None
+    reason = too_many_worlds(floorplans, interiors, most)
+    place = value_place(step.input, (_COUNT,))
+    return Problem(place, path_text((*step.location, _COUNT)), reason) if reason else None

@@ -12,15 +12,94 @@ import re
 from difflib import get_close_matches
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model, optional
 from ..wire.json_values import is_list, is_object
 from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
-from .doorways import TemplateDoorways
-from .targets import NameText, RoomTarget
-from .targets import TemplateTargetSet as TemplateTargetSet
+
+OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
+"""Pydantic puts these into the locations of errors; error messages leave them out."""
+
+NameText = Annotated[str, Field(min_length=1, max_length=255, pattern=r"^[a-zA-Z0-9_\- ]*$")]
+
+
+def _form(value: Any) -> str:
+    return CONSTANT_TAG if isinstance(value, str) else OBJECT_TAG
+
+
+All = Annotated[Literal["Target.All"], Tag(CONSTANT_TAG)]
+
+
+class TemplateTargetSet(Model):
+    """Rooms that a set is for: by name or by type. A name beats a type for the same room."""
+
+    RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
+    RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
+
+
+class RoomPairTargetFilter(Model):
+    """Doorways that a set is for: those between any room of one list and any room of another."""
+
+    From: TemplateTargetSet = Field(description="Rooms on one side.")
+    To: TemplateTargetSet = Field(description="Rooms on the other side.")
+
+
+RoomTarget = Annotated[Annotated[TemplateTargetSet, Tag(OBJECT_TAG)] | All, Discriminator(_form)]
+"""Some rooms, or, in version 2, all."""
+
+DoorwayTarget = Annotated[Annotated[RoomPairTargetFilter, Tag(OBJECT_TAG)] | All, Discriminator(_form)]
+"""The doorways between some rooms, or all."""
+
+
+def _percent(value: Any) -> Any:
+    """One line of advice for whatever is neither."""
+    number = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value <= 100
+    if not number and value != "Random":
+        raise PydanticCustomError("no_percentage", 'a number from 0 to 100, or "Random", would be right')
+    return float(value) if number else value
+
+
+OpenPercent = Annotated[
+    Annotated[float, Field(ge=0, le=100)] | Literal["Random"],
+    BeforeValidator(_percent),
+]
+
+
+class DoorOpenPosition(Model):
+    """How far a door is open at first."""
+
+    Percent: OpenPercent = Field(default=100.0, description="0: closed, 100: fully open; Random: anything between.")
+
+
+class DoorInitialState(Model):
+    """A door when the simulation begins."""
+
+    OpenPosition: DoorOpenPosition = Field(default=DoorOpenPosition(), description="How far it is open.")
+
+
+class InteriorDoor(Model):
+    """A door."""
+
+    InitialState: DoorInitialState = Field(default=DoorInitialState(), description="How it is at first.")
+
+
+class InteriorDoorwaySet(Model):
+    """The doors of some doorways."""
+
+    Name: NameText = Field(description="The set's name.")
+    TargetSet: DoorwayTarget = Field(description="The doorways it is for.")
+    Door: InteriorDoor = Field(default=InteriorDoor(), description="The doors they get.")
+
+
+class TemplateDoorways(Model):
+    """Doors."""
+
+    DoorwaySets: list[InteriorDoorwaySet] = Field(
+        default=[], max_length=13, description="Doors by doorway; other doorways get a door of any look, fully open."
+    )
+
 
 FLOORPLAN_PATH = "Buildings[0].Floors[0].Floorplan"
 """JSON path of the floor plan in a body."""

@@ -8,7 +8,9 @@
 | `world` | `<id of the generation job>/world-<n>`; `import-…`, `variation-…` for those that no job made |
 """
 
+import random
 import re
+import string
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Literal, get_args
@@ -97,3 +99,31 @@ def application_arn(region: str, account: str, kind: str, name: str, created_at:
         ValueError: there is no such kind of resource.
     """
     return resource_arn(region, account, kind, f"{name}/{round(created_at.timestamp() * 1000)}")
+
+
+IdPrefix = Literal["sim", "batch", "template", "generation", "export", "deployment", "import", "variation"]
+
+_ALPHABET = string.digits + string.ascii_lowercase
+_LENGTH = 12
+
+
+def new_id(prefix: IdPrefix, source: random.Random) -> str:
+    """Makes an id: the prefix, a hyphen, twelve digits and small letters.
+
+    Args:
+        prefix: what it is an id of.
+        source: where the randomness comes from; `random.SystemRandom()` where ids have to differ
+            between processes.
+    """
+    return f"{prefix}-{''.join(source.choices(_ALPHABET, k=_LENGTH))}"
+
+
+def world_id(generation_id: str, number: int) -> str:
+    """The id of the world of that number, counted from 1, of a generation job: `generation-…/world-3`.
+
+    Raises:
+        ValueError: the number is below 1.
+    """
+    if number < 1:
+        raise ValueError(f"world number is {number}; worlds are counted from 1")
+    return f"{generation_id}/world-{number}"

@@ -24,7 +24,7 @@ from .common import (
 )
 from .errors import InvalidParameterException
 from .globs import Glob
-from .strict_json import load_strict
+from .json_values import load_strict
 
 Command = Annotated[str, ShapeName("Command"), text(1, 1024, r"[a-zA-Z0-9_.\-]*")]
 CommandList = Annotated[list[NonEmptyString], ShapeName("CommandList")]

@@ -10,8 +10,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
-from .checks import WorldChecks
-from .world import DrawnSource, PassageKind, Point, Preference, RoomType, Variation
+from .world import DrawnSource, PassageKind, Point, Preference, RoomType, Variation, WorldChecks
 
 DESCRIPTION_FILE = "world_description.json"
 """Its name in a world bundle and in an export."""

@@ -1,9 +1,15 @@
-"""Interface of backends: job workers on machines for as long as a batch runs."""
+"""Backends: their interface, the one whose workers somebody else starts, and finding the one that settings name."""
 
-from contextlib import AbstractContextManager
+import importlib
+import importlib.util
+import re
+import socket
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
-from ...schemas.wire.errors import RobomakerError
+from ...schemas.extras import how_to_install
+from ...schemas.wire.errors import ConfigurationError, RobomakerError
 
 JOB_WORKER_FLOW = "RunJobWorker"
 """The flow of a job worker in a work pool; its deployment is named after the pool."""
@@ -55,3 +61,106 @@ class Backend(Protocol):
             BackendError: there is no such cluster or pool.
         """
         ...
+
+
+class ByHandBackend:
+    """Starts none, and says how one is started."""
+
+    def check(self) -> None:
+        """Finds nothing: machines may come at any time."""
+
+    @contextmanager
+    def job_workers(self, batch: str, wanted: int) -> Iterator["ByHandWorkers"]:
+        """Starts none."""
+        yield ByHandWorkers(batch, wanted)
+
+
+class ByHandWorkers:
+    """Job workers that are not known here.
+
+    Args:
+        batch: ARN of the batch.
+        wanted: how many can be of use.
+    """
+
+    def __init__(self, batch: str, wanted: int) -> None:
+        self._words = f"up to {wanted} jobs at once; on each machine: robomaker work {batch}"
+
+    def look(self) -> str:
+        """Says how one is started."""
+        return self._words
+
+
+_ADDRESS = re.compile(r"(?:[a-z]+://)?([^\s/:]+|\[[0-9a-f:.]+\]):([0-9]{1,5})")
+_CONNECT_S = 10.0
+
+
+def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
+    """Checks what `ROBOMAKER_BACKEND` says of a cluster, as far as that needs no connection.
+
+    Args:
+        kind: of the cluster, and the extra that brings its library: `dask`.
+        place: what stands after it: a host and a port, with or without a protocol.
+        library: the module that speaks with the cluster.
+        wanted: what the place has to be, in words.
+
+    Raises:
+        ConfigurationError: that is no address, or the library is not installed.
+    """
+    if _ADDRESS.fullmatch(place) is None:
+        raise ConfigurationError(f"ROBOMAKER_BACKEND is '{kind}:{place}'; after {kind}: there has to be {wanted}")
+    if importlib.util.find_spec(library) is None:
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is '{kind}:{place}', and {kind.capitalize()} is not installed: {how_to_install(kind)}"
+        )
+
+
+def check_answer(cluster: str, address: str, program: str) -> None:
+    """Finds out at once that nothing listens there; clients of clusters try for long.
+
+    Args:
+        cluster: what it is, in words: `the Dask cluster tcp://10.0.0.7:8786`.
+        address: where it has to be.
+        program: what has to run there.
+
+    Raises:
+        BackendError: nothing does; the message says what to check.
+    """
+    found = _ADDRESS.fullmatch(address)
+    assert found is not None
+    try:
+        socket.create_connection((found[1].strip("[]"), int(found[2])), _CONNECT_S).close()
+    except (OSError, OverflowError) as error:
+        raise BackendError(
+            f"{cluster} does not answer ({error}): check the address in ROBOMAKER_BACKEND, that `{program}` runs "
+            "there, and that this machine may connect to its port"
+        ) from error
+
+
+_MODULES = {"workers": "work_pools", "dask": "dask_cluster", "ray": "ray_cluster"}
+"""Each has a function `backend_at`, and imports its library when that connects."""
+
+
+def open_backend(named: str) -> Backend | None:
+    """Makes the backend that `ROBOMAKER_BACKEND` names; nothing is connected yet.
+
+    Args:
+        named: `local`, `by-hand`, `workers:POOL`, `dask:ADDRESS` or `ray:ADDRESS`.
+
+    Returns:
+        The backend; `None`: batches run in the process that carries them out.
+
+    Raises:
+        ConfigurationError: there is no such backend, or its address is missing.
+    """
+    kind, _, place = named.partition(":")
+    if named == "local":
+        return None
+    if named == "by-hand":
+        return ByHandBackend()
+    if kind not in _MODULES or not place:
+        raise ConfigurationError(
+            f"ROBOMAKER_BACKEND is {named!r}; it has to be local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS"
+        )
+    backend: Backend = importlib.import_module(f".{_MODULES[kind]}", __package__).backend_at(place)
+    return backend

@@ -10,8 +10,7 @@ from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.exit_codes import BAD_USAGE, BROKE
-from .addresses import check_answer, check_place
-from .backend import Backend, BackendError
+from .backend import Backend, BackendError, check_answer, check_place
 from .cluster_workers import ClusterWorkers, cluster_workers
 from .node import Ended
 

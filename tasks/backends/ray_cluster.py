@@ -15,8 +15,7 @@ from collections.abc import Generator
 from contextlib import contextmanager, suppress
 from typing import IO
 
-from .addresses import check_answer, check_place
-from .backend import Backend, BackendError, JobWorkers
+from .backend import Backend, BackendError, JobWorkers, check_answer, check_place
 
 _DRIVER = ("-P", "-m", "prefect_robomaker.tasks.backends.ray_driver")
 _CLOSE_S = 30.0

@@ -20,15 +20,16 @@ from .queries import (
     changed_one,
     check_free,
     insert_labels,
+    insert_tags,
     not_found,
     one_row,
     replace_labels,
+    replace_tags,
     resource_of,
 )
 from .records import FirstLease, NewResource, Resource
 from .rollouts import CatalogRollouts
 from .tables import resources
-from .tags import insert_tags, replace_tags
 
 _MAX_ATTEMPTS = 100
 _CHUNK = 500  # of ARNs in one query

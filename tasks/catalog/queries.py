@@ -1,13 +1,18 @@
-"""Pieces of queries that several of the catalog's methods use."""
+"""Pieces of queries of the catalog's methods: pages and their tokens, tags, a few members of large documents."""
 
+import base64
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any, cast
 
 from sqlalchemy import (
+    JSON,
     ColumnElement,
     Connection,
     CursorResult,
     FromClause,
+    Label,
     RowMapping,
     Select,
     and_,
@@ -15,15 +20,95 @@ from sqlalchemy import (
     delete,
     func,
     insert,
+    literal,
+    null,
     or_,
     select,
 )
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.compiler import SQLCompiler
+from sqlalchemy.sql.functions import FunctionElement
 
 from ...schemas.lifecycles import LIFECYCLES
-from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFoundException
-from .members import of_picked, picked
+from ...schemas.wire.errors import InvalidParameterException, ResourceAlreadyExistsException, ResourceNotFoundException
 from .records import NewResource, Resource
 from .tables import resource_labels, resource_tags, resources
+
+Filters = Mapping[str, Sequence[str]]
+
+
+def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
+    """Makes the token of the page that follows an entry.
+
+    Args:
+        kind: what is listed.
+        filters: with which conditions.
+        sequence: the entry's place in the order of creation.
+    """
+    return base64.urlsafe_b64encode(f"{sequence}.{_fingerprint(kind, filters)}".encode()).decode()
+
+
+def decode_page_token(kind: str, filters: Filters, token: str) -> int:
+    """Reads a token.
+
+    Returns:
+        The place of the entry that the page follows.
+
+    Raises:
+        InvalidParameterException: it is no token, or one of another list.
+    """
+    try:
+        sequence = int(base64.urlsafe_b64decode(token).decode("ascii").partition(".")[0])
+    except ValueError as error:
+        raise InvalidParameterException(f"nextToken is {token!r}; it has to come from the page before") from error
+    if token != encode_page_token(kind, filters, sequence):
+        raise InvalidParameterException(
+            "nextToken came from another list or other filters; repeat the call it came from, with the token added"
+        )
+    return sequence
+
+
+def _fingerprint(kind: str, filters: Filters) -> str:
+    canonical = json.dumps([kind, {name: sorted(values) for name, values in filters.items()}], sort_keys=True)
+    return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+
+class _Picked(FunctionElement[Any]):
+    """A JSON array of members of an object, in order; `null` for those that it does not have.
+
+    One call for all of them: with one for each, a list of 1,000 jobs takes three times as long.
+    """
+
+    type = JSON()
+    inherit_cache = True
+
+
+@compiles(_Picked, "sqlite")
+def _on_sqlite(element: _Picked, compiler: SQLCompiler, **more: Any) -> str:
+    document, *names = (compiler.process(clause, **more) for clause in element.clauses)
+    # With a single path it would be no array; so the first one comes twice.
+    paths = (f"""'$."' || {name} || '"'""" for name in (names[0], *names))
+    return f"JSON_EXTRACT({document}, {', '.join(paths)})"
+
+
+@compiles(_Picked, "postgresql")
+def _on_postgresql(element: _Picked, compiler: SQLCompiler, **more: Any) -> str:
+    document, *names = (compiler.process(clause, **more) for clause in element.clauses)
+    picked = (f"{document} -> CAST({name} AS TEXT)" for name in (names[0], *names))
+    return f"JSON_BUILD_ARRAY({', '.join(picked)})"
+
+
+def picked(members: Sequence[str]) -> Label[Any]:
+    """The column with some members of the document."""
+    column: ColumnElement[Any] = _Picked(resources.c.document, *map(literal, members)) if members else null()
+    return column.label(resources.c.document.name)
+
+
+def of_picked(values: Sequence[Any] | None, members: Sequence[str]) -> Mapping[str, Any]:
+    """The members that the document has."""
+    found = zip(members, (values or [None])[1:], strict=True)
+    return {member: value for member, value in found if value is not None}
+
 
 COLUMNS = (
     resources.c.arn,
@@ -206,3 +291,23 @@ def check_free(connection: Connection, resource: NewResource, unique_name: bool)
         is_name = unique_name and found.unique_name == resource.name
         what = f"the name {resource.name!r}" if is_name else "that ARN"
         raise ResourceAlreadyExistsException(f"{found.arn} already has {what}; choose another")
+
+
+_ADDED = insert(resource_tags)
+_PLACE = select(resources.c.kind, resources.c.sequence).where(resources.c.arn == bindparam("of"))
+_OLD = delete(resource_tags).where(resource_tags.c.sequence == bindparam("of"))
+
+
+def insert_tags(connection: Connection, kind: str, sequence: int, tags: Mapping[str, str]) -> None:
+    """Adds the tags of a row, by which lists find it."""
+    rows = [{"kind": kind, "key": key, "value": value, "sequence": sequence} for key, value in tags.items()]
+    if rows:
+        connection.execute(_ADDED, rows)
+
+
+def replace_tags(connection: Connection, arn: str, tags: Mapping[str, str]) -> None:
+    """Puts other tags in the place of a row's."""
+    place = connection.execute(_PLACE, {"of": arn}).one_or_none()
+    if place is not None:
+        connection.execute(_OLD, {"of": place.sequence})
+        insert_tags(connection, place.kind, place.sequence, tags)

@@ -10,10 +10,11 @@ from sqlalchemy.exc import DBAPIError, IntegrityError
 from ...schemas.wire.errors import ServiceUnavailableException
 from .client_tokens import ClientToken, find_resource
 from .engine import open_engine, reading_once, writing
-from .page_tokens import decode_page_token, encode_page_token
 from .queries import (
     COLUMNS,
     alive,
+    decode_page_token,
+    encode_page_token,
     has_member,
     list_query,
     newest_query,

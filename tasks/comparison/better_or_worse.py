@@ -22,9 +22,8 @@ from .decisions import JudgedTrials, fewest_worlds, mean_change, needed_pairs, r
 from .failures import appearances_of
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
-from .pairing import Pair, Pairing, pair_jobs
+from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
-from .trial_pairs import ENDED, PASSED, TrialPairs, pair_trials
 
 _LARGEST = 1e100
 """Numbers from here on are left out of means: their squares are not finite."""

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...schemas.reports.comparison import NeededPairs, RateChange
-from .power import mcnemar_pairs_needed, worlds_needed
 from .statistics import (
     Interval,
     clustered_mean,
     mcnemar_p_value,
+    mcnemar_pairs_needed,
     mean_difference,
     paired_rate_difference,
     sign_flip_p_value,
+    worlds_needed,
 )
 
 POWER = 0.8

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 
 from ...schemas.reports.changes import CellChange, SinceLastRun
 from ...schemas.reports.history import CellHistory, History, Night, SharesByNight
-from ...schemas.reports.states import CaseOutcome
+from ...schemas.reports.run_record import CaseOutcome
 from ..reporting import Outcome
 from ..results import rates
 from .failures import (
@@ -19,9 +19,8 @@ from .failures import (
 )
 from .losses import losses_of, told_losses
 from .nights import TOLD, NightRun, name_of, outcome_of, reason_of
-from .pairing import Pair
+from .pairing import Pair, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
-from .trial_pairs import pair_trials
 
 
 def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> History:

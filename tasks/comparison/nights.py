@@ -10,9 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ...schemas.reports.changes import CellName
-from ...schemas.reports.inputs import SourceCommit
-from ...schemas.reports.run_record import JobRecord, RunRecord
-from ...schemas.reports.states import RunState
+from ...schemas.reports.run_record import JobRecord, RunRecord, RunState, SourceCommit
 from ..reporting import Outcome, classify
 from ..results.table import RESULTS_FILE, ResultTable
 

@@ -10,8 +10,7 @@ from ...schemas.reports.changes import NewlyMissed, RequirementChange
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.runs.plan import Requirement
 from .nights import HEALTH, name_of
-from .pairing import Pair
-from .trial_pairs import FAILED, TrialPairs
+from .pairing import FAILED, Pair, TrialPairs
 
 _Limit = tuple[str | None, float | None]
 _MOST_PLACES = 10

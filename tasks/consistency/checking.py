@@ -1,27 +1,124 @@
-"""Checks the catalog against the object store, and mends what can be mended.
+"""Checks what the catalog says is stored against the object store, and mends what can be mended."""
 
-Nothing that may be the only copy of something is removed: what is lost is told, and a backup or another run cures it.
-"""
-
+import hashlib
+import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from functools import partial
+from pathlib import Path
 
-from ...schemas.reports.consistency import ConsistencyReport, Finding, Problem
-from ...schemas.wire.errors import (
-    ObjectNotFoundError,
-    RobomakerError,
-    StorageError,
-    StorageUnavailableError,
-)
+from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.reports.retention import ConsistencyReport, Finding, Problem
+from ...schemas.runs.provenance import ManifestFile
+from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError, StorageError, StorageUnavailableError
 from ..catalog import Resource
-from ..jobs.kept_outputs import find_kept, store_kept
+from ..jobs.job_folders import find_kept, store_kept
 from ..service.service import Service
-from ..storage import finish_thinning
-from ..storage.parallel import run_all
-from .published_folders import compare_folder
-from .stored_things import JOB, KINDS, Folder, Single, stored_of
+from ..storage import MANIFEST_NAME, NEXT_NAME, ObjectStore, finish_thinning, read_manifest
+from ..storage.base import join_key, run_all
+from ..worlds.archive_places import archive_place
+
+JOB, WORLD, EXPORT = "simulation-job", "world", "world-export-job"
+KINDS = (JOB, WORLD, EXPORT)
+"""Kinds of resources that store something of their own. What users stored, such as applications, is theirs."""
+
+
+@dataclass(frozen=True)
+class Folder:
+    """Files that were published together: a manifest names them."""
+
+    place: StoredPlace
+
+
+@dataclass(frozen=True)
+class Single:
+    """One object."""
+
+    bucket: str
+    key: str
+
+
+def stored_of(resource: Resource) -> Iterator[Folder | Single]:
+    """Yields the objects that a resource must have; for a run that did not finish, none."""
+    if resource.kind == JOB:
+        document = SimulationJobDocument.of(resource)
+        if document.outputs is not None and document.finished:
+            yield Folder(document.outputs)
+    elif resource.kind == WORLD:
+        world = WorldDocument.of(resource)
+        if world.bundle is not None:
+            yield Folder(world.bundle)
+    elif resource.kind == EXPORT and resource.status == "Completed":
+        yield Single(*archive_place(resource))
+
+
+@dataclass(frozen=True)
+class Flaw:
+    """Flaw of one object or of the folder."""
+
+    problem: Problem
+    key: str
+    detail: str
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Result of a comparison."""
+
+    objects: int
+    size_bytes: int
+    flaws: list[Flaw]
+
+
+def compare_folder(place: StoredPlace, store: ObjectStore, *, read_content: bool) -> Compared:
+    """Compares what is there with what the manifest names; objects that it does not name do not count.
+
+    Args:
+        place: where the folder is.
+        store: where it is stored.
+        read_content: whether every object is read; else sizes are compared, by one list of the folder.
+
+    Raises:
+        StorageError: the store does not answer or refuses, or what should be a manifest is none.
+    """
+    there = {info.key: info.size_bytes for info in store.list(place.bucket, join_key(place.prefix, ""))}
+    manifest_key, next_key = (join_key(place.prefix, name) for name in (MANIFEST_NAME, NEXT_NAME))
+    if next_key in there:
+        why = "the removal of some of its files was interrupted"
+        return Compared(len(there), sum(there.values()), [Flaw(Problem.HALF_REMOVED, next_key, why)])
+    if manifest_key not in there:
+        why = f"{len(there)} objects are there, and no manifest that makes them count" if there else "nothing is there"
+        return Compared(0, 0, [Flaw(Problem.NOT_PUBLISHED, manifest_key, why)])
+    files = read_manifest(store, place.bucket, place.prefix).files
+    flaws = [flaw for file in files for flaw in _flaws(file, place, there, store, read_content=read_content)]
+    return Compared(len(files), sum(file.size_bytes for file in files), flaws)
+
+
+def _flaws(
+    file: ManifestFile, place: StoredPlace, there: dict[str, int], store: ObjectStore, *, read_content: bool
+) -> Iterator[Flaw]:
+    key = join_key(place.prefix, file.path)
+    if key not in there:
+        yield Flaw(Problem.MISSING, key, f"{file.size_bytes} bytes were stored")
+    elif there[key] != file.size_bytes:
+        yield Flaw(Problem.WRONG_SIZE, key, f"it has {there[key]} bytes; {file.size_bytes} were stored")
+    elif read_content and (digest := _sha256(store, place.bucket, key)) != file.sha256:
+        yield Flaw(Problem.WRONG_CONTENT, key, f"its SHA-256 is {digest}; {file.sha256} was stored")
+
+
+def _sha256(store: ObjectStore, bucket: str, key: str) -> str:
+    """The digest of an object's content; through a file, since one may be larger than memory."""
+    with tempfile.TemporaryDirectory(prefix="robomaker-fsck-") as folder:
+        path = Path(folder) / "content"
+        try:
+            store.get_file(bucket, key, path)
+        except ObjectNotFoundError:
+            return "none: it has just been removed"
+        with path.open("rb") as content:
+            return hashlib.file_digest(content, "sha256").hexdigest()
+
 
 UNFINISHED_AFTER = timedelta(days=1)
 """Parts of an upload that began before belong to no upload that goes on: none takes that long."""

@@ -1,7 +1,4 @@
-"""The lease of a stored job: the right to change it, renewed by a thread while it is held.
-
-How long it lasts and how often it is renewed is in `tasks/service/timing.py`.
-"""
+"""Leases of stored jobs: at most one worker runs a job at a time, and a job whose workers keep dying fails."""
 
 import logging
 import threading
@@ -10,10 +7,15 @@ from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TypeVar
 
-from ...schemas.documents.base import Changes
+from ...schemas.documents.base import Changes, FailureChanges
+from ...schemas.documents.simulation_jobs import Outcome
+from ...schemas.lifecycles import LIFECYCLES, is_terminal
+from ...schemas.rollouts.rollout import Stopped
 from ...schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
 from ..catalog import Resource, Stored
 from ..service.service import Service
+from ..service.spans import span
+from .held_leases import HELD, HeldLeases
 
 Result = TypeVar("Result")
 _logger = logging.getLogger(__name__)
@@ -172,3 +174,126 @@ class CatalogWait:
                 return
             break
         raise failure
+
+
+MAX_LOST_WORKERS = 3
+_MOST_OF_BATCHES = 10
+"""The limit for a batch is higher: the job at fault in it reaches its own limit first."""
+
+_CODE = "InternalServiceError"
+_DEPLOYMENT_CODE = "InternalServerError"
+_EVENTS = ("terminate", "fail", "canceled")
+
+
+def why_not_retried(lease: Lease, service: Service) -> str | None:
+    """Returns why a job has reached its retry limit; `None` when it may run."""
+    most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
+    lost = service.catalog.lost_workers(lease.job.arn)
+    if lost < most:
+        return None
+    return f"{lost} job workers died, one after the other, while they ran this job; it is not begun again"
+
+
+def fail_job(lease: Lease, reason: str, service: Service) -> None:
+    """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
+    transitions = LIFECYCLES[lease.job.kind].transitions
+    is_deployment = lease.job.kind == "deployment-job"
+    changes = FailureChanges(failure_code=_DEPLOYMENT_CODE if is_deployment else _CODE, failure_reason=reason)
+    if lease.job.kind == "simulation-job":
+        changes = Outcome(status="Failed", failure_code=_CODE, failure_reason=reason).announced(finished=None)
+    for job in service.catalog.children(lease.job.arn, kind="simulation-job"):
+        service.catalog.request_cancel(job.arn)
+    for event in _EVENTS:
+        if (lease.job.status, event) in transitions:
+            lease.transition(event, changes)
+    if is_deployment:  # its robots are told with the next thing that one of them reports
+        now_s = service.clock().timestamp()
+        service.catalog.add_event(lease.job.arn, Stopped(why="canceled").to_json(), now_s)
+
+
+_WAIT_S = 0.5
+
+
+def run_under_lease(
+    arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
+) -> None:
+    """Runs `work` on a job unless it has ended, holding its lease meanwhile.
+
+    Args:
+        arn: the job.
+        kind: the resource kind it has to be.
+        service: where it is stored.
+        work: carries the job on from wherever it stands to a terminal state.
+        held: where this process notes the leases that it holds.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+    """
+    while True:
+        try:
+            if run_if_unclaimed(arn, kind, service, work, held):
+                return
+        except LeaseLostError as error:
+            _logger.warning("%s; its end is waited for", error)
+        time.sleep(_WAIT_S)
+
+
+def run_if_unclaimed(
+    arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
+) -> bool:
+    """Runs `work` on a job if it has not ended and no other job worker holds it.
+
+    Args:
+        arn: the job.
+        kind: the resource kind it has to be.
+        service: where it is stored.
+        work: carries the job on, holding its lease.
+        held: where this process notes the leases that it holds.
+
+    Returns:
+        True when `work` was run or the job had ended; false when another worker holds its lease.
+
+    Raises:
+        ResourceNotFoundException: there is no such job.
+        LeaseLostError: another worker has taken over meanwhile.
+        WorkerStopping: this process is about to end.
+    """
+    job = service.catalog.get(arn, kind=kind)
+    if is_terminal(job.kind, job.status):
+        return True
+    with held.owner_of(arn) as owner:
+        if not service.catalog.claim(arn, owner, service.timing.lease_s):
+            return False
+        lease = Lease(job, owner, service)
+        with lease.renewed():
+            if is_terminal(kind, lease.refreshed().status):
+                return True
+            if reason := why_not_retried(lease, service):
+                fail_job(lease, reason, service)
+            else:
+                with span(f"run {kind}", arn=arn) as current:
+                    _outlast(work, lease, service)
+                    current.set_attribute("robomaker.status", lease.job.status)
+    return True
+
+
+def _outlast(work: Callable[[Lease], object], lease: Lease, service: Service) -> None:
+    """Carries a job to its end, and goes on from where it stands after each outage of the catalog on the way.
+
+    Args:
+        work: carries the job on from wherever it stands to a terminal state.
+        lease: the right to change the job.
+        service: where it is stored.
+
+    Raises:
+        ServiceUnavailableException: another worker took the job over during an outage, or the catalog is there and
+            takes no change.
+    """
+    wait = CatalogWait.of(lease, service)
+    while not is_terminal(lease.job.kind, lease.job.status):
+        try:
+            work(lease)
+        except ServiceUnavailableException as error:
+            wait.outlast(error)
+        else:
+            return

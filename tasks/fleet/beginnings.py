@@ -10,14 +10,15 @@ from dataclasses import dataclass
 from ...schemas.documents.base import StoredResource
 from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ...schemas.operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentApplicationConfig, DeploymentConfig
-from ...schemas.rollouts.artifacts import Artifact, Delivery
-from ...schemas.rollouts.events import Canceled, Stopped
 from ...schemas.rollouts.plan import (
     DEFAULT_CONCURRENT_PERCENTAGE,
     DEFAULT_THRESHOLD_PERCENTAGE,
+    Artifact,
+    Delivery,
     PlannedRobot,
     RolloutPlan,
 )
+from ...schemas.rollouts.rollout import Canceled, Stopped
 from ...schemas.wire.arns import ResourceArn
 from ..catalog import Resource
 from ..service.service import Service

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from ...schemas.documents.fleets import RobotAttributes, RobotDocument, RobotInstallation, RobotSighting
-from ...schemas.rollouts.events import Progressed, Report, ReportedCode, Succeeded
+from ...schemas.rollouts.rollout import Progressed, Report, ReportedCode, Succeeded
 from ...schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,
@@ -13,12 +13,10 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
 )
 from ..service.service import Service
-from .ddi.feedback import Attributes
 from .ddi.orders import RobotOrder
-from .ddi.reports import AttributesSent, OrderFetched, RobotReport, RobotsSeen
-from .known_robots import KnownRobots
-from .order_keeping import OrderKeeper, OrderKey
-from .translation import OrderReport, event_of, heard
+from .ddi.reports import Attributes, AttributesSent, OrderFetched, RobotReport, RobotsSeen
+from .order_keeping import OrderKeeper, OrderKey, OrderReport, event_of, heard
+from .records import KnownRobots
 
 PROGRESS_EVERY_S = 2.0
 """How often it is reported how much of its file a robot was sent."""

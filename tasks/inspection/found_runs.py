@@ -14,22 +14,21 @@ from pydantic import ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
-from ...schemas.runs.manifest import Manifest
 from ...schemas.runs.plan import RunPlan
-from ...schemas.runs.provenance import PROVENANCE_FILE
+from ...schemas.runs.provenance import PROVENANCE_FILE, Manifest
 from ...schemas.runs.trial_rows import TRIALS_FILE, TrialRow, plan_of_trial
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError, StorageError
 from ..catalog import Resource
 from ..runtime.agents.action_log import ACTIONS_FILE
 from ..runtime.episode.results import RESULT_FILE
-from ..runtime.limits.left_files import open_left
+from ..runtime.limits.files import open_left
 from ..runtime.replay.replay import RunOutputs, read_outputs
 from ..runtime.states.digest import DIGEST_FILE
-from ..runtime.trials.table import read_row
+from ..runtime.trials.completion import read_row
 from ..service.service import Service
 from ..storage import MANIFEST_NAME
-from ..storage.naming import join_key
+from ..storage.base import join_key
 
 _KIND = "simulation-job"
 _NO_FILE = (errno.ELOOP, errno.EINVAL, errno.ENXIO)

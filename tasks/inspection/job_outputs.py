@@ -1,24 +1,32 @@
-"""Outputs of jobs as reports and the table of results show them: files, results, pictures, trials."""
+"""Inputs and outputs of jobs as reports and the table of results show them."""
 
+import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
-from ...schemas.documents.worlds import StoredPlace
+from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.report import ReportedFile, ReportedJob
-from ...schemas.reports.run_record import JobRecord
+from ...schemas.reports.run_record import JobInputs, JobRecord, UsedApplication
 from ...schemas.runs.plan import RunResult
+from ...schemas.runs.programs import ApplicationRole
+from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE
-from ...schemas.wire.errors import ObjectNotFoundError, StorageError
+from ...schemas.wire.arns import ResourceArn
+from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
 from ..comparison.nights import TRIALS
 from ..results.columns import read_trials
 from ..results.table import RESULTS_FILE, ResultTable
 from ..service.service import Service
 from ..storage import read_manifest, removed_before
+from ..storage.base import join_key
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -120,3 +128,131 @@ def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Servi
         return read_trials(service.store.get_bytes(place.bucket, f"{place.prefix}/{TRIALS_FILE}"))
     except (StorageError, ValueError):
         return None
+
+
+_APPLICATIONS = ("robotApplications", "simulationApplications")
+_DECISIVE = (*_APPLICATIONS, "maxJobDurationInSeconds", "failureBehavior", "dataSources", "compute", "requirements")
+"""Members of a request that its result depends on, besides the seed."""
+
+
+def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
+    """The jobs of a run with their inputs; without them those that are deleted.
+
+    What a job that broke early does not say of its applications is taken from the other jobs of the run, where they
+    agree.
+    """
+    stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
+    documents = {arn: SimulationJobDocument.of(resource) for arn, resource in stored.items()}
+    worlds = _world_contents({job.world_arn for job in jobs if job.world_arn}, service)
+    inputs: list[JobInputs | None] = []
+    for job in jobs:
+        document = documents.get(job.arn or "")
+        found = inputs_of_request(document.request, document.seed) if document else job.inputs
+        made_of = document.made_of if document else None
+        # Worlds that are deleted are still told apart: by what their jobs say of them, else by their ARNs.
+        world = (made_of and made_of.world) or worlds.get(job.world_arn or "", job.world_arn)
+        used = _used_applications(document.outputs, service) if document else []
+        inputs.append(found and found.model_copy(update={"world": world, "applications": used}))
+    completed = _completed(inputs, [_names(documents.get(job.arn or "")) for job in jobs])
+    return [job.model_copy(update={"inputs": each}) for job, each in zip(jobs, completed, strict=True)]
+
+
+def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs:
+    """Returns the inputs of a job as far as its request alone tells them.
+
+    Args:
+        request: the request on the wire.
+        seed: the seed that the job was given; None: it never became a job.
+    """
+    given = request.get("seed", (request.get("tags") or {}).get(SEED_TAG))
+    return JobInputs(
+        seed=int(given) if seed is None and str(given or "").isdecimal() else seed,
+        seed_given=given is not None,
+        requirements_sha256=_requirements_digest(request),
+        request_sha256=_digest_of(request),
+    )
+
+
+def _requirements_digest(request: Mapping[str, Any]) -> str | None:
+    """The digest of what a request requires, by its member or the launch variable for SDKs that do not know it."""
+    configs = [config for role in _APPLICATIONS for config in request.get(role) or ()]
+    variables = [(config.get("launchConfig") or {}).get("environmentVariables") or {} for config in configs]
+    asked = [request.get("requirements"), *(each.get(REQUIREMENTS_VARIABLE) for each in variables)]
+    if not any(asked):
+        return None
+    text = json.dumps(asked, sort_keys=True, default=str, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _digest_of(request: Mapping[str, Any]) -> str:
+    asked = {name: request[name] for name in _DECISIVE if request.get(name) is not None}
+    for role in _APPLICATIONS:
+        if role in asked:
+            asked[role] = [_without_arns(config) for config in asked[role]]
+    text = json.dumps(asked, sort_keys=True, default=str, separators=(",", ":"))
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _without_arns(config: Mapping[str, Any]) -> dict[str, Any]:
+    """The configuration of an application by name, without its worlds: both are part of the inputs themselves."""
+    plain = {key: value for key, value in config.items() if key != "worldConfigs"}
+    with suppress(InvalidParameterException):  # it is a name already
+        plain["application"] = ResourceArn.parse(str(config.get("application"))).name
+    return plain
+
+
+def _world_contents(arns: set[str], service: Service) -> dict[str, str]:
+    """Returns the names of the worlds' contents, by ARN; none for worlds that are deleted."""
+    worlds = service.catalog.get_many(arns)
+    bundles = {arn: WorldDocument.of(world).bundle for arn, world in worlds.items()}
+    return {arn: bundle.last_part for arn, bundle in bundles.items() if bundle}
+
+
+def _used_applications(place: StoredPlace | None, service: Service) -> list[UsedApplication]:
+    """Reads a run's applications from its provenance; none if that cannot be read."""
+    if place is None:
+        return []
+    try:
+        content = service.store.get_bytes(place.bucket, join_key(place.prefix, PROVENANCE_FILE))
+        provenance = Provenance.model_validate_json(content)
+    except (StorageError, ValidationError):
+        return []
+    plan = provenance.plan
+    found: dict[tuple[ApplicationRole, str], str] = {
+        (each.role, each.name): each.sha256 for each in provenance.applications
+    }
+    for program in plan.programs:
+        application = plan.robot_application if program.role == "robot" else plan.simulation_application
+        if program.image_id and application:
+            found[program.role, application.name] = program.image_id
+    return [UsedApplication(role=role, name=name, digest=digest) for (role, name), digest in sorted(found.items())]
+
+
+def _names(document: SimulationJobDocument | None) -> set[tuple[str, str]]:
+    """The applications that a job asks for."""
+    if document is None:
+        return set()
+    robots, simulations = document.robot_application_names, document.simulation_application_names
+    return {*(("robot", name) for name in robots), *(("simulation", name) for name in simulations)}
+
+
+def _completed(inputs: Sequence[JobInputs | None], asked: Sequence[set[tuple[str, str]]]) -> list[JobInputs | None]:
+    """Adds the applications that jobs ask for and say nothing of, where all other jobs have the same."""
+    known: dict[tuple[str, str], set[str]] = {}
+    for each in inputs:
+        for used in each.applications if each else ():
+            known.setdefault((used.role, used.name), set()).add(used.digest)
+    certain = {key: next(iter(digests)) for key, digests in known.items() if len(digests) == 1}
+    completed: list[JobInputs | None] = []
+    for each, names in zip(inputs, asked, strict=True):
+        if each is None:
+            completed.append(None)
+            continue
+        has = {(used.role, used.name) for used in each.applications}
+        more = [
+            UsedApplication.model_validate({"role": role, "name": name, "digest": certain[role, name]})
+            for role, name in sorted(names - has)
+            if (role, name) in certain
+        ]
+        completed.append(each.model_copy(update={"applications": [*each.applications, *more]}))
+    return completed

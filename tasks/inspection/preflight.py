@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from ...schemas.runs.requested_requirements import goals_at_start, no_such_room, starts_on_origin
+from ...schemas.runs.requirements import goals_at_start, no_such_room, starts_on_origin
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import (
@@ -19,13 +19,13 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ...schemas.wire.request_problems import nearest
-from ..service.patient_store import patiently
+from ..service.patience import patiently
 from ..service.service import Service
-from ..simulations.inputs.world_rooms import Rooms, rooms_of_world
+from ..simulations.inputs.bundles import Rooms, rooms_of_world
 from ..simulations.outputs.output_places import DEFAULT_PREFIX, prepare_bucket
-from ..storage.naming import join_key
+from ..storage.base import join_key
 from ..worlds.generation import WORLDS_PREFIX
-from .kept_forecasts import find_forecast
+from .forecasting import find_forecast
 
 RoomsOf = Callable[[str], Rooms | None]
 """The rooms of a world, by its ARN; None where they are not known."""

@@ -9,11 +9,12 @@ from ...schemas.runs.verification import Divergence, ReproductionFolder, RobotRe
 from ...schemas.wire.errors import ConfigurationError, LaunchError, ResourceNotFoundException
 from ..catalog import Resource
 from ..jobs.job_runs import launcher
-from ..runtime.replay.divergence import first_difference, result_difference
 from ..runtime.replay.replay import (
     RunOutputs,
+    first_difference,
     read_outputs,
     rerun_plan,
+    result_difference,
     why_not_comparable,
     why_not_repeatable,
     why_other_inputs,
@@ -24,7 +25,7 @@ from ..runtime.states.provenance import machine_facts
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers
 from ..simulations.planning.run_plans import run_plan
-from ..simulations.ros.domains import own_domain
+from ..simulations.ros.job_services import own_domain
 from ..storage import MANIFEST_NAME
 from .found_runs import FoundRun, found_run, found_trial, plan_of_found_trial, scratch_folder
 

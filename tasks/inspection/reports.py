@@ -9,23 +9,21 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
+from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
 from ...schemas.reports.forecast import ForecastCheck
-from ...schemas.reports.inputs import SourceCommit
-from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, RunState
+from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
 from ...schemas.reports.run_record import (
     Interruption,
     JobRecord,
     RerunOf,
     RunRecord,
+    SourceCommit,
     StepRecord,
     interrupted_in_words,
 )
 from ...schemas.reports.run_states import run_state
-from ...schemas.reports.summary import ReportSummary
 from ...schemas.reports.variants import variants
 from ...schemas.runs.plan import RunResult
 from ...schemas.wire.arns import ResourceArn
@@ -36,8 +34,7 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..comparison.nights import NightRun
-from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
-from ..execution.events import tell_of_report
+from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary, tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import RESULTS_FILE, ResultTable
@@ -45,8 +42,7 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
-from .job_inputs import inputs_of_request, with_inputs
-from .job_outputs import judged_without_outputs, outputs_of, places_of, write_results
+from .job_outputs import inputs_of_request, judged_without_outputs, outputs_of, places_of, with_inputs, write_results
 from .run_records import is_night, since_last
 
 REPORT_NAME = "report.html"

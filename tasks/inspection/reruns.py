@@ -5,8 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.operations.registry import SEED_TAG
 from ...schemas.reports.report import ReportedJob
 from ...schemas.reports.run_record import RerunOf, RunRecord, StepRecord

@@ -11,7 +11,7 @@ from typing import Any
 from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.reuse_inputs import ReuseInputs, in_short
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
-from ...schemas.documents.world_templates import WorldTemplateDocument
+from ...schemas.documents.worlds import WorldTemplateDocument
 from ...schemas.operations.registry import parse_request, seed_of
 from ...schemas.operations.simulation_job_batches import StartSimulationJobBatchRequest
 from ...schemas.operations.simulation_jobs import CreateSimulationJobRequest, SimulationJobRequestMembers
@@ -19,9 +19,8 @@ from ...schemas.operations.world_generation_jobs import CreateWorldGenerationJob
 from ...schemas.operations.world_templates import CreateWorldTemplateRequest
 from ...schemas.reports.run_record import StepRecord
 from ...schemas.runs.plan import ApplicationRole
-from ...schemas.specs.batch_splitting import parts_of
 from ...schemas.specs.model import CheckedSpec, CheckedStep
-from ...schemas.specs.resolving import resolve_input
+from ...schemas.specs.resolving import parts_of, resolve_input
 from ...schemas.templates.parsing import unwrapped_text
 from ...schemas.wire.errors import RobomakerError, ServiceError, SpecError
 from ..catalog import Resource
@@ -29,8 +28,7 @@ from ..service.service import Service
 from ..simulations.planning.applications import LATEST, with_etag
 from ..simulations.planning.job_contents import CurrentApplications, contents_of_request
 from ..simulations.planning.run_plans import world_arn
-from ..simulations.reused_results import find_results
-from ..simulations.stored_jobs import job_document
+from ..simulations.stored_jobs import find_results, job_document
 from ..worlds.generation import world_seeds_of
 from ..worlds.reuse import find_world_again
 from .run_records import find_records

@@ -6,8 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.reports.run_record import JobRecord
 from ...schemas.reports.run_states import (
     FlowResult,

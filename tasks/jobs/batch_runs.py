@@ -9,27 +9,29 @@ from contextlib import ExitStack, suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from ...schemas.documents.simulation_job_batches import BatchProgress, FailedRequest, SimulationJobBatchDocument
-from ...schemas.documents.simulation_jobs import SimulationJobDocument
+from ...schemas.documents.simulation_jobs import (
+    BatchProgress,
+    FailedRequest,
+    SimulationJobBatchDocument,
+    SimulationJobDocument,
+)
 from ...schemas.lifecycles import batch_outcome, is_terminal
 from ...schemas.operations.simulation_jobs import SimulationJobRequest
 from ...schemas.reports.run_states import case_outcome, outcomes_in_words
-from ...schemas.runs.machine_waits import Wait
-from ...schemas.runs.stops import STOP_EVENTS, STOPPING, StopReason
+from ...schemas.runs.programs import STOP_EVENTS, STOPPING, StopReason, Wait
 from ...schemas.wire.base import STORED
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import ServiceError, ServiceUnavailableException, StorageError, StorageUnavailableError
 from ..backends.backend import Backend, BackendError
 from ..catalog import ClientToken, Resource
-from ..execution.blocks.credential_blocks import read_credential_block
+from ..execution.credential_blocks import read_credential_block
 from ..execution.job_leases import CatalogWait, Lease
 from ..execution.task_pool import run_tasks
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Progress, Service
 from ..simulations.planning.job_contents import CurrentApplications
 from ..simulations.stored_jobs import check_references, reuse_job, store_job
-from .awaited_jobs import AwaitedJobs, WorkerWait
-from .batch_trials import BatchTrials
+from .batch_workers import AwaitedJobs, BatchTrials, WorkerWait
 from .job_runs import perform_job, stop_idle_job
 from .places import IS_STORED, SIMULATED, Place, only_finishes, permit_of
 

@@ -1,26 +1,23 @@
-"""A job worker of one batch: takes its jobs from the catalog, one after the other, until none is left.
-
-Any number of them may work on a batch, on any machines. The process that carries the batch out makes jobs of its
-requests, and says in the batch's document how many may be held at once; the catalog counts them as it gives them out.
-"""
+"""A job worker of one batch: takes its jobs from the catalog, waits for those of others, and counts their trials."""
 
 import concurrent.futures
 import logging
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 
-from ...schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from ...schemas.documents.base import Json
+from ...schemas.documents.simulation_jobs import JobTrials, SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
-from ...schemas.runs.machine_waits import Scarce
-from ...schemas.runs.stops import STOPPING, StopReason
+from ...schemas.runs.programs import STOPPING, Scarce, StopReason
+from ...schemas.runs.trials import TrialCounts, planned_trials
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
+from ..catalog import Catalog, Resource
 from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
-from ..execution.one_worker_per_job import run_under_lease
-from ..execution.retry_limit import fail_job
+from ..execution.job_leases import fail_job, run_under_lease
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
 from .job_folders import KIND, remove_overtaken_runs
@@ -209,3 +206,122 @@ class BatchWorker:
     def _why_stop(self) -> StopReason | None:
         """Why jobs of the batch have to end, by the status that was seen last."""
         return STOPPING.get(self._status)
+
+
+_WAIT_S = 0.5
+
+
+_LASTING_S = 3.0
+"""A worker that has just ended a job takes the next one sooner."""
+
+
+class AwaitedJobs:
+    """The ends of a batch's jobs; safe to use from several threads.
+
+    Args:
+        catalog: where they are.
+        batch: ARN of the batch.
+    """
+
+    def __init__(self, catalog: Catalog, batch: str) -> None:
+        self._catalog = catalog
+        self._batch = batch
+        self._ended: frozenset[str] = frozenset()
+        self._changed = threading.Condition()
+
+    def look(self) -> None:
+        """Asks once for all jobs which have ended.
+
+        Raises:
+            ServiceUnavailableException: the catalog does not answer.
+        """
+        standing = self._catalog.children_standing(self._batch, KIND)
+        ended = frozenset(arn for arn, status in standing.items() if is_terminal(KIND, status))
+        with self._changed:
+            if ended != self._ended:
+                self._ended = ended
+                self._changed.notify_all()
+
+    def wait(self, job: str, should_stop: Callable[[], bool]) -> None:
+        """Waits until a look has found that a job has ended, or waiting is to end.
+
+        Args:
+            job: ARN of the job.
+            should_stop: asked now and then; has to answer at once.
+        """
+        with self._changed:
+            while job not in self._ended and not should_stop():
+                self._changed.wait(_WAIT_S)
+
+
+class WorkerWait:
+    """Notices whether the jobs of a batch wait for a job worker: while one runs, there is a worker."""
+
+    def __init__(self) -> None:
+        self._since_s: float | None = None
+
+    def lasts(self, pending: int, running: int, now_s: float) -> bool:
+        """Notes how jobs stand, and says whether all wait for a worker, for longer than it takes to find one.
+
+        Args:
+            pending: jobs that no worker has begun.
+            running: jobs that workers have begun and not ended.
+            now_s: seconds of a clock that never goes back.
+        """
+        if not pending or running:
+            self._since_s = None
+            return False
+        if self._since_s is None:
+            self._since_s = now_s
+        return now_s - self._since_s >= _LASTING_S
+
+
+_LOOK_EVERY_S = 2.0
+
+
+class BatchTrials:
+    """The trials of one batch.
+
+    Args:
+        batch: ARN of the batch.
+        requests: the requests of its jobs, in order.
+        catalog: where the jobs are, and how many of their trials have finished.
+        clock: seconds on a clock that only runs forward.
+    """
+
+    def __init__(
+        self, batch: str, requests: Sequence[Json], catalog: Catalog, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._batch, self._catalog, self._clock = batch, catalog, clock
+        self._planned = [planned_trials(request) for request in requests]
+        self._total = sum(self._planned)
+        self._next_look_s = 0.0
+        self.counts = TrialCounts(0, self._total) if self._total else None
+        """As they were at the last look; None: no job has trials."""
+
+    def look(self, *, now: bool = False) -> bool:
+        """Counts again, if the last time was two seconds ago.
+
+        Args:
+            now: counts in any case.
+
+        Returns:
+            Whether more have finished.
+        """
+        if not self._total or (not now and self._clock() < self._next_look_s):
+            return False
+        self._next_look_s = self._clock() + _LOOK_EVERY_S
+        before, self.counts = self.counts, TrialCounts(self._finished(), self._total)
+        return self.counts != before
+
+    def _finished(self) -> int:
+        page = self._catalog.list(
+            KIND, filters={"parent": [self._batch]}, limit=len(self._planned), members=JobTrials.members()
+        )
+        return sum(map(self._finished_of, page.resources))
+
+    def _finished_of(self, job: Resource) -> int:
+        told = JobTrials.of_members(job)
+        planned = 0 if told.request_index is None else self._planned[told.request_index]
+        # A job is asked now and then, so the last number of one that has ended well is mostly too small.
+        return planned if job.status == "Completed" else min(planned, told.trials_finished or 0)

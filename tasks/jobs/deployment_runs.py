@@ -1,7 +1,4 @@
-"""The run of a deployment job: files are prepared, then robots get orders wave by wave until the rollout has ended.
-
-The rollout is in the catalog, and so is all that happens to it, so a run may stop at any moment and another goes on.
-"""
+"""The run of a deployment job: prepares files, gives robots orders wave by wave, shows both in Prefect."""
 
 import logging
 import time
@@ -13,8 +10,8 @@ from ...schemas.documents.base import FailureChanges
 from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ...schemas.rollouts.events import Stopped
-from ...schemas.rollouts.rollout import Rollout
+from ...schemas.rollouts.rollout import DeploymentReport, Rollout, Stopped
+from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
     DeploymentError,
@@ -25,18 +22,64 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..execution.job_leases import Lease
-from ..execution.task_runs import show_note, shown_as, step_runner
+from ..execution.task_pool import directly, show_note, shown_as, step_runner
 from ..fleet.beginnings import Prepared, begin_rollout, delivery, plan_of
 from ..fleet.control.rollbacks import roll_back
-from ..fleet.kept_rollouts import KeptRollout
+from ..fleet.kept_rollouts import KeptRollout, stop
 from ..fleet.records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
-from ..fleet.rollout.counts import counts_of
-from ..fleet.rollout.waits import in_words, waits_for
+from ..fleet.rollout.statuses import counts_of, in_words, waits_for
 from ..fleet.rollout.waves import waves_of
-from ..fleet.stored_rollouts import stop
+from ..fleet.views.reports import report_of, report_path
+from ..fleet.views.tables import MOST_ROWS, robot_rows
+from ..reporting import write_deployment
 from ..service.service import Progress, Service
 from ..simulations.planning.applications import find_application
-from .deployment_artifacts import report_end, show_wave
+
+_logger = logging.getLogger(__name__)
+
+
+def show_wave(job: Resource, rollout: Rollout, number: int, robots: Sequence[str]) -> None:
+    """Shows the robots of a wave as a table of its task run; does nothing outside a flow run."""
+    if step_runner() is directly:
+        return
+    from ..execution.artifacts import artifact_key, show_table
+
+    more = f", the first {MOST_ROWS} of {len(robots)}" if len(robots) > MOST_ROWS else ""
+    show_table(artifact_key(job.id, f"wave-{number}"), robot_rows(rollout, robots), f"Robots of wave {number}{more}")
+
+
+def report_end(job: Resource, service: Service) -> None:
+    """Writes the report of a deployment that has ended, and shows in Prefect where it is."""
+    try:
+        report = report_of(job, service)
+        path = write_deployment(report, report_path(job, service))
+    except Exception:  # the deployment has ended whatever is wrong with its report
+        _logger.exception("the report of %s could not be written", job.arn)
+        return
+    if step_runner() is not directly:
+        _show_end(job, report, str(path))
+
+
+def _show_end(job: Resource, report: DeploymentReport, path: str) -> None:
+    from ..execution.artifacts import artifact_key, show_summary, show_table
+
+    lines = [f"# {report.application} {report.version} to {report.fleet}: {report.status}", ""]
+    lines += [f"{report.failure_code}: {report.failure_reason or ''}".rstrip(": "), ""] if report.failure_code else []
+    rollout = report.rollout
+    if rollout is not None:
+        counts = ", ".join(f"{count} {word}" for word, count in counts_of(rollout).items())
+        lines += [f"{len(rollout.robots)} robots: {counts}.", ""]
+        bad = [robot for robot, state in rollout.robots.items() if state.outcome == "failed"]
+        lines += [f"- **{ResourceArn.parse(robot).name}** {rollout.robots[robot].failure_code}" for robot in bad[:20]]
+        show_table(artifact_key(job.id, "robots"), robot_rows(rollout, [*bad, *_others(rollout, bad)]), "Robots")
+    lines += ["", f"Report: [{path}](file://{path})"]
+    show_summary(artifact_key(job.id, "summary"), "\n".join(lines))
+
+
+def _others(rollout: Rollout, bad: Sequence[str]) -> list[str]:
+    left_out = frozenset(bad)
+    return [robot for robot in rollout.plan.order if robot not in left_out]
+
 
 POLL_S = 0.25
 """How often the run looks for what robots reported; the place of one that has ended stays free for so long."""
@@ -46,8 +89,6 @@ LOOK_AT_BATCH_S = 5.0
 
 _LOOK_AT_APPLICATION_S = 5.0
 _KEEP_ALIVE_S = 30.0
-
-_logger = logging.getLogger(__name__)
 
 
 class DeploymentRun:

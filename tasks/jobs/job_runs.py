@@ -15,9 +15,8 @@ from ...schemas.documents.simulation_jobs import (
     SimulationJobProgress,
     StoredNetworkInterface,
 )
-from ...schemas.runs.machine_waits import Scarce, noticed
 from ...schemas.runs.plan import RunOutcome, RunPlan
-from ...schemas.runs.stops import RunStop, StopReason
+from ...schemas.runs.programs import RunStop, Scarce, StopReason, noticed
 from ...schemas.wire.common import shorten
 from ...schemas.wire.errors import (
     LaunchError,
@@ -28,28 +27,34 @@ from ...schemas.wire.errors import (
     StorageUnavailableError,
     TransferStoppedError,
 )
-from ..execution.blocks.credential_blocks import read_credential_block
-from ..execution.job_leases import CatalogWait, Lease
-from ..execution.one_worker_per_job import run_if_unclaimed, run_under_lease
-from ..execution.retry_limit import MAX_LOST_WORKERS
-from ..execution.task_runs import RunStep, directly
+from ..execution.credential_blocks import read_credential_block
+from ..execution.job_leases import MAX_LOST_WORKERS, CatalogWait, Lease, run_if_unclaimed, run_under_lease
+from ..execution.task_pool import RunStep, directly
 from ..runtime.supervision.finished_outputs import remove_verdict
 from ..runtime.supervision.launcher import Launcher
 from ..service.service import Service
-from ..simulations.containers.cleanup import remove_containers_of_job
-from ..simulations.containers.outputs import settle_containers
-from ..simulations.environment.fresh_keys import fresh_keys
+from ..simulations.containers.cleanup import remove_containers_of_job, settle_containers
+from ..simulations.environment.role_access import fresh_keys
+from ..simulations.outputs.output_places import UploadEnd
 from ..simulations.outputs.run_outputs import RunOutputs, failure_code_of
-from ..simulations.outputs.upload_ends import UploadEnd
 from ..simulations.planning.job_contents import contents_of_plan
-from ..simulations.planning.resuming import plan_to_resume, reached_s
-from ..simulations.planning.run_plans import run_plan
-from ..simulations.ros.domains import DOMAIN_VARIABLE, own_domain
-from ..simulations.ros.job_services import answering
-from .earlier_runs import DIED, KILLED, EarlierRuns, not_stored_by_dead
+from ..simulations.planning.run_plans import plan_to_resume, reached_s, run_plan
+from ..simulations.ros.job_services import DOMAIN_VARIABLE, answering, own_domain
 from .job_folders import KIND, clean_up_job, remove_abandoned_containers
 from .places import Place
-from .simulation_outcomes import END_EVENTS, failed, is_overtaken, outcome_of, overtaken, stopped, without_outputs
+from .simulation_outcomes import (
+    DIED,
+    END_EVENTS,
+    KILLED,
+    EarlierRuns,
+    failed,
+    is_overtaken,
+    not_stored_by_dead,
+    outcome_of,
+    overtaken,
+    stopped,
+    without_outputs,
+)
 
 Stop = Callable[[], StopReason | None]
 """Asked while a job runs; answers why it should stop, or `None`."""

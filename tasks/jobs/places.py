@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
-from ...schemas.runs.stops import StopReason
+from ...schemas.runs.programs import StopReason
 from ..catalog import Resource
 from ..machine.machine_slots import MachineSlots, Turn
 

@@ -1,11 +1,25 @@
-"""How a simulation job finishes: the outcome of its last run, or of stopping it before there was one."""
+"""How a simulation job finishes, and its runs before the last one, of which the job says where they are stored."""
 
-from collections.abc import Mapping
+import logging
+from collections.abc import Callable, Mapping
 
-from ...schemas.documents.simulation_jobs import Outcome, OutcomeStatus
+from ...schemas.documents.simulation_jobs import (
+    EarlierRun,
+    Outcome,
+    OutcomeStatus,
+    SimulationJobDocument,
+    SimulationJobProgress,
+)
+from ...schemas.documents.worlds import StoredPlace
 from ...schemas.runs.plan import RunOutcome
-from ...schemas.runs.stops import StopReason
+from ...schemas.runs.programs import StopReason
 from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import StorageError, StorageUnavailableError
+from ..execution.job_leases import Lease
+from ..runtime.limits.logs import add_note
+from ..simulations.containers.cleanup import remove_run, settle_containers
+from ..simulations.outputs.run_outputs import RunOutputs
+from .job_folders import kept_runs
 
 END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "fail", "Canceled": "cancel"}
 """The event that leads from `Terminating` to an outcome's status."""
@@ -78,3 +92,135 @@ def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
 
 def _with_failure(outcome: Outcome, code: str, reason: str) -> Outcome:
     return outcome.model_copy(update={"failure_code": code, "failure_reason": shorten(reason)})
+
+
+DIED = "the job worker died while this run went on; the job was run again"
+KILLED = "this run was killed while it went on; the job was run again"
+_LOST = "the machine it ran on died before its outputs were stored"
+_RUNS = ("Running", "RunningFailed", "Restarting")
+"""Statuses of a job that has a run, in which code may have run."""
+
+_logger = logging.getLogger(__name__)
+
+
+class EarlierRuns:
+    """The runs of a job before its last one.
+
+    Args:
+        lease: the right to change the job.
+        outputs_of: the outputs of one of its runs.
+        why_stop: why the job has to end; `None` if it does not have to.
+    """
+
+    def __init__(
+        self, lease: Lease, outputs_of: Callable[[str], RunOutputs], why_stop: Callable[[], StopReason | None]
+    ) -> None:
+        self._lease = lease
+        self._outputs_of = outputs_of
+        self._why_stop = why_stop
+
+    def keep_restarted(self, run_id: str, ended: RunOutcome) -> None:
+        """Stores what a run left that was ended for another, and notes it; the restart goes on unless it is stopped."""
+        self._keep(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
+
+    def keep_dead(self, why: str) -> None:
+        """Stores what a run left here that died with its job worker and that none goes on with, and notes it.
+
+        Whether it had ended cannot be known any more, so it gets no manifest.
+
+        Args:
+            why: why it did not come to its end, for those who read its outputs.
+        """
+        job, document = self._lease.job, self._document
+        run_id = document.run_id
+        if run_id is None or run_id in kept_runs(document) or job.status not in _RUNS:
+            return
+        output = self._outputs_of(run_id).output_dir
+        if not output.is_dir():
+            return
+        settle_containers(output.parent, output)  # they do not die with a job worker
+        if not any(output.iterdir()):
+            return
+        add_note(output, why)
+        outcome = failed("InternalServiceError", why)
+        self._keep(run_id, outcome, restarted=job.status == "Restarting", finished=False)
+
+    def note_lost(self) -> bool:
+        """Notes that a run which had come to a good end is lost with its machine; the job can only run again.
+
+        Returns:
+            Whether it is: its outputs are neither on this machine nor stored. A store that does not answer cannot tell.
+        """
+        document = self._document
+        run_id, outcome = document.run_id, document.outcome
+        if run_id is None or outcome is None or not document.finished or outcome.status != "Completed":
+            return False
+        outputs = self._outputs_of(run_id)
+        if outputs.output_dir.parent.is_dir():
+            return False
+        try:
+            outputs.were_stored(self._is_stopped)
+        except StorageUnavailableError:
+            return False
+        except StorageError as error:
+            why = not_stored_by_dead(outputs, error)
+            _logger.warning("%s is run again: %s", self._lease.job.arn, why)
+            self._note(run_id, without_outputs(outcome, "InternalServiceError", why), not_stored=shorten(why))
+            return True
+        return False
+
+    def _is_stopped(self) -> bool:
+        return self._why_stop() is not None
+
+    @property
+    def _document(self) -> SimulationJobDocument:
+        """The job's document as it is now."""
+        return SimulationJobDocument.of(self._lease.job)
+
+    def _keep(self, run_id: str, outcome: Outcome, *, restarted: bool, finished: bool) -> None:
+        """Stores the outputs of a run that is not the job's last one; says in the job where they are.
+
+        One that has to end while the store does not answer has no other: this run's outputs become those of the job.
+        """
+        outputs = self._outputs_of(run_id)
+        place, not_stored = None, None
+        try:
+            about = {**outcome.about_run(), "restarted": restarted}
+            place = outputs.store(about, finished=finished, stopped=self._is_stopped)
+        except (StorageError, OSError) as error:
+            if self._why_stop() is not None:
+                return
+            not_stored = shorten(outputs.not_stored(error))
+            _logger.warning("%s is run again, but its %s", self._lease.job.arn, not_stored)
+        self._note(run_id, outcome, restarted=restarted, place=place, not_stored=not_stored)
+        if place is not None:  # noted by now: a job worker that dies here leaves a folder, and no unknown outputs
+            remove_run(outputs.output_dir.parent)
+
+    def _note(
+        self,
+        run_id: str,
+        outcome: Outcome,
+        *,
+        restarted: bool = False,
+        place: StoredPlace | None = None,
+        not_stored: str | None = None,
+    ) -> None:
+        """Says in the job how a run ended, and where its outputs are."""
+        document = self._document
+        run = EarlierRun(
+            run_id=run_id,
+            started_at=document.last_started_at,
+            status=outcome.status,
+            failure_code=outcome.failure_code,
+            failure_reason=outcome.failure_reason,
+            simulation_time_millis=outcome.simulation_time_millis,
+            restarted=restarted,
+            outputs=place,
+            not_stored=not_stored,
+        )
+        self._lease.update(SimulationJobProgress(earlier_runs=[*document.earlier_runs, run]))
+
+
+def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
+    """Says that the outputs of a run are gone with the machine that it ran on."""
+    return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

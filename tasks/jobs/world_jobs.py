@@ -1,15 +1,44 @@
-"""Common parts of world generation jobs and world export jobs: cancellation and end."""
+"""Runs of world generation jobs and world export jobs."""
 
-from collections.abc import Callable
+import logging
+import os
+import threading
+from collections import Counter
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 
-from ...schemas.documents.world_export_jobs import WorldExportProgress
-from ...schemas.documents.world_generation_jobs import WorldGenerationProgress
+from ...schemas.documents.worlds import (
+    WorldExportJobDocument,
+    WorldExportProgress,
+    WorldFailureCount,
+    WorldFailures,
+    WorldGenerationJobDocument,
+    WorldGenerationProgress,
+)
 from ...schemas.lifecycles import is_terminal
-from ...schemas.wire.errors import StateConflictError
-from ..execution.job_leases import Lease
-from ..execution.one_worker_per_job import run_if_unclaimed
-from ..service.service import Service
+from ...schemas.operations.world_generation_jobs import too_many_worlds
+from ...schemas.wire.arns import world_id
+from ...schemas.wire.common import shorten
+from ...schemas.wire.errors import (
+    BucketNotFoundError,
+    LeaseLostError,
+    ObjectNotFoundError,
+    ResourceNotFoundException,
+    StateConflictError,
+    StorageAccessDeniedError,
+    StorageError,
+    StorageUnavailableError,
+)
+from ..catalog import Resource
+from ..execution.credential_blocks import read_credential_block
+from ..execution.job_leases import Lease, run_if_unclaimed
+from ..execution.task_pool import run_tasks, step_runner
+from ..service.service import Progress, Service
+from ..simulations.outputs.output_places import prepare_bucket
+from ..worlds.archive_places import archive_place
+from ..worlds.builders import WorldBuilders
+from ..worlds.generation import WorldFailure, generate_world
+from ..worlds.reuse import reuse_world
 
 WorldJobProgress = WorldGenerationProgress | WorldExportProgress
 
@@ -69,3 +98,246 @@ def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
     with suppress(StateConflictError):
         lease.transition("cancel")
     lease.transition("canceled", changes)
+
+
+NO_FAILURES = WorldFailures()
+"""The summary of a job none of whose worlds failed."""
+
+
+def run_generation(lease: Lease, service: Service) -> None:
+    """Carries a generation job to its end; one that asks for more worlds than a job may make fails.
+
+    So it was with the service: the call took any number, and the job said that it was too many.
+    """
+    count = WorldGenerationJobDocument.of(lease.job).request.world_count
+    most = service.settings.max_worlds_per_job
+    reason = too_many_worlds(count.floorplan_count, count.interior_count_per_floorplan, most)
+    if reason and lease.job.status == "Pending":
+        move_on(
+            lease,
+            "fail",
+            WorldGenerationProgress(
+                failures=NO_FAILURES,
+                succeeded_worlds=[],
+                failure_code="AllWorldGenerationFailed",
+                failure_reason=reason,
+            ),
+        )
+    elif reason and lease.job.status == "Canceling":
+        worlds = service.catalog.children(lease.job.arn, kind="world")
+        made = in_order(world.arn for world in worlds)
+        end_canceled(lease, WorldGenerationProgress(failures=NO_FAILURES, succeeded_worlds=made))
+    else:
+        GenerationRun(lease, service).run()
+
+
+class GenerationRun:
+    """One job worker's work on one generation job.
+
+    Args:
+        lease: the right to change the job.
+        service: where it is stored.
+    """
+
+    def __init__(self, lease: Lease, service: Service) -> None:
+        self._lease = lease
+        self._job = job = lease.job
+        self._service = service.patient(job.id, self._stopped)
+        self._total = WorldGenerationJobDocument.of(job).request.world_count.total
+        self._lock = threading.Lock()
+        self._made: set[str] = set()
+        self._failures: list[WorldFailure] = []
+
+    def run(self) -> None:
+        """Generates every world that does not exist and ends the job."""
+        if self._job.status == "Pending" and not move_on(self._lease, "start"):
+            return
+        self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
+        if len(self._made) > WorldGenerationJobDocument.of(self._job).made_when_taken:
+            # It has come further since: dead job workers count anew.
+            self._lease.update(WorldGenerationProgress(made_when_taken=len(self._made)))
+            self._lease.forget_lost_workers()
+        arns = [self._service.arn("world", world_id(self._job.id, number)) for number in range(1, self._total + 1)]
+        missing = [(index, arn) for index, arn in enumerate(arns) if arn not in self._made]
+        if WorldGenerationJobDocument.of(self._job).reuse:
+            missing = [(index, arn) for index, arn in missing if not self._reused(index, arn)]
+        if missing and not self._stopped():
+            self._record_failures()  # those of a job worker that died are tried again
+            with suppress(StorageError):  # worlds that cannot be stored now are not worth building; they say so
+                prepare_bucket(self._service, self._service.settings.bucket)
+            self._generate(missing)
+        self._settle()
+
+    def _reused(self, index: int, world_arn: str) -> bool:
+        """Whether a world was found that need not be generated again."""
+        if self._stopped() or not reuse_world(self._service, self._job, index, world_arn):
+            return False
+        self._note_end(world_arn, None)
+        return True
+
+    def _make_world(self, index: int, world_arn: str, builders: WorldBuilders) -> None:
+        """Generates and stores one world; called from several threads."""
+        if self._stopped():
+            return
+        failure = generate_world(self._service, self._job, index, world_arn, builders, step_runner())
+        if failure is None or not self._stopped():  # a stopped builder is no failed world
+            self._note_end(world_arn, failure)
+
+    def _stopped(self) -> bool:
+        """Whether no more worlds are wanted."""
+        return self._lease.lost or self._service.catalog.cancel_requested(self._job.arn)
+
+    def _note_end(self, world_arn: str, failure: WorldFailure | None) -> None:
+        """Counts a world that was made, or why there is none; called from several threads."""
+        with self._lock:
+            if failure:
+                self._failures.append(failure)
+                self._record_failures()
+            else:
+                self._made.add(world_arn)
+            done, failed = len(self._made), len(self._failures)
+        pending = self._total - done - failed
+        self._service.report_progress(Progress({"succeeded": done, "failed": failed, "pending": pending}, self._total))
+
+    def _generate(self, missing: list[tuple[int, str]]) -> None:
+        workers = min(len(missing), os.cpu_count() or 1)
+        with WorldBuilders(workers, self._service.folder("logs") / "world-builders.log") as builders:
+
+            def look() -> bool:
+                if stopped := self._stopped():
+                    builders.stop()
+                return stopped
+
+            def make_world(index: int, world_arn: str) -> None:
+                self._make_world(index, world_arn, builders)
+
+            run_tasks(
+                "generate-world",
+                make_world,
+                [{"index": index, "world_arn": arn} for index, arn in missing],
+                run_name="{world_arn}",
+                workers=workers,
+                job_arn=self._job.arn,
+                service=self._service,
+                look=look,
+            )
+
+    def _record_failures(self) -> None:
+        """Lets descriptions of the running job tell its failures."""
+        summary = _failure_summary(self._failures)
+        if summary != (WorldGenerationJobDocument.of(self._lease.job).failures or NO_FAILURES):
+            with suppress(StateConflictError):  # another job worker has taken over
+                self._lease.update(WorldGenerationProgress(failures=summary))
+
+    def _settle(self) -> None:
+        """Ends the job; what it made is recorded, and told also when worlds are deleted later."""
+        failures, worlds = _failure_summary(self._failures), in_order(self._made)
+        made = WorldGenerationProgress(failures=failures, succeeded_worlds=worlds)
+        if len(self._made) + len(self._failures) < self._total:
+            end_canceled(self._lease, made)
+        elif not self._failures:
+            move_on(self._lease, "complete", made)
+        elif len(self._failures) < self._total:
+            move_on(self._lease, "partially_fail", made)
+        else:
+            failed = WorldGenerationProgress(
+                failures=failures,
+                succeeded_worlds=worlds,
+                failure_code="AllWorldGenerationFailed",
+                failure_reason=shorten(self._failures[0].reason),
+            )
+            move_on(self._lease, "fail", failed)
+
+
+def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
+    """Failures of worlds, summed up by code as the service does."""
+    counts = Counter(failure.code for failure in failures)
+    samples = {failure.code: failure.reason for failure in reversed(failures)}
+    return WorldFailures(
+        total_failure_count=len(failures),
+        failures=[
+            WorldFailureCount(failure_code=code, sample_failure_reason=shorten(samples[code]), failure_count=count)
+            for code, count in counts.most_common()
+        ],
+    )
+
+
+def in_order(arns: Iterable[str]) -> list[str]:
+    """Worlds by number, not by who was finished first: what a specification makes of them is the same every time."""
+    return sorted(arns, key=lambda arn: int(arn.rpartition("-")[2]))
+
+
+_INTERNAL = "InternalServiceError"
+_logger = logging.getLogger(__name__)
+
+
+def run_export(lease: Lease, service: Service) -> None:
+    """Carries an export job to its end: packs its worlds and stores the archive."""
+    if lease.job.status == "Pending" and not move_on(lease, "start", WorldExportProgress(started=True)):
+        return
+    if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):
+        _remove_archive(lease.job, service)
+        end_canceled(lease)
+        return
+    total = len(WorldExportJobDocument.of(lease.job).request.worlds)
+    try:
+        stored = _stored_archive(lease, service)
+    except LeaseLostError:
+        raise  # the job is another's to end
+    except Exception as error:  # the job has to end whatever breaks
+        code = _failure_code(error)
+        if code == _INTERNAL:
+            _logger.exception("world export job %s broke", lease.job.arn)
+        reason = shorten(str(error) or type(error).__name__)
+        move_on(lease, "fail", WorldExportProgress(failure_code=code, failure_reason=reason))
+        service.report_progress(Progress({"failed": total}, total))
+        return
+    if not stored:
+        end_canceled(lease)
+    elif move_on(lease, "complete"):
+        service.report_progress(Progress({"exported": total}, total))
+    else:  # cancelled at the very last moment
+        _remove_archive(lease.job, service)
+
+
+def _stored_archive(lease: Lease, service: Service) -> bool:
+    """Whether the archive is stored; not if the job is cancelled, or performed by another."""
+    from ..worlds.export import export_worlds
+
+    stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
+    patient = service.patient(lease.job.id, stopped)
+    try:
+        return export_worlds(lease.job, patient, _acting(lease.job, patient), stopped, step_runner()) is not None
+    except StorageUnavailableError:
+        if stopped():
+            return False
+        raise
+
+
+def _acting(job: Resource, service: Service) -> Service:
+    """The service as the job's role has it.
+
+    Raises:
+        StorageError: there is no such role, or its credentials are no good.
+    """
+    return service.with_blocks(read_credential_block).acting_as(WorldExportJobDocument.of(job).request.iam_role)
+
+
+def _remove_archive(job: Resource, service: Service) -> None:
+    """Removes what a cancelled job has stored, also where its job worker died just after that."""
+    if not WorldExportJobDocument.of(job).started:
+        return
+    try:
+        _acting(job, service).store.delete(*archive_place(job))
+    except BucketNotFoundError:
+        return
+    except StorageError as error:
+        _logger.warning("the archive of the cancelled job %s is left: %s", job.arn, error)
+
+
+def _failure_code(error: Exception) -> str:
+    if isinstance(error, StorageAccessDeniedError):
+        return "AccessDenied"
+    if isinstance(error, ResourceNotFoundException | BucketNotFoundError | ObjectNotFoundError):
+        return "ResourceNotFound"
+    return _INTERNAL

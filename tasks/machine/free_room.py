@@ -1,8 +1,12 @@
-"""Whether a machine has room for another job, and if not, why; pure."""
+"""Free memory and disk of this machine, and whether a job may begin."""
 
+import shutil
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 
-from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.programs import Scarce
 
 _MB = 10**6
 
@@ -68,3 +72,78 @@ def why_wait(need: Need, room: Room) -> Wait | None:
         f"{need.memory_bytes // _MB} MB (ROBOMAKER_JOB_MEMORY_MB)"
     )
     return Wait("memory", text)
+
+
+_PROC = Path("/proc")
+_CONTROL_GROUPS = Path("/sys/fs/cgroup")
+
+
+def free_disk_bytes(folder: Path) -> int:
+    """Bytes that this user may still write to the disk of a folder that exists."""
+    return shutil.disk_usage(folder).free
+
+
+def available_memory_bytes(proc: Path = _PROC, control_groups: Path = _CONTROL_GROUPS) -> int | None:
+    """Memory that new processes can have without pushing others out; None where the kernel does not say.
+
+    Args:
+        proc: where the kernel says what it has.
+        control_groups: where control groups are mounted.
+    """
+    limits = [*_machine(proc), *_groups(proc, control_groups)]
+    return min(limits, default=None)
+
+
+def _machine(proc: Path) -> Iterator[int]:
+    with suppress(OSError):
+        for line in (proc / "meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                yield int(line.split()[1]) * 1024
+
+
+def _groups(proc: Path, control_groups: Path) -> Iterator[int]:
+    """Bytes that each control group with a limit can still take, from the group of this process up to the root."""
+    try:
+        lines = (proc / "self" / "cgroup").read_text().splitlines()
+    except OSError:
+        return
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        if not controllers:
+            yield from _version_2(control_groups, path)
+        elif "memory" in controllers.split(","):
+            yield from _version_1(control_groups / "memory", path)
+
+
+def _version_2(root: Path, path: str) -> Iterator[int]:
+    for folder in _upwards(root, path):
+        with suppress(OSError, ValueError):  # the limit of a group without one is `max`
+            limit = int((folder / "memory.max").read_text())
+            used = int((folder / "memory.current").read_text())
+            yield max(0, limit - used + _cached(folder, "inactive_file"))
+
+
+def _version_1(root: Path, path: str) -> Iterator[int]:
+    for folder in _upwards(root, path):
+        with suppress(OSError, ValueError):  # without a limit it is some 8 EiB, more than any machine has
+            limit = int((folder / "memory.limit_in_bytes").read_text())
+            used = int((folder / "memory.usage_in_bytes").read_text())
+            yield max(0, limit - used + _cached(folder, "total_inactive_file"))
+
+
+def _upwards(root: Path, path: str) -> Iterator[Path]:
+    """A group's folder and all above it; inside a container those above are not there, and the root is its own."""
+    folder = root / path.lstrip("/")
+    yield folder
+    while folder != root and root in folder.parents:
+        folder = folder.parent
+        yield folder
+
+
+def _cached(folder: Path, name: str) -> int:
+    """Contents of files that the kernel drops when memory is wanted."""
+    with suppress(OSError, ValueError):
+        for line in (folder / "memory.stat").read_text().splitlines():
+            if line.startswith(f"{name} "):
+                return int(line.split()[1])
+    return 0

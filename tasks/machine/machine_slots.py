@@ -1,8 +1,4 @@
-"""Slots of this machine: how many simulation jobs run here at once, in whatever batches and processes.
-
-A job begins when there is a slot, its batch's turn has come, and the machine has memory and disk for it. All processes
-with the same data home share the slots.
-"""
+"""Slots of this machine: how many simulation jobs run here at once, in whatever batches and processes."""
 
 import logging
 import os
@@ -14,15 +10,71 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.programs import Scarce
 from ...schemas.settings import Settings
-from .free_room import Need, Room, Wait, why_wait
-from .measuring import available_memory_bytes, free_disk_bytes
-from .notices import Notices
-from .slot_files import Holder, SlotFiles, Slots
-from .turns import may_begin
-from .wait_times import WaitTimes
-from .waiter_files import WRITE_EVERY_S, WaiterFiles, WaiterRecord
+from .free_room import Need, Room, Wait, available_memory_bytes, free_disk_bytes, why_wait
+from .slot_files import WRITE_EVERY_S, Holder, SlotFiles, Slots, WaiterFiles, WaiterRecord, may_begin
+
+_AFTER_S = 2.0
+_AGAIN_S = 600.0
+
+
+class Notices:
+    """Decides which waits of one batch, or of one job, are told."""
+
+    def __init__(self) -> None:
+        self._scarce: Scarce | None = None
+        self._began_s = 0.0
+        self._told_s: dict[Scarce, float] = {}
+        self.lasting: Scarce | None = None
+        """Scarce resource of the current wait, once the wait has lasted two seconds; None: no such wait."""
+
+    def is_due(self, wait: Wait | None, now_s: float) -> bool:
+        """Whether to tell of a wait now: it has lasted two seconds, and was not told in the last ten minutes.
+
+        Args:
+            wait: why there is waiting at this moment; None: there is nothing to tell.
+            now_s: seconds on any clock.
+        """
+        scarce = wait.scarce if wait else None
+        if scarce != self._scarce:
+            self._scarce, self._began_s = scarce, now_s
+        self.lasting = scarce if now_s - self._began_s >= _AFTER_S else None
+        if self.lasting is None:
+            return False
+        if self.lasting in self._told_s and now_s - self._told_s[self.lasting] < _AGAIN_S:
+            return False
+        self._told_s[self.lasting] = now_s
+        return True
+
+
+class WaitTimes:
+    """Adds up waits from what is seen several times a second."""
+
+    def __init__(self) -> None:
+        self._total_s: dict[Scarce, float] = {}
+        self._scarce: Scarce | None = None
+        self._seen_s = 0.0
+
+    def see(self, scarce: Scarce | None, now_s: float) -> None:
+        """Notes what is waited for at this moment.
+
+        Args:
+            scarce: what; None: there is no wait.
+            now_s: seconds on any clock.
+        """
+        if self._scarce is not None:
+            self._total_s[self._scarce] = self._total_s.get(self._scarce, 0.0) + max(0.0, now_s - self._seen_s)
+        self._scarce, self._seen_s = scarce, now_s
+
+    def total_s(self, before_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
+        """How long all waits took together, in seconds, by what was waited for.
+
+        Args:
+            before_s: the totals of an earlier moment, which are left out.
+        """
+        return {scarce: total_s - before_s.get(scarce, 0.0) for scarce, total_s in self._total_s.items()}
+
 
 _FOLDER = "slots"
 _WAITERS = "waiting"

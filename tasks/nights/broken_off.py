@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from ...schemas.missed_nights import MissedNight
-from ...schemas.run_orders import Order
+from ...schemas.reports.history import MissedNight
+from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from ..inspection.run_records import RECORD_NAME
-from ..jobs.owners.needed_environments import environment_here
+from ..jobs.job_owners import environment_here
 from .open_runs import LOCK, has_broken_off, read_order
 
 MOST_INTERRUPTIONS = 10

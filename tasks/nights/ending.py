@@ -9,13 +9,20 @@ from typing import Protocol, TypeVar
 from uuid import UUID
 
 from ...schemas.reports.forecast import ForecastCheck
-from ...schemas.reports.inputs import SourceCommit
 from ...schemas.reports.progress import Note, ProgressListener
 from ...schemas.reports.report import RunState
-from ...schemas.reports.run_record import EXIT_CODES, Interruption, JobRecord, RerunOf, RunRecord, StepRecord
+from ...schemas.reports.run_record import (
+    EXIT_CODES,
+    Interruption,
+    JobRecord,
+    RerunOf,
+    RunRecord,
+    SourceCommit,
+    StepRecord,
+)
 from ...schemas.reports.run_states import run_state
-from ...schemas.specs.batch_splitting import step_of
 from ...schemas.specs.model import CheckedSpec
+from ...schemas.specs.resolving import step_of
 from ..notifications.notices import notify_of
 from ..service.service import Service
 from .pings import ping_end
@@ -124,7 +131,7 @@ def is_pinged(facts: RunFacts) -> bool:
 
 def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_at: datetime) -> ForecastCheck | None:
     """How the run compares to its forecast; one that may run less than was forecast does not."""
-    from ..inspection.kept_forecasts import check_forecast
+    from ..inspection.forecasting import check_forecast
 
     if facts.is_probe or facts.rerun_of or service.reuses:
         return None

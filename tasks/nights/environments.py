@@ -14,7 +14,7 @@ from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.json_values import is_list, is_mapping
-from ..jobs.owners.needed_environments import OTHER_VARIABLES, SETTINGS, python_path, variable, written
+from ..jobs.job_owners import OTHER_VARIABLES, SETTINGS, python_path, variable, written
 from ..service.service import Service
 from ..simulations.planning.applications import python_package
 from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from ...schemas.missed_nights import MissedNight, NightSchedule
+from ...schemas.reports.history import MissedNight, NightSchedule
 from ...schemas.reports.run_record import new_run_id
 from ...schemas.settings import Settings
 from ..notifications.messages import Message

@@ -17,8 +17,7 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from ...schemas.job_owners import JobOwner
-from ...schemas.reports.run_record import Interruption
-from ...schemas.run_orders import Order
+from ...schemas.reports.run_record import Interruption, Order
 from ..execution.held_leases import new_owner
 from ..inspection.run_records import RECORD_NAME
 from .kept_answers import ANSWERS

@@ -4,7 +4,7 @@ import logging
 from dataclasses import replace
 
 from ...schemas.reports.progress import Note, ProgressListener
-from ...schemas.run_orders import Order
+from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.model import CheckedSpec, with_seed

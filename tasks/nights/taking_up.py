@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
 
-from ...schemas.run_orders import Order
+from ...schemas.reports.run_record import Order
 from ...schemas.settings import Settings
 from .broken_off import BrokenOff, broken_off_runs
 from .missed import has_schedules

@@ -4,9 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ...schemas.reports.changes import Losses, SinceLastRun
-from ...schemas.reports.run_record import JobRecord, RunRecord
+from ...schemas.reports.run_record import CaseOutcome, JobRecord, RunRecord
 from ...schemas.reports.run_states import case_outcome, count_outcomes
-from ...schemas.reports.states import CaseOutcome
 from ...schemas.runs.plan import Requirement
 from ...schemas.settings import NotifyWhen
 from ..reporting.nights.changes import (

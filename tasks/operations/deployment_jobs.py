@@ -29,10 +29,9 @@ from ...schemas.wire.errors import (
     StorageError,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.one_worker_per_job import run_under_lease
-from ..fleet.control.decisions import pause_that_waits
+from ..execution.job_leases import run_under_lease
+from ..fleet.control.decisions import check_robots, pause_that_waits
 from ..fleet.control.dry_runs import DryRun, dry_run
-from ..fleet.control.requests import check_robots
 from ..fleet.records import (
     DEPLOYMENT,
     FLEET,
@@ -44,13 +43,11 @@ from ..fleet.records import (
     rollout_of,
     settle,
 )
-from ..fleet.rollout.statuses import robot_deployments
-from ..fleet.rollout.waits import shown_rollback, waits_for
+from ..fleet.rollout.statuses import robot_deployments, shown_rollback, waits_for
 from ..jobs.deployment_runs import DeploymentRun
 from ..service.service import Service
 from ..simulations.planning.applications import find_application
-from .pages import page_of
-from .registry import Answer, operation, registry
+from .registry import Answer, operation, page_of, registry
 
 _PAGE = 200
 _DEFAULTS = {

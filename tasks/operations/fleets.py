@@ -19,8 +19,7 @@ from ...schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotFo
 from ..catalog import Resource
 from ..fleet.records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
 from ..service.service import Service
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 from .robots import robot_summaries
 
 _PAGE = 200

@@ -14,17 +14,19 @@
 """
 
 import importlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, Protocol
 
-from ...schemas.operations.registry import OPERATIONS, OperationShape, parse_request
-from ...schemas.operations.resources import RESOURCES
+from ...schemas.operations.registry import OPERATIONS, RESOURCES, OperationShape, parse_request
 from ...schemas.wire.base import STORED, Shape
-from ...schemas.wire.deprecations import deprecated_uses
+from ...schemas.wire.common import filter_values
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
+from ...schemas.wire.operation_shape import deprecated_uses
+from ...schemas.wire.request_problems import nearest
+from ..catalog import Page
 from ..execution.job_leases import CatalogWait
 from ..service.service import Service
 
@@ -204,3 +206,54 @@ def flow_names() -> set[str]:
     operations = registry().values()
     performing = {entry.perform_name for entry in operations if entry.run_job}
     return {"RunPipeline", *performing, *(entry.name for entry in operations)}
+
+
+class ListRequest(Protocol):
+    """A request of a List operation."""
+
+    @property
+    def nextToken(self) -> str | None:  # noqa: N802 - the service's name
+        """Token of the page before."""
+        ...
+
+    @property
+    def maxResults(self) -> int | None:  # noqa: N802 - the service's name
+        """Entries per page."""
+        ...
+
+
+def page_of(
+    request: ListRequest,
+    kinds: str | Sequence[str],
+    service: Service,
+    *filters: str,
+    most: int = 100,
+    members: Sequence[str] | None = None,
+) -> Page:
+    """Reads the page of a list that a request asks for, newest first.
+
+    Args:
+        request: says how many entries, after which, and its filters; page tokens are good for its operation only.
+        kinds: the kinds of resources that are listed.
+        service: where the resources are stored.
+        filters: names of the operation's filters: `name`, `status` or a label of the resource.
+        most: entries per page, unless the request asks for fewer.
+        members: which members of large documents are read; `None`: all.
+
+    Raises:
+        InvalidParameterException: a filter is not known, or the token is not of this list.
+    """
+    wanted: dict[str, Sequence[str]] = {}
+    for name, values in filter_values(getattr(request, "filters", None)).items():
+        if name not in filters:
+            known = f"known are {', '.join(sorted(filters))}" if filters else "this list has none"
+            raise InvalidParameterException(f"filters: {name!r} is not known{nearest(name, filters)}; {known}")
+        wanted[name] = values
+    return service.catalog.list(
+        kinds,
+        filters=wanted,
+        limit=min(request.maxResults or most, most),
+        after=request.nextToken,
+        scope=type(request).__name__.removesuffix("Request"),
+        members=members,
+    )

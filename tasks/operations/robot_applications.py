@@ -1,5 +1,5 @@
 """Robot applications: the programs that drive robots."""
 
-from .applications.handlers import register_operations
+from .applications import register_operations
 
 register_operations("robot")

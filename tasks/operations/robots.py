@@ -19,11 +19,10 @@ from ...schemas.operations.robots import (
 from ...schemas.wire.arns import ResourceArn, application_arn
 from ...schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ..catalog import Resource
+from ..fleet.kept_rollouts import note_departure
 from ..fleet.records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
-from ..fleet.stored_rollouts import note_departure
 from ..service.service import Service
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 _PAGE = 200
 

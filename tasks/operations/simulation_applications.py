@@ -1,5 +1,5 @@
 """Simulation applications: what robots are tried in."""
 
-from .applications.handlers import register_operations
+from .applications import register_operations
 
 register_operations("simulation")

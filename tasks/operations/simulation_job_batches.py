@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ...schemas.documents.simulation_job_batches import BatchCounts, SimulationJobBatchDocument, StoredBatchPolicy
+from ...schemas.documents.simulation_jobs import BatchCounts, SimulationJobBatchDocument, StoredBatchPolicy
 from ...schemas.operations.registry import priority_of
 from ...schemas.operations.simulation_job_batches import (
     CancelSimulationJobBatchRequest,
@@ -10,15 +10,14 @@ from ...schemas.operations.simulation_job_batches import (
     ListSimulationJobBatchesRequest,
     StartSimulationJobBatchRequest,
 )
-from ...schemas.runs.requested_requirements import rooms_asked
+from ...schemas.runs.requirements import rooms_asked
 from ..catalog import ClientToken, Resource
-from ..execution.one_worker_per_job import run_if_unclaimed, run_under_lease
+from ..execution.job_leases import run_if_unclaimed, run_under_lease
 from ..jobs.batch_runs import BatchRun, jobs_by_request
 from ..service.service import Service
-from ..simulations.inputs.world_rooms import check_rooms
+from ..simulations.inputs.bundles import check_rooms
 from ..simulations.planning.run_plans import world_arn
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 from .simulation_jobs import summary
 
 KIND = "simulation-job-batch"

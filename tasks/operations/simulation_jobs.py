@@ -15,21 +15,19 @@ from ...schemas.operations.simulation_jobs import (
     RestartSimulationJobRequest,
     SimulationJob,
 )
-from ...schemas.runs.machine_waits import Scarce
+from ...schemas.runs.programs import Scarce
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
-from ..execution.blocks.credential_blocks import read_credential_block
-from ..execution.task_pool import run_alone
-from ..execution.task_runs import step_runner
+from ..execution.credential_blocks import read_credential_block
+from ..execution.task_pool import run_alone, step_runner
 from ..jobs.job_runs import perform_job, stop_idle_job
 from ..jobs.places import Place, permit_of
 from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
-from ..simulations.environment.compute import DEFAULT_COMPUTE
+from ..simulations.environment.run_environment import DEFAULT_COMPUTE
 from ..simulations.planning.applications import LATEST
 from ..simulations.stored_jobs import reuse_job, store_job
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 KIND = "simulation-job"
 

@@ -38,8 +38,8 @@ def _vary_worlds(request: VaryWorldsRequest, service: Service) -> VaryWorldsResp
 def _varied(arn: str, wanted: WorldVariation, what: str, service: Service) -> VariedWorld:
     # MuJoCo and the generator take long to import.
     from ..worldforge.bundle.bundle import content_hash, read_world
+    from ..worldforge.generator import Move, Wanted, vary
     from ..worldforge.proofs.guarantees import violations
-    from ..worldforge.variations import Move, Wanted, vary
     from ..worlds.keeping import keep_world
     from ..worlds.reuse import find_by_origin
 

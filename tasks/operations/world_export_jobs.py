@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from ...schemas.documents.world_export_jobs import WorldExportJobDocument, WorldExportRequest
+from ...schemas.documents.worlds import WorldExportJobDocument, WorldExportRequest
 from ...schemas.operations.world_export_jobs import (
     CancelWorldExportJobRequest,
     CreateWorldExportJobRequest,
@@ -14,13 +14,11 @@ from ...schemas.wire.errors import (
     InvalidParameterException,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.one_worker_per_job import run_under_lease
-from ..jobs.export_runs import run_export
-from ..jobs.world_jobs import cancel_world_job
+from ..execution.job_leases import run_under_lease
+from ..jobs.world_jobs import cancel_world_job, run_export
 from ..service.service import Service
 from ..simulations.outputs.output_places import check_output_location
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 KIND = "world-export-job"
 _ORIGINS = ("generationJobId", "templateId")

@@ -2,8 +2,7 @@
 
 from typing import Any
 
-from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument, WorldGenerationRequest
-from ...schemas.documents.world_templates import WorldTemplateDocument
+from ...schemas.documents.worlds import WorldGenerationJobDocument, WorldGenerationRequest, WorldTemplateDocument
 from ...schemas.operations.registry import seed_of
 from ...schemas.operations.world_generation_jobs import (
     CancelWorldGenerationJobRequest,
@@ -12,12 +11,10 @@ from ...schemas.operations.world_generation_jobs import (
     ListWorldGenerationJobsRequest,
 )
 from ..catalog import ClientToken, Resource
-from ..execution.one_worker_per_job import run_under_lease
-from ..jobs.generation_runs import NO_FAILURES, in_order, run_generation
-from ..jobs.world_jobs import cancel_world_job
+from ..execution.job_leases import run_under_lease
+from ..jobs.world_jobs import NO_FAILURES, cancel_world_job, in_order, run_generation
 from ..service.service import Service
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 KIND = "world-generation-job"
 

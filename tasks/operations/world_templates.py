@@ -1,8 +1,7 @@
 """World templates: what worlds should be like."""
 
 from ...schemas.documents.base import Changes
-from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
-from ...schemas.documents.world_templates import TemplateBody, WorldTemplateDocument
+from ...schemas.documents.worlds import TemplateBody, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.operations.world_templates import (
     CreateWorldTemplateRequest,
     CreateWorldTemplateResponse,
@@ -17,12 +16,11 @@ from ...schemas.operations.world_templates import (
     UpdateWorldTemplateResponse,
 )
 from ...schemas.templates.parsing import parse_template_body, unwrapped_text
+from ...schemas.wire.arns import new_id
 from ...schemas.wire.errors import InvalidParameterException, ObjectNotFoundError, StorageError
-from ...schemas.wire.ids import new_id
 from ..catalog import ClientToken, Resource
 from ..service.service import Service
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 KIND = "world-template"
 _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to four bytes

@@ -15,8 +15,7 @@ from ...schemas.wire.errors import InternalServerException, ResourceNotFoundExce
 from ..catalog import Resource
 from ..service.service import Service
 from ..worlds.bundles import delete_world
-from .pages import page_of
-from .registry import Answer, operation
+from .registry import Answer, operation, page_of
 
 KIND = "world"
 

@@ -14,7 +14,7 @@ import re
 from collections.abc import Iterator
 from xml.etree import ElementTree
 
-from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
+from ...schemas.reports.report import JobCase, ReportSummary, StepSuite
 
 # What XML 1.0 has no place for.
 _IMPOSSIBLE = re.compile("[^\t\n\r\u0020-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")

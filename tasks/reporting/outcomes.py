@@ -1,7 +1,10 @@
-"""Outcomes of jobs and of the whole run, in words."""
+"""Outcomes of jobs and of the whole run, and numbers, sizes and durations, in words."""
 
+import math
+import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from datetime import UTC, datetime
 from enum import Enum
 
 from ...schemas.reports.report import Report, ReportedJob
@@ -71,3 +74,86 @@ def headline(report: Report) -> str:
     sentence = f"{counts.get(Outcome.PASSED, 0)} of {total} {'job' if total == 1 else 'jobs'} passed"
     others = [f"{count} {outcome.value}" for outcome, count in counts.items() if outcome is not Outcome.PASSED]
     return f"{sentence}; {', '.join(others)}" if others else sentence
+
+
+_SHOWN_S = 0.1
+_UNITS = {
+    "m": "m", "s": "s", "N": "N", "m2": "m²", "rad": "rad", "deg": "°", "mps": "m/s", "m_s": "m/s", "Hz": "Hz",
+    "kg": "kg", "J": "J", "W": "W", "ms": "ms", "bytes": "B", "percent": "%",
+}  # fmt: skip
+_TERMINAL_CODES = re.compile(r"\x1b(?:\[[0-?]*[ -/]*[@-~]|\][^\x07\x1b]*(?:\x07|\x1b\\)|[@-Z\\-_])")
+_CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
+
+
+def duration(seconds: float) -> str:
+    """`20 ms`, `12.3 s`, `2 min 5 s`, `1 h 3 min`."""
+    if seconds < 0.0995:
+        return f"{seconds * 1000:.0f} ms"
+    if seconds < 59.95:
+        return f"{seconds:.1f} s"
+    minutes, rest = divmod(round(seconds), 60)
+    if minutes < 60:
+        return f"{minutes} min {rest} s" if rest else f"{minutes} min"
+    hours, minutes = divmod(minutes, 60)
+    return f"{hours} h {minutes} min" if minutes else f"{hours} h"
+
+
+def times_by_part(parts: Mapping[str, float]) -> str:
+    """Says where time went, without what took less than 0.1 s: `waiting 3.0 s, simulation 80 s, uploads 5.0 s`.
+
+    Args:
+        parts: Seconds, by what took them.
+    """
+    return ", ".join(f"{name} {duration(time_s)}" for name, time_s in parts.items() if time_s >= _SHOWN_S)
+
+
+def moment(time: datetime) -> str:
+    """`2026-03-02 09:30:00 UTC`; a time without zone is taken to be UTC already."""
+    in_utc = time.astimezone(UTC) if time.tzinfo else time
+    return f"{in_utc:%Y-%m-%d %H:%M:%S} UTC"
+
+
+def minute(time: datetime) -> str:
+    """`2026-03-02 09:30`, in UTC."""
+    return moment(time)[:16]
+
+
+def day(time: datetime) -> str:
+    """`2026-03-02`, in UTC."""
+    return moment(time)[:10]
+
+
+def size(count: int) -> str:
+    """A number of bytes with a decimal prefix: `17 B`, `4.2 kB`, `1.3 MB`."""
+    value = float(count)
+    for unit in ("B", "kB", "MB", "GB"):
+        if value < 999.5:
+            return f"{value:.0f} {unit}" if unit == "B" or value >= 99.5 else f"{value:.1f} {unit}"
+        value /= 1000
+    return f"{value:.1f} TB"
+
+
+def number(value: float | None, digits: int) -> str:
+    """A number with fixed digits, so that columns align; `–` where there is none."""
+    return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
+
+
+def compact(value: float) -> str:
+    """A number of unknown kind: whole numbers without digits, others with four significant ones."""
+    if math.isfinite(value) and value == int(value) and abs(value) < 1e15:
+        return str(int(value))
+    return f"{value:.4g}"
+
+
+def name_and_unit(metric: str) -> tuple[str, str]:
+    """Splits a metric's name from its unit: `path_length_m` gives `path length` and `m`."""
+    for suffix in sorted(_UNITS, key=len, reverse=True):
+        stem = metric.removesuffix(f"_{suffix}")
+        if stem and stem != metric:
+            return stem.replace("_", " "), _UNITS[suffix]
+    return metric.replace("_", " "), ""
+
+
+def plain(text: str) -> str:
+    """Text of a log without terminal colours and control characters."""
+    return _CONTROLS.sub("", _TERMINAL_CODES.sub("", text.replace("\r\n", "\n"))).strip("\n")

@@ -12,9 +12,9 @@ from markupsafe import Markup
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
-from ...schemas.rollouts.report import DeploymentReport
+from ...schemas.rollouts.rollout import DeploymentReport
 from ..results.table import ResultTable
-from . import wording
+from . import outcomes
 from .nights.changes import (
     change_in_words,
     judged_otherwise_in_words,
@@ -167,13 +167,13 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        duration=wording.duration,
-        number=wording.number,
-        plain=wording.plain,
-        compact=wording.compact,
-        moment=wording.moment,
-        minute=wording.minute,
-        day=wording.day,
+        duration=outcomes.duration,
+        number=outcomes.number,
+        plain=outcomes.plain,
+        compact=outcomes.compact,
+        moment=outcomes.moment,
+        minute=outcomes.minute,
+        day=outcomes.day,
         change=change_in_words,
         since=since_in_words,
         shared_since=shared_since,

@@ -3,14 +3,13 @@
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from ...schemas.reports.report import Report, ReportedJob, ReportedStep
+from ...schemas.reports.report import JobCase, Report, ReportedJob, ReportedStep, ReportSummary, StepSuite
 from ...schemas.reports.run_record import JobRecord
-from ...schemas.reports.summary import JobCase, ReportSummary, StepSuite
 from ..results import rates
 from ..results.table import ResultTable
-from . import wording
+from . import outcomes
 from .outcomes import Outcome, count_outcomes, outcome_of
-from .trials import trials_share
+from .worlds import trials_share
 
 
 def summarize(report: Report, results: ResultTable | None = None) -> ReportSummary:
@@ -76,7 +75,7 @@ def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
 def why_broken(job: ReportedJob) -> str:
     """Why a job did not pass: failed requirements, the failure's reason, or the summary."""
     if job.failure_reason:
-        return wording.plain(job.failure_reason)
+        return outcomes.plain(job.failure_reason)
     if job.result is None:
         return ""
     return job.result.reason or job.result.summary

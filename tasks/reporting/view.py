@@ -6,18 +6,16 @@ from dataclasses import dataclass
 
 from markupsafe import Markup
 
-from ...schemas.reports.report import Report, ReportedFile, ReportedJob
-from ...schemas.reports.summary import ReportSummary, Share
-from ...schemas.runs.machine_waits import WAITS_FOR
+from ...schemas.reports.report import Report, ReportedFile, ReportedJob, ReportSummary, Share
 from ...schemas.runs.plan import RunResult
+from ...schemas.runs.programs import WAITS_FOR
 from ..results.table import ResultTable
-from . import wording
+from . import outcomes
 from .drawings import plan
 from .outcomes import Outcome, count_outcomes, headline, outcome_of
 from .pictures import Picture, PictureError, budget_for_each, embed_picture
 from .summaries import folder_of, summarize, why_broken
-from .trials import TrialsView, view_trials
-from .worlds import WorldView, view_worlds
+from .worlds import TrialsView, WorldView, view_trials, view_worlds
 
 _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time_s", "wall_time_s", "real_time_factor"})
 
@@ -134,7 +132,7 @@ class Page:
         if not waited:
             return ""
         totals = [(words, sum(each.get(scarce, 0.0) for each in waited)) for scarce, words in WAITS_FOR.items()]
-        told = [f"{wording.duration(total_s)} for {words}" for words, total_s in totals if total_s]
+        told = [f"{outcomes.duration(total_s)} for {words}" for words, total_s in totals if total_s]
         jobs = f"{len(self.jobs)} {'job' if len(self.jobs) == 1 else 'jobs'}"
         return f"{len(waited)} of {jobs}: {', '.join(told)} in all"
 
@@ -159,7 +157,7 @@ class Page:
             "videos of failures": sum(job.video_s or 0.0 for job in jobs),
             "uploads": sum(job.upload_s or 0.0 for job in jobs),
         }
-        return wording.times_by_part(parts)
+        return outcomes.times_by_part(parts)
 
     @property
     def origins(self) -> list[str]:
@@ -201,7 +199,7 @@ def view_report(report: Report, results: ResultTable | None = None) -> Page:
         headline=headline(report),
         counts=count_outcomes(report.jobs),
         numbers=summarize(report, results),
-        duration=wording.duration((report.ended_at - report.started_at).total_seconds()),
+        duration=outcomes.duration((report.ended_at - report.started_at).total_seconds()),
         longest_step_s=max((step.duration_s for step in report.steps), default=0.0),
         jobs=[_view_job(job, index, by_arn, budget) for index, job in enumerate(report.jobs, start=1)],
         worlds=worlds,
@@ -214,7 +212,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
     poster, poster_note = _poster(job, budget_bytes)
     numbers = _numbers(job)
     is_judged = job.result is not None and job.result.verdict != "ERROR"
-    reason = wording.plain(job.failure_reason or "") if is_judged else why_broken(job)
+    reason = outcomes.plain(job.failure_reason or "") if is_judged else why_broken(job)
     return JobView(
         anchor=f"job-{index}",
         job=job,
@@ -223,7 +221,7 @@ def _view_job(job: ReportedJob, index: int, worlds: Mapping[str, WorldView], bud
         title=job.label,
         missed=_missed(job),
         reason=reason,
-        log="" if job.log_tail.strip() in reason else wording.plain(job.log_tail),
+        log="" if job.log_tail.strip() in reason else outcomes.plain(job.log_tail),
         world=world,
         numbers=numbers,
         measures=[*_measures(numbers), *_waits(job)],
@@ -294,15 +292,15 @@ def _numbers(job: ReportedJob) -> Numbers:
 
 def _measures(numbers: Numbers) -> list[Measure]:
     if not numbers.sim_time_s:  # programs on their own, without a simulation of ours: all else is nought
-        return [Measure("wall time", wording.number(numbers.wall_time_s, 1), "s")] if numbers.wall_time_s else []
+        return [Measure("wall time", outcomes.number(numbers.wall_time_s, 1), "s")] if numbers.wall_time_s else []
     measures = [
         Measure("rooms visited", numbers.rooms_text if numbers.rooms else "–"),
-        Measure("distance", wording.number(numbers.distance_m, 1), "m"),
-        Measure("collisions", wording.number(numbers.collisions, 0)),
-        Measure("largest force", wording.number(numbers.max_force_N, 0), "N"),
-        Measure("simulated time", wording.number(numbers.sim_time_s, 1), "s"),
-        Measure("wall time", wording.number(numbers.wall_time_s, 1), "s"),
-        Measure("real-time factor", wording.number(numbers.real_time_factor, 1), "×"),
+        Measure("distance", outcomes.number(numbers.distance_m, 1), "m"),
+        Measure("collisions", outcomes.number(numbers.collisions, 0)),
+        Measure("largest force", outcomes.number(numbers.max_force_N, 0), "N"),
+        Measure("simulated time", outcomes.number(numbers.sim_time_s, 1), "s"),
+        Measure("wall time", outcomes.number(numbers.wall_time_s, 1), "s"),
+        Measure("real-time factor", outcomes.number(numbers.real_time_factor, 1), "×"),
     ]
     return [measure for measure in measures if measure.value != "–"]
 
@@ -310,7 +308,7 @@ def _measures(numbers: Numbers) -> list[Measure]:
 def _waits(job: ReportedJob) -> list[Measure]:
     """How long the job waited for its machine, by what that had too little of."""
     return [
-        Measure(f"waited for {WAITS_FOR[scarce]}", wording.number(time_s, 1), "s")
+        Measure(f"waited for {WAITS_FOR[scarce]}", outcomes.number(time_s, 1), "s")
         for scarce, time_s in job.waited_s.items()
     ]
 
@@ -321,8 +319,8 @@ def _other_metrics(result: RunResult | None) -> list[Measure]:
     measures = []
     for metric, value in sorted(result.metrics.items()):
         if metric not in _KNOWN_METRICS:
-            name, unit = wording.name_and_unit(metric)
-            measures.append(Measure(name, wording.compact(value), unit))
+            name, unit = outcomes.name_and_unit(metric)
+            measures.append(Measure(name, outcomes.compact(value), unit))
     return measures
 
 
@@ -330,7 +328,7 @@ def _view_file(file: ReportedFile) -> FileView:
     # Anything else, `javascript:` above all, stays text.
     link = file.uri if file.uri.startswith(("file:///", "http://", "https://")) else ""
     hint = "open in Foxglove" if file.name.endswith(".mcap") else ""
-    return FileView(file.name, file.uri, link, wording.size(file.size_bytes), hint)
+    return FileView(file.name, file.uri, link, outcomes.size(file.size_bytes), hint)
 
 
 def _path_seconds(result: RunResult | None) -> tuple[str, str] | None:

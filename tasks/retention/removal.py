@@ -21,13 +21,13 @@ from ..runtime.agents.action_log import ACTIONS_FILE
 from ..runtime.episode.results import RESULT_FILE
 from ..runtime.states.digest import DIGEST_FILE
 from ..runtime.states.provenance import PROVENANCE_FILE
-from ..runtime.video.video_files import POSTER_FILE
+from ..runtime.video.video_settings import POSTER_FILE
 from ..service.service import Service
 from ..simulations.containers.cleanup import remove_containers_of_job, remove_run
 from ..simulations.environment.folders import remove
 from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
-from ..storage.naming import join_key
+from ..storage.base import join_key
 from ..worlds.archive_places import archive_place
 from ..worlds.bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit

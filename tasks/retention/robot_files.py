@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from ...schemas.documents.fleets import RobotDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.retention import GcItem
-from ...schemas.rollouts.artifacts import Artifact, Delivery
+from ...schemas.rollouts.plan import Artifact, Delivery
 from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
 from ..catalog import Resource
 from ..service.service import Service
@@ -62,8 +62,8 @@ def collect_robot_files(keep: int, service: Service, *, act: bool) -> tuple[list
 def _collect_repository(needed: _Needed, service: Service, *, act: bool) -> tuple[ObjectInfo, ...]:
     if not (service.settings.home / "robots" / "trust" / "root.json").exists():
         return ()
-    from ..fleet.trust.collecting import find_unneeded, remove_unneeded  # they need the extra `fleet`
     from ..fleet.trust.publishing import publisher_of
+    from ..fleet.trust.upkeep import find_unneeded, remove_unneeded  # they need the extra `fleet`
 
     publisher = publisher_of(service)
     unneeded = find_unneeded(publisher, needed.documents)

@@ -16,24 +16,114 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.base import Document
 from ...schemas.lifecycles import is_terminal
-from ...schemas.runs.machine_waits import Wait
+from ...schemas.runs.programs import Wait
 from ...schemas.runs.trials import TrialCounts
-from ...schemas.settings import Settings
-from ...schemas.wire.arns import resource_arn
-from ...schemas.wire.ids import IdPrefix, new_id
-from ..backends.backend import Backend
-from ..backends.opening import open_backend
+from ...schemas.settings import DEFAULT_STORE_PATIENCE_MIN, Settings
+from ...schemas.wire.arns import IdPrefix, application_arn, new_id, resource_arn
+from ...schemas.wire.errors import ResourceAlreadyExistsException
+from ..backends.backend import Backend, open_backend
 from ..catalog import Catalog, ClientToken, FirstLease, Resource
 from ..storage import open_store
 from ..storage.base import ObjectStore, Stopped
 from ..storage.roles import ReadBlock, Roles, open_roles
-from .builtin_applications import register_builtins
 from .home import prepare_home
-from .patience import Patience
-from .patient_store import PatientStore, at_once
-from .timing import Timing
+from .patience import Patience, PatientStore, at_once
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Times in seconds."""
+
+    lease_s: float = 30.0
+    """How long after its last sign of life a job worker counts as dead."""
+
+    renew_lease_every_s: float = 5.0
+    """How often the holder of a lease renews it."""
+
+    fleet_patience_s: float = 10.0
+    """How long a change of a fleet waits for the changes of others."""
+
+    upload_every_s: float = 5.0
+    """How often a job with rolling uploads looks for finished files."""
+
+    store_pause_s: float = 1.0
+    """How long after a store did not answer it is asked again; longer and longer, see `patience.py`."""
+
+    store_patience_s: float = 60.0 * DEFAULT_STORE_PATIENCE_MIN
+    """How long a job waits for a store that does not answer."""
+
+    store_grace_s: float = 15.0
+    """The same for what is stored of a job that was told to stop before."""
+
+    after_kill_s: float = 1.0
+    """How long after a run was killed from outside it is tried again: memory may be short just now."""
+
+    after_outage_s: float = 1.0
+    """How long after the catalog did not answer it is asked again."""
+
+    longest_retry_pause_s: float = 60.0
+    """The longest pause before a job is tried again whose flow run raised."""
+
+
+PACKAGE = "prefect_robomaker.tasks.runtime.applications"
+# When the service they were made for was announced; any fixed time would do, so that their ARNs never change.
+_CREATED_AT = datetime(2018, 11, 26, tzinfo=UTC)
+
+BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
+    "scout": (
+        "robot-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "environment": {"uri": f"python://{PACKAGE}.scout"},
+        },
+    ),
+    "walker": (
+        "robot-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "environment": {"uri": f"python://{PACKAGE}.walker"},
+        },
+    ),
+    "indoor-navigation": (
+        "simulation-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+            "environment": {"uri": f"python://{PACKAGE}.indoor_navigation"},
+        },
+    ),
+}
+
+
+def is_builtin(application: Resource) -> bool:
+    """Whether an application came with this package; of another kind a user's may have the same name."""
+    kind, _ = BUILTINS.get(application.name, (None, None))
+    return application.kind == kind
+
+
+def register_builtins(catalog: Catalog, settings: Settings) -> None:
+    """Makes sure the built-in applications are in the catalog."""
+    for name, (kind, definition) in BUILTINS.items():
+        if catalog.find(kind, name) is not None:
+            continue
+        arn = application_arn(settings.region, settings.account, kind, name, _CREATED_AT)
+        resource = Resource.new(
+            arn=arn,
+            kind=kind,
+            id=arn.split("-application/")[1],
+            name=name,
+            status="Active",
+            document=ApplicationDocument.model_validate(
+                {**definition, "version": "$LATEST", "revisionId": "builtin-1"}
+            ),
+        )
+        try:
+            catalog.create(resource, token=None, unique_name=True)
+        except ResourceAlreadyExistsException:
+            continue  # another process was quicker
 
 
 @dataclass(frozen=True)

@@ -3,8 +3,19 @@
 from .archives import ArchiveLimits, pack_tar_gz, unpack
 from .base import ObjectInfo, ObjectStore
 from .opening import open_store
-from .publication import MANIFEST_NAME, fetch, publish, read_manifest, split_stored, store_unfinished, unpublish
-from .thinning import NEXT_NAME, finish_thinning, removed_before, thin
+from .publication import (
+    MANIFEST_NAME,
+    NEXT_NAME,
+    fetch,
+    finish_thinning,
+    publish,
+    read_manifest,
+    removed_before,
+    split_stored,
+    store_unfinished,
+    thin,
+    unpublish,
+)
 
 __all__ = [
     "MANIFEST_NAME",

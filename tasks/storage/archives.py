@@ -19,8 +19,7 @@ from uuid import uuid4
 
 from ...schemas.wire.errors import BundleError
 from .archive_members import BROKEN_ARCHIVE, Member, members
-from .failures import os_failures
-from .folders import open_regular, regular_files
+from .folders import open_regular, os_failures, regular_files
 
 _CHUNK_BYTES = 1 << 20
 _MAX_COMPONENT_BYTES = 255

@@ -1,15 +1,49 @@
-"""The interface of all object stores."""
+"""The interface of all object stores, the names of buckets and objects, and calls for many of them in threads."""
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_EXCEPTION, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Literal, Protocol, TypeVar
 
-from ...schemas.wire.errors import TransferStoppedError
-from .parallel import WORKERS, run_all
+from ...schemas.wire.errors import StorageError, TransferStoppedError
 
+Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+WORKERS = 8
+"""Transfers at once, of whatever size."""
+
+WORKERS_FOR_SMALL = 32
+"""Small files at once: a server that has to wait for the next one spends a third more of its processors on each."""
+
+
+def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> list[Result]:
+    """Calls `call` for every item in threads and returns the results in the items' order.
+
+    After a failure nothing new is started; what runs is waited for, then the failure of the earliest
+    item is raised.
+
+    Args:
+        call: what to call.
+        items: for what.
+        workers: how many threads.
+    """
+    with ThreadPoolExecutor(workers, thread_name_prefix="storage") as pool:
+        futures = [pool.submit(call, item) for item in items]
+        try:
+            wait(futures, return_when=FIRST_EXCEPTION)
+        finally:
+            for future in futures:
+                future.cancel()
+    # Only what had not begun is cancelled, and only because something else failed: that one is raised here.
+    for future in futures:
+        if not future.cancelled():
+            future.result()
+    return [future.result() for future in futures]
+
 
 Stopped = Callable[[], bool]
 """Whether a transfer is not wanted any more; asked several times a second, from any thread."""
@@ -267,3 +301,73 @@ class StoreOver:
     def local_path(self, bucket: str, key: str) -> Path | None:
         """See `ObjectStore`."""
         return self.behind.local_path(bucket, key)
+
+
+_BUCKET = re.compile(r"[a-z0-9][a-z0-9.\-]{1,61}[a-z0-9]")
+_ADDRESS = re.compile(r"[0-9]+(\.[0-9]+){3}")
+_MAX_KEY_BYTES = 1024
+_MAX_COMPONENT_BYTES = 255
+
+
+def check_bucket(bucket: str) -> None:
+    """Refuses what S3 does not take as a bucket's name.
+
+    Raises:
+        StorageError: with the rule it breaks.
+    """
+    if not _BUCKET.fullmatch(bucket) or ".." in bucket or _ADDRESS.fullmatch(bucket):
+        raise StorageError(
+            f"bucket {bucket!r}: a name has 3 to 63 of a-z, 0-9, '.' and '-', starts and ends with a letter or digit, "
+            "has no '..' and is no IP address"
+        )
+
+
+def check_key(key: str) -> None:
+    """Refuses keys that not every store can hold.
+
+    Raises:
+        StorageError: with the component and what is wrong with it.
+    """
+    encoded = _encoded(key)
+    if not encoded:
+        raise StorageError("the key is empty; an object needs a name")
+    if len(encoded) > _MAX_KEY_BYTES:
+        raise StorageError(f"key {key[:60]!r}…: {len(encoded)} bytes; at most {_MAX_KEY_BYTES} are allowed")
+    for part in encoded.split(b"/"):
+        _check_component(key, part)
+
+
+def check_prefix(prefix: str) -> None:
+    """Refuses prefixes that no valid key starts with; the empty one and those that end with `/` are fine.
+
+    Raises:
+        StorageError: with the component and what is wrong with it.
+    """
+    *folders, last = _encoded(prefix).split(b"/")
+    for part in folders:
+        _check_component(prefix, part)
+    if last not in (b"", b".", b".."):  # these can begin a component
+        _check_component(prefix, last)
+
+
+def join_key(prefix: str, *parts: str) -> str:
+    """Puts a key together; an empty prefix adds nothing, slashes at the prefix's ends do not double."""
+    return "/".join([stripped, *parts]) if (stripped := prefix.strip("/")) else "/".join(parts)
+
+
+def _encoded(key: str) -> bytes:
+    try:
+        return key.encode()
+    except UnicodeEncodeError:
+        raise StorageError(f"key {key!r} cannot be written as UTF-8") from None
+
+
+def _check_component(key: str, part: bytes) -> None:
+    if part in (b"", b".", b".."):
+        raise StorageError(f"key {key!r}: the component {part.decode()!r} is not allowed")
+    if b"\0" in part or b"\\" in part:
+        raise StorageError(f"key {key!r}: NUL and backslash are not allowed")
+    if len(part) > _MAX_COMPONENT_BYTES:
+        raise StorageError(
+            f"key {key[:60]!r}…: a component has {len(part)} bytes; at most {_MAX_COMPONENT_BYTES} are allowed"
+        )

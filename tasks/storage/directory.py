@@ -23,12 +23,21 @@ from ...schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from .base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, put_each, refuse_stopped, tell_none
-from .checksums import etag_of, store_etag
-from .failures import os_failures
-from .folders import open_regular
-from .holes import copy_with_holes
-from .naming import check_bucket, check_key, check_prefix
+from .base import (
+    ObjectInfo,
+    Stopped,
+    Tell,
+    UnfinishedUpload,
+    check_bucket,
+    check_key,
+    check_prefix,
+    never,
+    put_each,
+    refuse_stopped,
+    tell_none,
+)
+from .checksums import copy_with_holes, etag_of, store_etag
+from .folders import open_regular, os_failures
 
 _ABANDONED_AFTER_S = 86_400.0
 _RACES = 20

@@ -1,9 +1,4 @@
-"""Publishing files as a whole: all files first, then the manifest that names them.
-
-An interrupted publication leaves no manifest, and objects that no manifest names do not count. Use a
-prefix of its own for every attempt: two publications under one prefix write over each other's files,
-and only one of them gets the manifest.
-"""
+"""Publishing files as a whole, the manifest last; and removing some so that the rest counts as a whole again."""
 
 import hashlib
 import os
@@ -15,7 +10,7 @@ from pathlib import Path
 
 from pydantic import JsonValue, ValidationError
 
-from ...schemas.runs.manifest import Manifest, ManifestFile
+from ...schemas.runs.provenance import Manifest, ManifestFile
 from ...schemas.wire.errors import (
     ChecksumMismatchError,
     ObjectExistsError,
@@ -24,12 +19,9 @@ from ...schemas.wire.errors import (
     StorageError,
     TransferStoppedError,
 )
-from .base import ObjectInfo, ObjectStore, Stopped, Tell, never, tell_none
-from .failures import os_failures
-from .folders import FolderFile, open_regular, version_of
-from .holes import digest_of
-from .naming import check_key, join_key
-from .parallel import run_all
+from .base import ObjectInfo, ObjectStore, Stopped, Tell, check_key, join_key, never, run_all, tell_none
+from .checksums import digest_of
+from .folders import FolderFile, open_regular, os_failures, version_of
 
 MANIFEST_NAME = "manifest.json"
 
@@ -261,3 +253,89 @@ def _verify(path: Path, file: ManifestFile, uri: str, *, verify: bool) -> None:
             raise ChecksumMismatchError(f"{uri} has {size} bytes; {file.size_bytes} were published")
         if verify and hashlib.file_digest(content, "sha256").hexdigest() != file.sha256:
             raise ChecksumMismatchError(f"{uri} does not have the SHA-256 it was published with, {file.sha256}")
+
+
+NEXT_NAME = "manifest.next.json"
+"""Name of the future manifest while files are removed."""
+
+
+def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
+    """Removes files that are published under a prefix, and everything there that the manifest does not name.
+
+    Args:
+        store: where.
+        bucket: where.
+        prefix: the keys of the files start with it, then a slash; not empty.
+        keep: says of a file's name whether it stays.
+
+    Raises:
+        ObjectNotFoundError: nothing is published there.
+        StorageError: something cannot be removed; calling it again goes on.
+    """
+    if not prefix.strip("/"):
+        raise StorageError(f"the prefix is empty; everything in {bucket} would be removed")
+    after = _prepared(store, bucket, prefix)
+    if after is None:
+        before = read_manifest(store, bucket, prefix)
+        after = thinned(before, keep)
+        if after == before:
+            return
+        store.put_bytes(bucket, join_key(prefix, NEXT_NAME), _written(after))
+    _remove_rest(store, bucket, prefix, after)
+
+
+def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
+    """Finishes an interrupted call of `thin`; does nothing if there is none.
+
+    Args:
+        store: where.
+        bucket: where.
+        prefix: the prefix of that call.
+
+    Raises:
+        StorageError: something cannot be removed; calling it again goes on.
+    """
+    if (after := _prepared(store, bucket, prefix)) is not None:
+        _remove_rest(store, bucket, prefix, after)
+
+
+def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) -> None:
+    """Removes what a manifest does not name, and puts it in its place."""
+    store.delete(bucket, join_key(prefix, MANIFEST_NAME))
+    stay = {join_key(prefix, name) for name in (NEXT_NAME, *(file.path for file in after.files))}
+    gone = [info.key for info in store.list(bucket, join_key(prefix, "")) if info.key not in stay]
+    run_all(lambda key: store.delete(bucket, key), gone)
+    store.put_bytes(bucket, join_key(prefix, MANIFEST_NAME), _written(after))
+    store.delete(bucket, join_key(prefix, NEXT_NAME))
+
+
+def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
+    """The manifest of what stays; its `about` counts what went, in all calls so far."""
+    stay = [file for file in manifest.files if keep(file.path)]
+    count, size = removed_before(manifest)
+    gone = [file for file in manifest.files if not keep(file.path)]
+    if not gone:
+        return manifest
+    removed = {"files": count + len(gone), "sizeBytes": size + sum(file.size_bytes for file in gone)}
+    return manifest.model_copy(update={"files": stay, "about": {**manifest.about, "removed": removed}})
+
+
+def removed_before(manifest: Manifest) -> tuple[int, int]:
+    """How many files were removed of what was published, and their bytes."""
+    removed = manifest.about.get("removed")
+    if not isinstance(removed, dict):
+        return 0, 0
+    count, size = removed.get("files"), removed.get("sizeBytes")
+    return (count, size) if isinstance(count, int) and isinstance(size, int) else (0, 0)
+
+
+def _prepared(store: ObjectStore, bucket: str, prefix: str) -> Manifest | None:
+    """Manifest that an interrupted call prepared; None: there is none."""
+    try:
+        return Manifest.model_validate_json(store.get_bytes(bucket, join_key(prefix, NEXT_NAME)))
+    except ObjectNotFoundError:
+        return None
+
+
+def _written(manifest: Manifest) -> bytes:
+    return f"{manifest.model_dump_json(indent=2)}\n".encode()

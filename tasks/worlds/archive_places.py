@@ -1,6 +1,6 @@
 """Places of the archives of world export jobs; apart from the exporter, which needs MuJoCo."""
 
-from ...schemas.documents.world_export_jobs import WorldExportJobDocument
+from ...schemas.documents.worlds import WorldExportJobDocument
 from ..catalog import Resource
 from ..worldforge.exports.export_key import export_key
 

@@ -4,10 +4,10 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from ...schemas.documents.world_export_jobs import WorldExportJobDocument
+from ...schemas.documents.worlds import WorldExportJobDocument
 from ...schemas.wire.errors import TransferStoppedError
 from ..catalog import Resource
-from ..execution.task_runs import RunStep
+from ..execution.task_pool import RunStep
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.outputs.output_places import prepare_bucket

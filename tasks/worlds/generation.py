@@ -8,15 +8,14 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
-from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
-from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
+from ...schemas.wire.arns import world_id
 from ...schemas.wire.errors import ResourceAlreadyExistsException, StorageError, WorldGenerationError
-from ...schemas.wire.ids import world_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ..catalog import Resource
-from ..execution.events import tell_of_world
-from ..execution.task_runs import RunStep
-from ..service.patient_store import at_once, patiently
+from ..execution.artifacts import tell_of_world
+from ..execution.task_pool import RunStep
+from ..service.patience import at_once, patiently
 from ..service.service import Service
 from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish

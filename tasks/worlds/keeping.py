@@ -5,11 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
-from ...schemas.wire.ids import IdPrefix, new_id
+from ...schemas.wire.arns import IdPrefix, new_id
 from ...schemas.worlds.description import DESCRIPTION_FILE
 from ...schemas.worlds.world import World
 from ..catalog import Resource
-from ..service.patient_store import at_once, patiently
+from ..service.patience import at_once, patiently
 from ..service.service import Service
 from ..worldforge.bundle.bundle import write_bundle
 from .bundles import BUNDLE_LABEL, bundle_held, bundle_label

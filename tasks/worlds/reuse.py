@@ -2,11 +2,10 @@
 
 from dataclasses import replace
 
-from ...schemas.documents.world_generation_jobs import WorldGenerationJobDocument
-from ...schemas.documents.worlds import StoredPlace, WorldDocument
+from ...schemas.documents.worlds import StoredPlace, WorldDocument, WorldGenerationJobDocument
 from ...schemas.wire.errors import StorageError
 from ..catalog import Resource
-from ..service.patient_store import at_once
+from ..service.patience import at_once
 from ..service.service import Service
 from ..storage import read_manifest
 from .bundles import bundle_held

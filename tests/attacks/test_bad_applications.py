@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.schemas.runs.manifest import Manifest
+from prefect_robomaker.schemas.runs.provenance import Manifest
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest

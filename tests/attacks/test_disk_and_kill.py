@@ -17,8 +17,7 @@ from helpers.processes import wait_for
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 

@@ -22,10 +22,10 @@ from helpers.run_processes import never, wait_until
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.runtime.sandbox.landlock import landlock_version
+from prefect_robomaker.tasks.runtime.sandbox.kernel import landlock_version
 from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement
-from prefect_robomaker.tasks.runtime.supervision.boxes import plan_box
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.supervision.run_requests import plan_box
 
 ESCAPES = TESTS / "attacks" / "escapes"
 ADD_KEY, KEYCTL, SESSION_KEYRING, KEYCTL_UNLINK = 248, 250, -3, 9

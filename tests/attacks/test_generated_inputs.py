@@ -36,9 +36,9 @@ from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.runtime.agents.agent_client import FrameBuffer, ProtocolError, words
-from prefect_robomaker.tasks.runtime.robots.robot_yaml.model_files import load_model
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.model import load_model
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.inputs.colcon import unpack_colcon_bundle
+from prefect_robomaker.tasks.simulations.inputs.bundles import unpack_colcon_bundle
 from prefect_robomaker.tasks.simulations.ros.job_services import answer
 from prefect_robomaker.tasks.storage import unpack
 from prefect_robomaker.tasks.worldforge.drawings.importing import planned

@@ -13,8 +13,7 @@ from helpers.paths import TESTS
 from helpers.run_processes import never, wait_until
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.programs import ProgramPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import ProgramPlan, RunStop
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 ESCAPES = TESTS / "attacks" / "escapes"

@@ -40,7 +40,7 @@ from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 
@@ -56,7 +56,7 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 
 
 with connect() as simulation:

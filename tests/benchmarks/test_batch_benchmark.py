@@ -14,7 +14,7 @@ from helpers.paths import BUNDLES
 
 from prefect_robomaker.flows.lookup import find_perform_flow
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 from prefect_robomaker.tasks.jobs.job_runs import launcher
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -21,9 +21,8 @@ from helpers.local_agents import LocalAgents, agent_as_on_robots, local_agents
 from helpers.processes import descendants, started, wait_for
 from helpers.tuf_repository import bundle
 
-from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.known_robots import enrollable
+from prefect_robomaker.schemas.rollouts.rollout import RobotDeploymentState, Rollout
+from prefect_robomaker.tasks.fleet.records import enrollable
 from prefect_robomaker.tasks.fleet.trust.enrolment import offer
 from prefect_robomaker.tasks.service.service import Service
 

@@ -10,8 +10,7 @@ from helpers.simulated_rollouts import report_of, simulate
 
 from prefect_robomaker.schemas.documents.fleets import RobotSighting
 from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.views.finding import find_fleet
-from prefect_robomaker.tasks.fleet.views.standings import fleet_standing
+from prefect_robomaker.tasks.fleet.views.standings import find_fleet, fleet_standing
 from prefect_robomaker.tasks.reporting import render_deployment
 from prefect_robomaker.tasks.service.service import Service
 

@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for

@@ -10,7 +10,7 @@ import pytest
 from prefect import flow, task
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from prefect_robomaker.tasks.execution.mapping.runner import MapTaskRunner
+from prefect_robomaker.tasks.execution.mapped_runs import MapTaskRunner
 
 ITEMS, WORKERS, ROUNDS = 1_000, 2, 3
 

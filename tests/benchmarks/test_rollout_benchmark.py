@@ -11,8 +11,7 @@ import pytest
 from helpers.rollout_ledger import advance, plan_of
 
 from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.events import Failed, Fetched, Offered, Progressed, Report, Succeeded
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import Failed, Fetched, Offered, Progressed, Report, Rollout, Succeeded
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 ROBOTS = 10_000

@@ -19,7 +19,7 @@ from helpers.run_processes import processes_with
 from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle

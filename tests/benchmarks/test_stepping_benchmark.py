@@ -37,8 +37,7 @@ from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT
 from prefect_robomaker.tasks.runtime.robots.walker import WALKER

@@ -26,9 +26,8 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.episode.progress import Progress
 from prefect_robomaker.tasks.runtime.process.attempt import applications_of, contexts_of, factory_of, read_world
 from prefect_robomaker.tasks.runtime.process.run_request import RunRequest
-from prefect_robomaker.tasks.runtime.process.trial_runs import run_trials
-from prefect_robomaker.tasks.runtime.process.trial_stage import renews
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.process.trial_runs import renews, run_trials
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for

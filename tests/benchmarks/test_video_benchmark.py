@@ -22,10 +22,10 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.episode.progress import Progress
 from prefect_robomaker.tasks.runtime.process.child import run_child
-from prefect_robomaker.tasks.runtime.states.state_log_writer import StateLogWriter
+from prefect_robomaker.tasks.runtime.states.state_log import StateLogWriter
 from prefect_robomaker.tasks.runtime.supervision.run_requests import make_request
+from prefect_robomaker.tasks.runtime.video.video import ViewRenderer
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
-from prefect_robomaker.tasks.runtime.video.view_renderer import ViewRenderer
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 

@@ -15,7 +15,7 @@ from helpers.postgres_server import PROGRAMS
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

@@ -26,7 +26,7 @@ from helpers.s3_server import free_ports
 from ruamel.yaml import YAML
 
 from prefect_robomaker.deployments.cli.grammar import build_parser
-from prefect_robomaker.deployments.deploying.pool_templates import pool_template
+from prefect_robomaker.deployments.deploying.job_variables import pool_template
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.simulations.containers.engines import EngineError
 

@@ -10,7 +10,7 @@ import pytest
 
 from prefect_robomaker.deployments import dead_run_sweeper
 from prefect_robomaker.deployments.dead_run_sweeper import _close_until_end, tell_of_broken_off
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 

@@ -6,7 +6,7 @@ from uuid import uuid4
 
 from prefect.client.orchestration import get_client
 
-from prefect_robomaker.deployments.leftover_limits import remove_leftover_limits
+from prefect_robomaker.deployments.dead_run_sweeper import remove_leftover_limits
 from prefect_robomaker.tasks.execution.batch_slots import limit_name
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -11,8 +11,7 @@ from helpers.night_records import make_night, store_night
 from helpers.processes import wait_for
 from helpers.receivers import Webhook
 
-from prefect_robomaker.schemas.reports.run_record import new_run_id
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Order, new_run_id
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.missed import missed_nights, note_schedule, schedules_of
 from prefect_robomaker.tasks.nights.open_runs import OpenRun

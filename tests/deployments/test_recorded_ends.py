@@ -10,7 +10,7 @@ from helpers.night_records import FIRST_NIGHT, make_night, store_night
 from prefect.client.schemas.objects import FlowRun
 from prefect.states import Crashed, Running
 
-from prefect_robomaker.deployments.recorded_ends import RecordedEnds
+from prefect_robomaker.deployments.dead_run_sweeper import RecordedEnds
 from prefect_robomaker.tasks.execution.dead_flow_runs import _NO_SIGN
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -42,7 +42,7 @@ async def _serve() -> None:
     import uvicorn
     from prefect.server.api.server import create_app
 
-    from prefect_robomaker.deployments.web_guard.guard import Guard
+    from prefect_robomaker.deployments.foreign_pages import Guard
 
     application = create_app(final=True)
     servers = [

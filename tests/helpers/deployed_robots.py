@@ -10,9 +10,9 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from helpers.fleet_calls import Fleets
-from prefect_robomaker.schemas.rollouts.events import Canceled, Failed, Fetched, Progressed, Report, Succeeded
-from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
-from prefect_robomaker.tasks.fleet.stored_rollouts import report, served_rollouts
+from prefect_robomaker.schemas.rollouts.rollout import Canceled, Failed, Fetched, Progressed, Report, Succeeded
+from prefect_robomaker.tasks.execution.job_leases import run_under_lease
+from prefect_robomaker.tasks.fleet.kept_rollouts import report, served_rollouts
 from prefect_robomaker.tasks.jobs.deployment_runs import DeploymentRun
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

@@ -16,7 +16,7 @@ os.environ.setdefault("MUJOCO_GL", "egl")
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.worlds.world import Floorplan, Furniture, Passage, Room, World
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 
 WALLS = [  # name, x0, x1, y0, y1
     ("wall-south", -2.05, 6.05, -1.05, -0.95),

@@ -4,13 +4,11 @@ from typing import Any
 
 from helpers.robot_orders import table_of_robots
 from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
-from prefect_robomaker.schemas.rollouts.artifacts import Artifact
-from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
-from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.known_robots import KnownRobots
+from prefect_robomaker.schemas.rollouts.plan import Artifact, PlannedRobot, RolloutPlan
+from prefect_robomaker.schemas.rollouts.rollout import RobotDeploymentState, Rollout
+from prefect_robomaker.tasks.fleet.kept_rollouts import OpenRollout
 from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
-from prefect_robomaker.tasks.fleet.stored_rollouts import OpenRollout
+from prefect_robomaker.tasks.fleet.records import KnownRobots
 
 LAUNCH = DeploymentLaunchConfig(packageName="courier", launchFile="drive.launch")
 ARTIFACT = Artifact(

@@ -23,8 +23,7 @@ import numpy as np
 from helpers.random_templates import random_template
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
-from prefect_robomaker.schemas.worlds.checks import StabilityChecks, WorldChecks
-from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.schemas.worlds.world import StabilityChecks, World, WorldChecks
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import INDISPENSABLE
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION, generate_world, seeds_for
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
@@ -35,7 +34,7 @@ from prefect_robomaker.tasks.worldforge.proofs.guarantees import (
     MAX_SUNK_M,
     MIN_CELLS,
 )
-from prefect_robomaker.tasks.worldforge.proofs.settling import measure_stability
+from prefect_robomaker.tasks.worldforge.proofs.overlaps import measure_stability
 
 MOST_FAILURES = 0.001
 MOST_TOLD = 20

@@ -7,8 +7,7 @@ from random import Random
 from typing import Any
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.schemas.templates.parsing import parse_template_body
-from prefect_robomaker.schemas.templates.rules import MAX_CONNECTIONS_PER_ROOM
+from prefect_robomaker.schemas.templates.parsing import MAX_CONNECTIONS_PER_ROOM, parse_template_body
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, ROOM_TYPES
 
 MOST_ROOMS = 6

@@ -9,7 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.tasks.runtime.agents.agent_client import HELLO, Simulation, connect, words
 from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher

@@ -4,8 +4,7 @@ import hashlib
 from typing import Any
 
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
-from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
+from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder, hash_token
 
 TOKEN = "0123456789abcdef" * 4
 

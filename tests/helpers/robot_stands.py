@@ -7,7 +7,7 @@ import mujoco
 from ruamel.yaml import YAML
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
-from prefect_robomaker.tasks.runtime.robots.bases import Base, bind_base, take_home_pose
+from prefect_robomaker.tasks.runtime.robots.drives import Base, bind_base, take_home_pose
 from prefect_robomaker.tasks.runtime.robots.robot import CONTROL_TIMESTEP_S, Controller, Robot
 
 FLOOR = """<mujoco><option timestep="0.002" integrator="implicitfast" cone="elliptic" impratio="10"/><worldbody>

@@ -1,8 +1,7 @@
 """The product's rollout as the service that simulated robots poll."""
 
-from prefect_robomaker.schemas.rollouts.events import Offered, RolloutEvent
 from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import Offered, Rollout, RolloutEvent
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 WORDS = {"offered": "asked", "fetched": "working", "canceling": "told to stop", "refused": "goes on"}

@@ -7,7 +7,7 @@ from itertools import count
 from typing import Literal, Protocol
 
 from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.events import (
+from prefect_robomaker.schemas.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,

@@ -15,8 +15,7 @@ from helpers.small_flat import BODY, ROLE
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz
 
 

@@ -8,14 +8,20 @@ from collections.abc import Callable
 from prefect_robomaker.schemas.operations.deployment_jobs import (
     DeploymentConfig,
     DeploymentLaunchConfig,
+    MaintenanceWindow,
     RobotDeploymentStep,
 )
-from prefect_robomaker.schemas.rollouts.artifacts import Artifact, Delivery
-from prefect_robomaker.schemas.rollouts.events import Failed, Fetched, Offered, Progressed, RolloutEvent, Succeeded
-from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
-from prefect_robomaker.schemas.rollouts.report import DeploymentReport
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
-from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
+from prefect_robomaker.schemas.rollouts.plan import Artifact, Delivery, PlannedRobot, RolloutPlan
+from prefect_robomaker.schemas.rollouts.rollout import (
+    DeploymentReport,
+    Failed,
+    Fetched,
+    Offered,
+    Progressed,
+    Rollout,
+    RolloutEvent,
+    Succeeded,
+)
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
 

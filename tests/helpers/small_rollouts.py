@@ -2,7 +2,7 @@
 
 from helpers.rollout_ledger import cancellations, plan_of
 from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.events import (
+from prefect_robomaker.schemas.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,
@@ -10,11 +10,11 @@ from prefect_robomaker.schemas.rollouts.events import (
     Offered,
     Progressed,
     ReportedCode,
+    RobotDeploymentState,
+    Rollout,
     RolloutEvent,
     Succeeded,
 )
-from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 from prefect_robomaker.tasks.fleet.rollout.statuses import robot_status
 

@@ -4,12 +4,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from helpers.fleet_calls import Fleets
-from prefect_robomaker.schemas.documents.simulation_job_batches import (
+from prefect_robomaker.schemas.documents.simulation_jobs import (
     FailedRequest,
+    MadeOf,
     SimulationJobBatchDocument,
+    SimulationJobDocument,
     StoredBatchPolicy,
 )
-from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, SimulationJobDocument
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.applications import find_application

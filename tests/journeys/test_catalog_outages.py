@@ -21,8 +21,7 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.operations.registry import Operation, call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 pytestmark = [NEEDS_POSTGRESQL, pytest.mark.slow]
 Order = Callable[..., dict[str, Any]]

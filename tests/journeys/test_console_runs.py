@@ -10,10 +10,8 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
-from prefect_robomaker.deployments.spec_runs.standing import Standing, StepStanding
-from prefect_robomaker.schemas.reports.run_record import RunRecord
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns, Standing, StepStanding
+from prefect_robomaker.schemas.reports.run_record import Order, RunRecord
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.slow, pytest.mark.deep]

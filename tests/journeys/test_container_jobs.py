@@ -24,7 +24,7 @@ from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.environment.shared_memory import shared_memory_places
+from prefect_robomaker.tasks.simulations.environment.folders import shared_memory_places
 from prefect_robomaker.tasks.simulations.planning import run_plans
 from prefect_robomaker.tasks.storage import pack_tar_gz
 

@@ -22,7 +22,7 @@ from prefect_robomaker.schemas.documents.fleets import RobotDocument
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.fleet.control.decisions import approve
 from prefect_robomaker.tasks.fleet.control.rollbacks import TAG
-from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.records import enrol
 from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path
 from prefect_robomaker.tasks.service.service import Service
 

@@ -22,7 +22,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.generator import GENERATOR_VERSION

@@ -27,7 +27,7 @@ from dataclasses import replace
 from prefect_robomaker.tasks.operations.registry import registry
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Timing
 
 service = Service.open(Settings.from_environment(os.environ))
 service = replace(service, timing=Timing(lease_s=6.0, renew_lease_every_s=0.5))

@@ -17,8 +17,8 @@ from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.tasks.machine import notices
-from prefect_robomaker.tasks.notifications import long_waits
+from prefect_robomaker.tasks.machine import machine_slots
+from prefect_robomaker.tasks.notifications import notices
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = pytest.mark.usefixtures("known_worlds")
@@ -138,8 +138,8 @@ def test_a_night_that_waits_for_disk_is_told_of_while_it_waits(
     run: Run, settings: Settings, webhook: Webhook, events: list[ProgressEvent], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Notes of waits come each ten minutes; here the first one is late enough."""
-    monkeypatch.setattr(long_waits, "AFTER_S", 0.0)
-    monkeypatch.setattr(notices, "_AGAIN_S", 1.0)
+    monkeypatch.setattr(notices, "AFTER_S", 0.0)
+    monkeypatch.setattr(machine_slots, "_AGAIN_S", 1.0)
     batch = {
         "operation": "StartSimulationJobBatch",
         "input": {

@@ -17,7 +17,7 @@ from helpers.processes import process_worker, started, wait_for
 
 from prefect_robomaker.schemas.job_owners import JobStanding
 from prefect_robomaker.schemas.reports.run_record import RunRecord
-from prefect_robomaker.tasks.jobs.owners.job_standings import standing_of
+from prefect_robomaker.tasks.jobs.job_owners import standing_of
 from prefect_robomaker.tasks.service.service import Service
 
 ROBOMAKER = [sys.executable, "-m", "prefect_robomaker.deployments.cli.main"]

@@ -13,9 +13,9 @@ from helpers.polling_robot import PollingRobot
 from helpers.processes import wait_for
 from helpers.swing_fixtures import Simulate
 
-from prefect_robomaker.tasks.fleet.attestations.attestation_keys import attestation_key
-from prefect_robomaker.tasks.fleet.attestations.checks import check_deployment
-from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.attestations.envelopes import attestation_key
+from prefect_robomaker.tasks.fleet.attestations.required_batches import check_deployment
+from prefect_robomaker.tasks.fleet.records import enrol
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

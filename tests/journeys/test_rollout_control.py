@@ -16,7 +16,7 @@ from helpers.polling_robot import PollingRobot
 from helpers.processes import wait_for
 
 from prefect_robomaker.tasks.fleet.control.decisions import pause, resume
-from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.records import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 MakeFleet = Callable[..., tuple[str, list[LivingRobot]]]

@@ -18,14 +18,13 @@ from helpers.processes import started, wait_for
 from helpers.s3_server import MortalS3Server, S3Server
 from helpers.small_flat import BODY, ROLE
 
-from prefect_robomaker.schemas.runs.manifest import Manifest
+from prefect_robomaker.schemas.runs.provenance import Manifest
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
+from prefect_robomaker.tasks.jobs.job_folders import find_kept, store_kept
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
-from prefect_robomaker.tasks.jobs.kept_outputs import find_kept, store_kept
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import read_manifest
 from prefect_robomaker.tasks.storage.s3 import S3Store

@@ -20,7 +20,7 @@ from helpers.tcp_proxy import TcpProxy, tcp_proxy
 from helpers.tuf_repository import bundle
 
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.fleet.known_robots import enrollable
+from prefect_robomaker.tasks.fleet.records import enrollable
 from prefect_robomaker.tasks.fleet.trust.enrolment import offer
 from prefect_robomaker.tasks.service.service import Service
 

@@ -13,15 +13,15 @@ import pytest
 from helpers.processes import wait_for
 from helpers.small_flat import BODY
 
+from prefect_robomaker.schemas.wire.arns import world_id
 from prefect_robomaker.schemas.wire.errors import (
     IdempotentParameterMismatchException,
     InvalidParameterException,
     ResourceNotFoundException,
     WorldGenerationError,
 )
-from prefect_robomaker.schemas.wire.ids import world_id
-from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
-from prefect_robomaker.tasks.execution.task_runs import step_runner
+from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.task_pool import step_runner
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import read_manifest

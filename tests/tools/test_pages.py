@@ -5,12 +5,10 @@ from collections import Counter
 
 import pytest
 
-from prefect_robomaker.schemas.operations.registry import OPERATIONS
-from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
+from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS, OPERATIONS
 from tools.reference.behaviours import BEHAVIOURS
 from tools.reference.differences import DIFFERENCES
-from tools.reference.guide import with_tables
-from tools.reference.pages import DOCS, pages
+from tools.reference.pages import DOCS, pages, with_tables
 from tools.reference.tables import Tables
 
 OPERATIONS_PAGE = DOCS / "operations.md"

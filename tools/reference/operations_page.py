@@ -8,8 +8,7 @@ from types import ModuleType
 
 from prefect_robomaker.deployments.endpoint import messages
 from prefect_robomaker.deployments.service_model.shapes import WIDEST
-from prefect_robomaker.schemas.operations.registry import OPERATIONS
-from prefect_robomaker.schemas.operations.resources import OPERATION_GROUPS
+from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS, OPERATIONS
 from prefect_robomaker.schemas.wire import errors
 from prefect_robomaker.schemas.wire.errors import RobomakerError
 from prefect_robomaker.schemas.wire.operation_shape import OperationShape

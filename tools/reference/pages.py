@@ -1,14 +1,96 @@
-"""Generated pages and files, and their content."""
+"""Generated pages and files: which there are, the map of rooms, and the tables of the guide."""
 
-from collections.abc import Mapping
+import ast
+import re
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
+from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from tools.reference.behaviours import BEHAVIOURS, Kind
+from tools.reference.door import flows_stub, operation_flows_module, with_deployments
+from tools.reference.operations_page import operations_page
 
-from .door import flows_stub, operation_flows_module, with_deployments
-from .guide import with_tables
-from .operations_page import operations_page
-from .rooms import with_rooms
+_LAYERS = ("prefect_robomaker", "deployments", "flows", "tasks", "schemas")
+_BEGIN, _END = "<!-- made: rooms -->\n", "<!-- end -->"
+
+
+def with_rooms(text: str, root: Path) -> str:
+    """Makes the map anew between its marks; what stands around it stays.
+
+    Args:
+        text: the page.
+        root: the folder of the repository.
+
+    Raises:
+        ValueError: the page has no marks.
+    """
+    before, begin, rest = text.partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    if not begin or not end:
+        raise ValueError(f"the page has no {_BEGIN.strip()} with {_END} after it")
+    rows = ["| room | what lives there |", "| --- | --- |", *_rows(root)]
+    return "\n".join([before + begin, *rows, "", end + after])
+
+
+def _rows(root: Path) -> Iterator[str]:
+    for layer in _LAYERS:
+        for path in sorted((root / layer).rglob("__init__.py")):
+            room = path.parent.relative_to(root)
+            if "specs" not in room.parts or room.parts[0] == "schemas":
+                docstring = ast.get_docstring(ast.parse(path.read_text())) or ""
+                first = re.sub(r"\s+", " ", docstring.partition("\n\n")[0]).rstrip(".")
+                yield f"| [`{room}`](../{room}) | {first} |"
+
+
+_MARK = re.compile(r"<!-- made: (?P<name>[a-z-]+) -->\n.*?<!-- end -->", re.DOTALL)
+
+
+def with_tables(page: str) -> str:
+    """A page with the tables that its marks name.
+
+    Args:
+        page: Markdown, with `<!-- made: calls -->` … `<!-- end -->` where a table belongs.
+
+    Raises:
+        ValueError: a mark names no table.
+    """
+
+    def made(mark: re.Match[str]) -> str:
+        if (make := _TABLES.get(mark["name"])) is None:
+            raise ValueError(f"{mark['name']!r} is no table; there are {', '.join(_TABLES)}")
+        return f"<!-- made: {mark['name']} -->\n\n{make()}\n\n<!-- end -->"
+
+    return _MARK.sub(made, page)
+
+
+def _calls() -> str:
+    """Each call of the service, and what it does here in a few words."""
+    lines = ["| call of the service | here |", "| --- | --- |"]
+    for title, operations in OPERATION_GROUPS.items():
+        lines.append(f"| **{title}** | |")
+        for each in operations:
+            link = f"[{each.name}](operations.md#{each.name.lower()})"
+            lines.append(f"| {link} | {each.description} |")
+    return "\n".join(lines)
+
+
+def _by_kind(kind: Kind, titles: tuple[str, str]) -> str:
+    """Everything of one kind, group by group."""
+    parts = []
+    for title, group in BEHAVIOURS.items():
+        rows = [f"| {each.topic} | {each.known} | {each.here} |" for each in group if each.kind == kind]
+        if rows:
+            parts.append("\n".join([f"| {title} | {titles[0]} | {titles[1]} |", "| --- | --- | --- |", *rows]))
+    return "\n\n".join(parts)
+
+
+_TABLES: Mapping[str, Callable[[], str]] = {
+    "calls": _calls,
+    "differences": lambda: _by_kind("differs", ("the service", "here")),
+    "decisions": lambda: _by_kind("decided", ("what is known", "here")),
+}
+
 
 DOCS = Path(__file__).parents[2] / "docs"
 """Folder of the documentation, in a copy of the repository."""

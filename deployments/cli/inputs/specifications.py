@@ -1,7 +1,10 @@
-"""Reading files that the user names."""
+"""Files that the user names: specifications, and requests of operations."""
 
+import sys
 from pathlib import Path
+from typing import Any
 
+from ....schemas.operations.registry import OPERATIONS
 from ....schemas.specs.model import CheckedSpec
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
 from ...spec_runs.specifications import SHIPPED, checked
@@ -40,3 +43,40 @@ def read_spec(path: str) -> CheckedSpec:
     shipped = SHIPPED / f"{path}.yaml"
     is_shipped = "." not in path and "/" not in path and not Path(path).exists() and shipped.is_file()
     return checked(read_text(str(shipped) if is_shipped else path), path)
+
+
+def read_request(given: str, operation: str) -> dict[str, Any]:
+    """The members of a request.
+
+    Args:
+        given: a file's path or `file://` address, JSON or YAML text that begins with `{`, or `-` for standard input.
+        operation: the operation's name.
+
+    Raises:
+        ServiceError: it is no request of this operation.
+    """
+    from ....schemas.specs.check import load_request
+    from ....schemas.specs.resolving import resolve_input
+
+    text, name = _text(given)
+    checked = load_request(text, name, operation)
+    return resolve_input(checked.steps[checked.order[0]], {})
+
+
+def _text(given: str) -> tuple[str, str]:
+    """The request's text and what to call it in messages."""
+    if given == "-":
+        return sys.stdin.read(), "standard input"
+    if given.lstrip().startswith("{"):
+        return given, "--input"
+    path = given.removeprefix("file://")
+    return read_text(path), path
+
+
+def operation_name(word: str) -> str:
+    """The service's name of an operation, also from the AWS CLI's spelling: `describe-world`.
+
+    A word that names none comes back as it is; the check of the request says what is near.
+    """
+    folded = word.replace("-", "").lower()
+    return next((name for name in OPERATIONS if name.lower() == folded), word)

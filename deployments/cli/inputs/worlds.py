@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....schemas.documents.world_generation_jobs import WorldGenerationJobDocument
-from ....schemas.documents.worlds import WorldDocument
+from ....schemas.documents.worlds import WorldDocument, WorldGenerationJobDocument
 from ....schemas.settings import Settings
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import (
@@ -17,7 +16,7 @@ from ....schemas.wire.errors import (
     StorageError,
 )
 from ....schemas.worlds.world import World
-from ..inputs.service import open_service
+from .options import open_service
 
 if TYPE_CHECKING:
     from ....tasks.catalog import Resource

@@ -1,13 +1,18 @@
-"""Answers of commands as text: responses in JSON or YAML, with times in ISO 8601; lines with styles."""
+"""Answers of commands: data, tables, problems and times in words, and pages that are opened."""
 
 import json
+import os
 import sys
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
+
+from ....schemas.wire.errors import Problem
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
+
 
 Cell = tuple[str, str]
 """Text and style."""
@@ -87,3 +92,63 @@ def _time_text(value: object) -> str:
     if isinstance(value, datetime):
         return value.astimezone(UTC).isoformat()
     raise TypeError(f"{value!r} has no JSON form")
+
+
+def print_problems(problems: Sequence[Problem]) -> None:
+    """Prints problems to standard error; in GitHub's workflows also as annotations of the file."""
+    for problem in problems:
+        sys.stderr.write(f"{problem}\n")
+    files = {problem.place.file for problem in problems}
+    count = f"{len(problems)} problem{'s' if len(problems) > 1 else ''}"
+    sys.stderr.write(f"robomaker: {count} in {', '.join(sorted(files))}; nothing was run\n")
+    if os.environ.get("GITHUB_ACTIONS") == "true":
+        for problem in problems:
+            sys.stderr.write(f"{annotation(problem)}\n")
+
+
+def annotation(problem: Problem) -> str:
+    """A problem as a GitHub workflow command."""
+    text = f"{problem.path}: {problem.message}" if problem.path else problem.message
+    escaped = text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    place = problem.place
+    return f"::error file={place.file},line={place.line},col={place.column}::{escaped}"
+
+
+def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> bool:
+    """Whether to open a browser: as the user chose, otherwise only for a person at a desktop's terminal."""
+    if choice is not None:
+        return choice
+    environ = os.environ if environ is None else environ
+    desktop = bool(environ.get("DISPLAY") or environ.get("WAYLAND_DISPLAY"))
+    remote = "SSH_CONNECTION" in environ or bool(environ.get("CI"))
+    return desktop and not remote and sys.stdout.isatty() and sys.stderr.isatty()
+
+
+def open_file(path: Path) -> None:
+    """Shows a file in the browser; says so when there is none."""
+    _open(path.resolve().as_uri(), str(path))
+
+
+def open_address(address: str) -> None:
+    """Shows a page of a server in the browser; says so when there is none."""
+    _open(address, address)
+
+
+def _open(address: str, name: str) -> None:
+    import webbrowser
+
+    if not webbrowser.open(address):
+        sys.stderr.write(f"No browser could be started; open {name} yourself.\n")
+
+
+def duration(seconds: float) -> str:
+    """A duration as short text: `0.4 s`, `12 s`, `3 min 05 s`, `5 min`, `2 h 10 min`."""
+    if seconds < 9.95:
+        return f"{seconds:.1f} s"
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min" + (f" {whole % 60:02d} s" if whole % 60 else "")
+    minutes = whole % 3600 // 60
+    return f"{whole // 3600} h" + (f" {minutes:02d} min" if minutes else "")

@@ -3,14 +3,13 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ....schemas.missed_nights import MissedNight
 from ....schemas.reports.changes import CellChange, RequirementChange
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
-from ....schemas.reports.history import History, Night
+from ....schemas.reports.history import History, MissedNight, Night
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
 from ....tasks.comparison.nights import NightRun
 from ....tasks.inspection.run_records import is_night, since_last
-from ....tasks.reporting import wording
+from ....tasks.reporting import outcomes
 from ....tasks.reporting.nights.changes import (
     change_in_words,
     judged_otherwise_in_words,
@@ -171,7 +170,7 @@ def _changes(kind: str, changes: Sequence[MetricChange]) -> list[str]:
 
 
 def _metric(change: MetricChange) -> str:
-    values = f"{wording.compact(change.before)} → {wording.compact(change.after)}"
+    values = f"{outcomes.compact(change.before)} → {outcomes.compact(change.after)}"
     if change.low is None or change.high is None:
         return values
     interval = f"{_signed(change.low)} to {_signed(change.high)}"
@@ -185,14 +184,16 @@ def _nights(nights: Sequence[Night], missed: Sequence[MissedNight]) -> list[str]
     for night in shown:
         while gaps and gaps[-1].due_at > night.started_at:
             gap = gaps.pop()
-            lines.append(f"  {wording.minute(gap.due_at):<17} {gap.kind}: {gap.reason}")
+            lines.append(f"  {outcomes.minute(gap.due_at):<17} {gap.kind}: {gap.reason}")
         share = night.success
         rate = "–" if share.rate is None else f"{share.rate:.0%}"
         interval = "" if share.low is None or share.high is None else f"{share.low:.0%}–{share.high:.0%}"
         told = [interrupted_briefly(night.interruptions), *map(change_in_words, night.changed)]
         changed = ", ".join(filter(None, told))
         counts = f"{share.passed:>6} {share.failed:>6} {share.errors:>6}"
-        lines.append(f"  {wording.minute(night.started_at):<17} {rate:>5}  {interval:<10} {counts}  {changed}".rstrip())
+        lines.append(
+            f"  {outcomes.minute(night.started_at):<17} {rate:>5}  {interval:<10} {counts}  {changed}".rstrip()
+        )
     if len(nights) > len(shown):
         lines.append(f"  … and {len(nights) - len(shown)} before; the page has them all")
     return lines
@@ -203,7 +204,7 @@ def _points(share: float) -> str:
 
 
 def _signed(value: float) -> str:
-    return f"{'+' if value > 0 else ''}{wording.compact(value)}"
+    return f"{'+' if value > 0 else ''}{outcomes.compact(value)}"
 
 
 def _counted(count: int, noun: str) -> str:

@@ -1,14 +1,18 @@
-"""A forecast in lines: what the whole run takes, each step, and what the figures rest on."""
+"""Forecasts in lines: what a run takes, step by step, and what it would take over from earlier runs."""
 
 from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import groupby
 from typing import TYPE_CHECKING
 
-from .durations import duration
+from .answers import duration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from ....schemas.reports.forecast import Forecast, ProbedJob, StepForecast
+    from ....tasks.inspection.reuse_plans import PlannedPart
+
 
 _MOST_TOLD = 5
 _ENDING_S = 5.0
@@ -97,3 +101,45 @@ def _step(step: "StepForecast") -> str:
     if not step.parts:
         return took
     return f"{took}: {step.parts}, {step.concurrency} at a time, {duration(step.start_s)} of it start and end"
+
+
+def reuse_lines(parts: "Sequence[PlannedPart]") -> list[str]:
+    """The lines of one step: `run    requests 2 to 4: its world is generated first`."""
+    lines = []
+    for (reuse, why), group in groupby(parts, key=lambda part: (part.reuse, part.why)):
+        names = [part.part for part in group]
+        lines.append(f"{'reuse' if reuse else 'run  '}  {_together(names)}: {why}")
+    return lines
+
+
+def reuse_total(parts: "Mapping[str, Sequence[PlannedPart]]") -> str:
+    """How much would be taken over: `4 of 4 worlds and 3 of 4 simulation jobs are taken over`."""
+    told = []
+    for noun, is_it in (("worlds", True), ("simulation jobs", False)):
+        these = [part for each in parts.values() for part in each if part.part.startswith("world") is is_it]
+        if these:
+            told.append(f"{sum(part.reuse for part in these)} of {len(these)} {noun}")
+    return f"{' and '.join(told)} are taken over" if told else "nothing here can be taken over"
+
+
+def why_nothing(parts: "Mapping[str, Sequence[PlannedPart]]") -> str | None:
+    """Says why a run would take over nothing, the first reason of each step; None: it would, or makes no such parts.
+
+    Jobs whose worlds are generated first have no reason of their own.
+    """
+    from ....tasks.inspection.reuse_plans import NEW_WORLD
+
+    if not parts or any(part.reuse for each in parts.values() for part in each):
+        return None
+    first = {step: each[0].why for step, each in parts.items() if each}
+    own = {step: why for step, why in first.items() if why != NEW_WORLD} or first
+    reasons = "; ".join(f"{step}: {why}" for step, why in own.items())
+    return f"--reuse takes nothing over: {reasons}"
+
+
+def _together(names: Sequence[str]) -> str:
+    first, last = names[0], names[-1]
+    if len(names) == 1:
+        return first
+    noun, _, _ = first.rpartition(" ")
+    return f"{noun}s {first.rpartition(' ')[2]} to {last.rpartition(' ')[2]}"

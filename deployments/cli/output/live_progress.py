@@ -12,9 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from ....schemas.reports.progress import ProgressEvent
-from .durations import duration
-from .step_states import BAD_STATUSES, StepState, StepStates
-from .watcher import Watcher
+from .answers import duration
+from .step_states import BAD_STATUSES, StepState, StepStates, Watcher
 
 _BAR_WIDTH = 20
 _SHOWN_NOTES = 3

@@ -7,9 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Self, TextIO
 
 from ....schemas.reports.progress import Note, ProgressEvent, StepEnded, StepStarted
-from .durations import duration
-from .step_states import StepState, StepStates
-from .watcher import Watcher
+from .answers import duration
+from .step_states import StepState, StepStates, Watcher
 
 _HEARTBEAT_S = 60.0
 # Counts of a large batch change many times a second.

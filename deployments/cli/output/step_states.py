@@ -1,6 +1,7 @@
-"""States of a running pipeline's steps, gathered from its events."""
+"""States of a running pipeline's steps, gathered from its events, and the interface of what shows them."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 
 from ....schemas.reports.progress import (
@@ -12,8 +13,8 @@ from ....schemas.reports.progress import (
     StepStarted,
     TrialCounts,
 )
-from ....schemas.runs.machine_waits import IN_WORDS, Wait
-from .durations import duration
+from ....schemas.runs.programs import IN_WORDS, Wait
+from .answers import duration
 
 BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Skipped"})
 
@@ -104,3 +105,11 @@ class StepStates:
             state.waits_for, state.trials = event.waits_for, event.trials
         elif isinstance(event, StepEnded):
             state.status, state.duration_s, state.detail = event.status, event.duration_s, event.detail
+
+
+class Watcher(AbstractContextManager["Watcher"]):
+    """A listener that shows what it hears while it is entered."""
+
+    def __call__(self, event: ProgressEvent) -> None:
+        """Takes one event; from any thread."""
+        raise NotImplementedError

@@ -1,10 +1,12 @@
-"""Facts of a world as plain data: `robomaker world show` prints them, as text or as JSON."""
+"""Facts of a world, as data and in lines of text."""
 
 from collections import Counter
-from typing import Any
+from collections.abc import Iterator, Sequence
+from typing import Any, TextIO
 
 from ....schemas.worlds.world import Passage, Room, World
 from ..inputs.worlds import FoundWorld
+from .answers import Cell, print_lines
 
 
 def world_facts(found: FoundWorld) -> dict[str, Any]:
@@ -40,7 +42,7 @@ def world_facts(found: FoundWorld) -> dict[str, Any]:
         "proven": None if world.checks is None else not broken,
         "broken": broken,
         "proofs": proofs,
-        "wishes": _preferences(world),
+        "wishes": _preference_facts(world),
     }
 
 
@@ -101,7 +103,7 @@ def _passage(index: int, passage: Passage, world: World) -> dict[str, Any]:
     }
 
 
-def _preferences(world: World) -> dict[str, Any]:
+def _preference_facts(world: World) -> dict[str, Any]:
     preferences = [*world.floorplan.wishes, *world.wishes]
     counts = Counter(preference.outcome for preference in preferences)
     return {
@@ -110,3 +112,213 @@ def _preferences(world: World) -> dict[str, Any]:
         "contradictory": counts["contradictory"],
         "not_granted": [preference.model_dump() for preference in preferences if preference.outcome != "satisfied"],
     }
+
+
+Line = list[Cell]
+
+_MARKS: dict[str, Cell] = {
+    "holds": ("✓", "green"),
+    "broken": ("✗", "bold red"),
+    "not measured": ("?", "yellow"),
+    "": ("·", "dim"),
+}
+
+
+def print_facts(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints what `world_facts` found, with `pictures`, the paths of those that were drawn."""
+    _print(fact_lines(facts), stream)
+
+
+def print_proofs(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints the proofs alone."""
+    _print([_verdict(facts), *_proofs(facts)], stream)
+
+
+def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
+    """Prints what there is to say of a world that was stored just now: its ARN first, alone on its line."""
+    lines: list[Line] = [[(facts["arn"], "")], _verdict(facts)]
+    lines += [[("    ", ""), (sentence, "red")] for sentence in facts["broken"]]
+    lines += [[(f"  {what:<9} ", "dim"), (said, "")] for what, said in _origin(facts)]
+    if facts["closed_off_rooms"]:
+        lines.append([("  behind doors not open enough: ", ""), (", ".join(facts["closed_off_rooms"]), "yellow")])
+    if facts["variation"] is None:
+        lines += _preferences(facts)
+    _print(lines, stream)
+
+
+def _print(lines: list[Line], stream: TextIO) -> None:
+    print_lines([[(_printable(text), style) for text, style in line] for line in lines], stream)
+
+
+def fact_lines(facts: dict[str, Any]) -> list[Line]:
+    """The text as lines of styled cells."""
+    return [
+        *_head(facts),
+        [],
+        [("rooms", "bold")],
+        *_table(
+            [("name", "type", "area", "wished", "aspect", "wished", "floor", "walls", "pieces", "loose")], _rooms(facts)
+        ),
+        *_ways(facts),
+        [],
+        [("proofs", "bold")],
+        *_proofs(facts),
+        [],
+        *_preferences(facts),
+        *_pictures(facts.get("pictures", [])),
+    ]
+
+
+def _printable(text: str) -> str:
+    """Untrusted names must not steer the terminal."""
+    return "".join(letter if letter.isprintable() else "\N{REPLACEMENT CHARACTER}" for letter in text)
+
+
+def _verdict(facts: dict[str, Any]) -> Line:
+    verdict = {
+        True: ("all guarantees hold", "green"),
+        False: ("guarantees are broken", "bold red"),
+        None: ("never checked", "yellow"),
+    }[facts["proven"]]
+    return [(facts["name"], "bold"), (": ", ""), verdict]
+
+
+def _head(facts: dict[str, Any]) -> Iterator[Line]:
+    yield _verdict(facts)
+    yield []
+    for what, where in _places(facts):
+        yield [(f"  {what:<9} ", "dim"), (where, "")]
+
+
+def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    template, job, bundle, building = facts["template"], facts["job"], facts["bundle"], facts["building"]
+    if facts["arn"]:
+        yield "world", facts["arn"]
+    if template["arn"]:
+        yield "template", f"{template['name'] or 'deleted'}, {template['arn']}"
+    if job["arn"]:
+        yield "job", job["arn"] + ("" if job["seed"] is None else f", seed {job['seed']}")
+    attempts = facts["interior_attempt"] + 1
+    tries = f" (attempt {attempts})" if attempts > 1 else ""
+    yield "seeds", f"floor plan {facts['floorplan_seed']}, interior {facts['interior_seed']}{tries}"
+    yield "generator", f"{facts['generator_version']}, template version {template['version']}"
+    yield from _origin(facts)
+    state = {True: ", as it was stored", False: ", NOT what was stored", None: ""}[bundle["as_stored"]]
+    yield "content", f"sha256 {facts['content_sha256']}{state}"
+    if bundle["stored_at"]:
+        yield "stored", bundle["stored_at"]
+    yield "copy" if bundle["stored_at"] else "bundle", bundle["local"]
+    size = f"{building['width_m']:.2f} x {building['depth_m']:.2f} m, {building['ceiling_height_m']:.2f} m high"
+    yield "building", f"{size}, {len(facts['rooms'])} rooms of {building['area_m2']:.1f} m² together"
+
+
+def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Describes the source of a world that no generation job made."""
+    source, variation = facts["source"], facts["variation"]
+    if source:
+        scale = f"{source['metres_per_unit']:g} m a {'cell' if source['form'] == 'nav2-map' else 'unit'}"
+        lines = {"faces": "the faces of walls", "centres": "the middles of walls"}[source["outlines"]]
+        yield "drawn", f"{source['file']}, {scale}, outlines are {lines}, sha256 {source['sha256']}"
+        if source["origin_m"]:
+            (x, y), where = source["origin_m"], "map" if source["form"] == "nav2-map" else "drawing"
+            yield "origin", f"at ({x:.2f}, {y:.2f}) m of the {where}"
+        if source["left_out"]:
+            yield "left out", ", ".join(source["left_out"])
+    if variation:
+        yield "varied", f"from {variation['of_world'] or variation['of_content']}"
+        for change in variation["changes"]:
+            yield change["what"], f"{change['thing']}: {change['before']} -> {change['after']}"
+
+
+def _rooms(facts: dict[str, Any]) -> Iterator[tuple[str, ...]]:
+    for room in facts["rooms"]:
+        aspect = room["aspect_ratio"]
+        yield (
+            room["name"],
+            room["type"],
+            f"{room['floor_area_m2']:.1f} m²",
+            f"{room['desired_area_m2']:.1f} m²",
+            "" if aspect is None else f"{aspect:.2f}",
+            f"{room['desired_aspect_ratio']:.2f}",
+            room["floor"],
+            room["walls"],
+            str(sum(room["pieces"].values())),
+            str(room["loose_objects"]),
+        )
+
+
+def _ways(facts: dict[str, Any]) -> Iterator[Line]:
+    if not facts["passages"]:
+        return
+    yield []
+    yield [("ways between rooms", "bold")]
+    yield from _table([("between", "kind", "clear", "door", "")], (_way(passage) for passage in facts["passages"]))
+
+
+def _way(passage: dict[str, Any]) -> tuple[str, ...]:
+    clear = passage["clear_width_m"]
+    return (
+        " - ".join(passage["rooms"]),
+        passage["kind"],
+        f"{passage['width_m'] if clear is None else clear:.2f} m",
+        _door(passage["door"]),
+        "wished" if passage["requested"] else "added, so that all rooms are joined",
+    )
+
+
+def _door(door: dict[str, Any] | None) -> str:
+    if door is None:
+        return "none"
+    style = f"{door['id']} {door['style']}".rstrip()
+    return f"{style}, {door['open_percent']:g} % open into {door['opens_into']}"
+
+
+def _proofs(facts: dict[str, Any]) -> Iterator[Line]:
+    width = max(len(proof["name"]) for proof in facts["proofs"])
+    for proof in facts["proofs"]:
+        mark, style = _MARKS[proof["verdict"]]
+        value_style = style if proof["verdict"] == "broken" else ""
+        yield [("  ", ""), (mark, style), (f" {proof['name'].ljust(width)}  ", ""), (proof["value"], value_style)]
+    for sentence in facts["broken"]:
+        yield [("    ", ""), (sentence, "red")]
+
+
+def _preferences(facts: dict[str, Any]) -> Iterator[Line]:
+    preferences, whose = facts["wishes"], "drawing" if facts["source"] else "template"
+    counts = ", ".join(
+        f"{preferences[key]} {word}"
+        for key, word in (("satisfied", "granted"), ("missed", "missed"), ("contradictory", "contradictory"))
+        if preferences[key] or key == "satisfied"
+    )
+    yield [(f"wishes of the {whose}: ", "bold"), (counts, "")]
+    for preference in preferences["not_granted"]:
+        yield [
+            ("  ✗ ", "yellow"),
+            (preference["wish"], ""),
+            ("" if preference["outcome"] == "missed" else " (contradictory)", "yellow"),
+        ]
+        yield [("    ", ""), (preference["reason"], "")]
+        yield [("    ", ""), (preference["path"], "dim")]
+
+
+def _pictures(paths: Sequence[str]) -> Iterator[Line]:
+    if paths:
+        yield []
+        yield [("pictures", "bold")]
+        yield from ([("  ", ""), (path, "")] for path in paths)
+
+
+def _table(head: list[tuple[str, ...]], rows: Iterator[tuple[str, ...]]) -> Iterator[Line]:
+    """Columns, left-aligned but for numbers."""
+    cells = [*head, *rows]
+    widths = [max(len(row[column]) for row in cells) for column in range(len(cells[0]))]
+    numeric = [
+        all(row[column][:1].isdigit() or not row[column] for row in cells[1:]) and len(cells) > 1
+        for column in range(len(widths))
+    ]
+    for number, row in enumerate(cells):
+        padded = [
+            text.rjust(width) if right else text.ljust(width)
+            for text, width, right in zip(row, widths, numeric, strict=True)
+        ]
+        yield [("  " + "  ".join(padded).rstrip(), "dim" if number == 0 else "")]

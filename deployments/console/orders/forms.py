@@ -7,7 +7,7 @@ from urllib.parse import parse_qs
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import ClientDisconnect, Request
 
-from ...endpoint.limits import SMALL_BODY_TIMEOUT_S, read_body
+from ...endpoint.connections import SMALL_BODY_TIMEOUT_S, read_body
 from ...endpoint.messages import RequestEntityTooLargeException, SerializationException, ServiceRequest
 
 MOST_BYTES = 512 * 1024

@@ -1,4 +1,4 @@
-"""The page of a run that was ordered here and goes on, or that broke off; and its end on demand."""
+"""Runs that were ordered here: their page until they end, their end on demand, and running again what failed."""
 
 import re
 from collections.abc import Iterator
@@ -7,15 +7,21 @@ from typing import Any
 
 from starlette.responses import RedirectResponse, Response
 
+from ....schemas.lifecycles import is_terminal
+from ....schemas.specs.check import load_spec
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
+from ....tasks.inspection.reruns import Selection, failed_again, plan_rerun
 from ...endpoint.messages import AccessDeniedException
-from ...spec_runs.standing import Standing, StepStanding
+from ...spec_runs.rights import problems_of_rights
+from ...spec_runs.spec_runs import Standing, StepStanding
 from .. import runs
 from ..batches import batches_of_run
-from ..rendering import HOME, render
+from ..rendering import HOME, address, render
+from ..runs import find_record
 from ..standing import RUNNING, WAITING, Look
 from ..streams import Parts
 from ..visit import Visit
+from .start import START, begin, runs_of
 
 _RUN_ID = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_\-]{0,99}-\d{8}T\d{9}")
 _EVERY_S = 1.0
@@ -146,3 +152,49 @@ def _look(step: StepStanding, *, is_going: bool) -> Look:
     if step.status in ("Completed", "Succeeded"):
         return Look("passed", step.status)
     return Look("canceled" if step.status in ("Canceled", "Skipped", "TimedOut") else "broken", step.status)
+
+
+_BATCH = "simulation-job-batch"
+_START_BATCH = "StartSimulationJobBatch"
+_NOTHING = "nothing to run again: each job has a good result"
+
+
+def failed_of_run(visit: Visit) -> Response:
+    """Begins a rerun of the failed jobs of a run, and shows it.
+
+    Raises:
+        ResourceNotFoundException: there is no such run that the visitor may see.
+        AccessDeniedException: the visitor's key is not good for it.
+        InvalidParameterException: nothing failed.
+    """
+    with visit.noted(START) as call:
+        ordered = runs_of(visit)
+        record = find_record(visit)
+        call.resources = [record.run_id]
+        rerun = plan_rerun(record, Selection(failed=True), visit.service)
+        if rerun is None:
+            raise InvalidParameterException(_NOTHING)
+        spec = load_spec(rerun.spec_text, f"rerun of {record.run_id}")
+        if refused := problems_of_rights(visit.key, spec, visit.service.catalog):
+            raise AccessDeniedException(refused[0].message)
+        return begin(visit, ordered, spec, call, spec_path=record.spec_path, rerun_of=rerun.rerun_of)
+
+
+def failed_of_batch(visit: Visit) -> Response:
+    """Starts a batch of the failed jobs of a batch, and shows it.
+
+    Raises:
+        ResourceNotFoundException: there is no such batch that the visitor may see.
+        AccessDeniedException: the visitor's key is not good for it.
+        InvalidParameterException: it has not ended, or nothing failed.
+    """
+    with visit.noted(_START_BATCH, if_refused=True) as call:
+        batch = visit.find(_BATCH, visit.request.path_params["id"])
+        call.resources = [batch.arn]
+        if not is_terminal(_BATCH, batch.status):
+            raise InvalidParameterException(f"the batch is {batch.status}; what failed is run again once it has ended")
+        request = failed_again(batch.arn, visit.service)
+        if request is None:
+            raise InvalidParameterException(_NOTHING)
+    made = visit.call(_START_BATCH, request)
+    return RedirectResponse(address(_BATCH, made["arn"].rpartition("/")[2]), 303)

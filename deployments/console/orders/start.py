@@ -9,18 +9,16 @@ from pathlib import PurePath
 
 from starlette.responses import RedirectResponse, Response
 
-from ....schemas.reports.run_record import RerunOf, new_run_id
-from ....schemas.run_orders import Order
+from ....schemas.reports.run_record import Order, RerunOf, new_run_id
 from ....schemas.specs.model import CheckedSpec
 from ....schemas.wire.errors import InvalidParameterException, Problem, SpecError, ThrottlingException
 from ....tasks.inspection.preflight import check_preconditions
-from ...endpoint.calling.audit_log import Call
+from ...endpoint.calling.access_keys import Call
 from ...endpoint.calling.scopes import check_scope
 from ...endpoint.messages import AccessDeniedException
 from ...spec_runs.rights import problems_of_rights
-from ...spec_runs.spec_runs import SpecRuns
+from ...spec_runs.spec_runs import SpecRuns, Standing, StepStanding
 from ...spec_runs.specifications import checked, shipped_specs
-from ...spec_runs.standing import Standing, StepStanding
 from ..rendering import HOME
 from ..visit import Visit
 

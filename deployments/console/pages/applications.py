@@ -5,7 +5,7 @@ from starlette.responses import Response
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import JobInBrief
 from ....schemas.wire.errors import ResourceNotFoundException
-from ....tasks.service.builtin_applications import is_builtin
+from ....tasks.service.service import is_builtin
 from ....tasks.simulations.planning.applications import version_kind
 from ..standing import JOB, job_line
 from ..visit import Visit

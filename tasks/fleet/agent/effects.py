@@ -13,8 +13,7 @@ from .deployment import Version
 from .disk import switch, tidy
 from .errors import StepFailed, disk_failure
 from .programs.application import Application
-from .programs.launching import environment, interpreted, script_command
-from .programs.sandbox import Sandbox
+from .programs.launching import Sandbox, environment, interpreted, script_command
 from .programs.work import ChildWork, ScriptWork, Watch
 from .settings import Home, Options
 from .states import Event, Failed, Passed, Phase, State, kept, wanted

@@ -34,3 +34,20 @@ def disk_failure(error: OSError, doing: str) -> StepFailed:
     if error.errno in _NO_SPACE:
         return StepFailed("EnvironmentSetupError", f"the disk is full: {doing}")
     return StepFailed("EnvironmentSetupError", f"{doing}: {error.strerror or error}")
+
+
+NUMBERS = {
+    "ResourceNotFound": 1001,  # the store has no such file: 404
+    "EnvironmentSetupError": 1002,  # disk full, no such user, no sandbox, the launch file cannot be started
+    "EtagMismatch": 1003,  # length or hash is not the one that was signed
+    "RobotDeploymentAborted": 1004,  # TUF refused, or the new version was unhealthy and the robot went back
+    "ExtractingBundleFailure": 1005,  # a bad archive
+    "PreLaunchFileFailure": 1006,
+    "PostLaunchFileFailure": 1007,
+    "BadPermissionError": 1008,  # the store denies the file: 403
+    "DownloadConditionFailed": 1009,
+}
+"""Number by failure code, as on the wire (`DeploymentJobErrorCode`)."""
+
+NAMES = {number: name for name, number in NUMBERS.items()}
+"""Failure code by number."""

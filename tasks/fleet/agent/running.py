@@ -17,12 +17,10 @@ from .disk import prepare
 from .effects import Effects
 from .errors import AgentError
 from .journal import Journal
-from .loop import Agent
+from .loop import Agent, Notifier
 from .polls import Polls
 from .programs.application import Application
-from .programs.leftovers import kill_leftovers
-from .programs.notify import Notifier
-from .programs.sandbox import find_sandbox
+from .programs.launching import find_sandbox, kill_leftovers
 from .server import Server
 from .settings import Home, Options, checked_options
 from .states import STEPS, State, wanted

@@ -18,7 +18,7 @@ from enum import Enum
 from typing import Union
 
 from .deployment import Deployment, Order, Version
-from .failure_codes import NUMBERS
+from .errors import NUMBERS
 
 MAX_RESTARTS = 5
 """Limit on restarts of the agent in the trial of a new version, after which it returns to the previous one.

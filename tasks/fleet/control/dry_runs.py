@@ -7,15 +7,15 @@ from datetime import UTC, datetime
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
 from ....schemas.lifecycles import is_terminal
+from ....schemas.operations.deployment_jobs import MaintenanceWindow
 from ....schemas.rollouts.plan import RolloutPlan
-from ....schemas.wire.maintenance_windows import MaintenanceWindow
 from ...catalog import Resource
 from ...service.service import Service
 from ..beginnings import plan_of
 from ..records import DEPLOYMENT, last_deployment, robots_of
 from ..rollout.waves import waves_of
 from ..rollout.windows import is_open, opens_s
-from .requests import served_architectures
+from .decisions import served_architectures
 
 AWAY_S = 300.0
 """A robot that was not heard of for longer counts as away, in seconds."""

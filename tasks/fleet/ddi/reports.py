@@ -3,10 +3,223 @@
 A report may come twice, when a robot did not see the answer: what takes reports has to take them repeatedly.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any, Literal, TypeVar
 
-from .feedback import Attributes, Feedback
+from ....schemas.wire.errors import InvalidParameterException
+
+MAX_DETAILS = 50
+"""Details of one feedback."""
+
+MAX_DETAIL_CHARACTERS = 512
+"""Limit on the characters of a detail; of a longer one the beginning is kept."""
+
+MAX_ATTRIBUTES = 100
+MAX_ATTRIBUTE_CHARACTERS = 128
+"""Limit on the characters of an attribute's name, and of its value."""
+
+_MAX_NUMBER = 2**31 - 1
+_SHOWN = 60
+
+
+class Execution(StrEnum):
+    """State of an order, as the robot reports it."""
+
+    CLOSED = "closed"
+    PROCEEDING = "proceeding"
+    CANCELED = "canceled"
+    SCHEDULED = "scheduled"
+    REJECTED = "rejected"
+    RESUMED = "resumed"
+    DOWNLOAD = "download"
+    DOWNLOADED = "downloaded"
+
+
+class Finished(StrEnum):
+    """Result of an order, once `Execution` is closed."""
+
+    SUCCESS = "success"
+    FAILURE = "failure"
+    NONE = "none"
+
+
+class OrderEnd(StrEnum):
+    """How an order ended."""
+
+    FINISHED = "finished"
+    FAILED = "failed"
+    CANCELED = "canceled"
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """One message of a robot about one order."""
+
+    action_id: int
+    execution: Execution
+    finished: Finished
+    count: int | None = None
+    """How many parts are done."""
+
+    of: int | None = None
+    """How many parts there are."""
+
+    code: int | None = None
+    """The robot's own number for what happened; updaters of others send none."""
+
+    details: tuple[str, ...] = ()
+
+    @property
+    def order_end(self) -> OrderEnd | None:
+        """How the order ended by this message about it; `None`: it goes on."""
+        if self.execution is Execution.CANCELED:
+            return OrderEnd.CANCELED
+        if self.execution is not Execution.CLOSED:
+            return None
+        return OrderEnd.FAILED if self.finished is Finished.FAILURE else OrderEnd.FINISHED
+
+    @property
+    def cancel_end(self) -> OrderEnd | None:
+        """How the order ended by this message about its cancellation; `None`: it goes on."""
+        if self.execution not in (Execution.CLOSED, Execution.CANCELED):
+            return None
+        return OrderEnd.FAILED if self.finished is Finished.FAILURE else OrderEnd.CANCELED
+
+
+@dataclass(frozen=True)
+class Attributes:
+    """Attributes that a robot reports, and how they change the earlier ones."""
+
+    mode: Literal["merge", "replace", "remove"]
+    values: dict[str, str]
+
+
+def parse_feedback(action_id: int, body: bytes) -> Feedback:
+    """Reads the body of a feedback.
+
+    Args:
+        action_id: the order that the address names; the body's own `id` is ignored.
+        body: JSON in UTF-8.
+
+    Raises:
+        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+    """
+    status = _member(_document(body), "status", dict, "")
+    result = _member(status, "result", dict, "status.")
+    progress = _optional(result, "progress", dict, "status.result.") or {}
+    return Feedback(
+        action_id,
+        _word(status, "execution", Execution, "status."),
+        _word(result, "finished", Finished, "status.result."),
+        _number(progress, "cnt", "status.result.progress.", 0),
+        _number(progress, "of", "status.result.progress.", 0),
+        _number(status, "code", "status.", -_MAX_NUMBER),
+        _details(status),
+    )
+
+
+def parse_attributes(body: bytes) -> Attributes:
+    """Reads the body of a robot's attributes (`configData`).
+
+    Args:
+        body: JSON in UTF-8.
+
+    Raises:
+        InvalidParameterException: it is no such JSON; the message names the member, its value, and what is right.
+    """
+    document = _document(body)
+    mode = document.get("mode") or "merge"
+    if mode not in ("merge", "replace", "remove"):
+        raise _wrong("mode", mode, "'merge', 'replace' or 'remove'")
+    data = _member(document, "data", dict, "")
+    if len(data) > MAX_ATTRIBUTES:
+        raise InvalidParameterException(f"data: {len(data)} attributes; at most {MAX_ATTRIBUTES} are kept")
+    for name, value in data.items():
+        if not isinstance(value, str):
+            raise _wrong(f"data.{name[:_SHOWN]}", value, "a text")
+        if not name or max(len(name), len(value)) > MAX_ATTRIBUTE_CHARACTERS:
+            right = f"a name and a value of at most {MAX_ATTRIBUTE_CHARACTERS} characters"
+            raise _wrong(f"data.{name[:_SHOWN]}", value, right)
+    return Attributes(mode, {_clean(name): _clean(value) for name, value in data.items()})
+
+
+def _document(body: bytes) -> dict[str, Any]:
+    try:
+        document = json.loads(body.decode())
+    except (ValueError, RecursionError) as error:
+        reason = "nested too deeply" if isinstance(error, RecursionError) else str(error)
+        raise InvalidParameterException(f"the body is no JSON in UTF-8: {reason}") from None
+    if not isinstance(document, dict):
+        raise _wrong("the body", document, "an object")
+    return document
+
+
+Kind = TypeVar("Kind", dict[str, Any], list[Any])
+Word = TypeVar("Word", Execution, Finished)
+_KINDS = {dict: "an object", list: "a list"}
+
+
+def _optional(document: dict[str, Any], name: str, kind: type[Kind], where: str) -> Kind | None:
+    value = document.get(name)
+    if value is not None and not isinstance(value, kind):
+        raise _wrong(where + name, value, _KINDS[kind])
+    return value
+
+
+def _member(document: dict[str, Any], name: str, kind: type[Kind], where: str) -> Kind:
+    value = _optional(document, name, kind, where)
+    if value is None:
+        raise _missing(where + name, _KINDS[kind])
+    return value
+
+
+def _word(document: dict[str, Any], name: str, words: type[Word], where: str) -> Word:
+    value = document.get(name)
+    right = "one of " + ", ".join(repr(word.value) for word in words)
+    if value is None:
+        raise _missing(where + name, right)
+    if not isinstance(value, str) or value not in {word.value for word in words}:
+        raise _wrong(where + name, value, right)
+    return words(value)
+
+
+def _number(document: dict[str, Any], name: str, where: str, least: int) -> int | None:
+    value = document.get(name)
+    if value is None:
+        return None
+    if not isinstance(value, int) or isinstance(value, bool) or not least <= value <= _MAX_NUMBER:
+        raise _wrong(where + name, value, f"a whole number from {least} to {_MAX_NUMBER}")
+    return value
+
+
+def _details(status: dict[str, Any]) -> tuple[str, ...]:
+    details = _optional(status, "details", list, "status.") or []
+    if len(details) > MAX_DETAILS:
+        raise InvalidParameterException(
+            f"status.details: {len(details)} texts; at most {MAX_DETAILS} are taken at once"
+        )
+    for number, detail in enumerate(details):
+        if not isinstance(detail, str):
+            raise _wrong(f"status.details[{number}]", detail, "a text")
+    return tuple(_clean(detail)[:MAX_DETAIL_CHARACTERS] for detail in details)
+
+
+def _clean(text: str) -> str:
+    """The text without what databases and terminals do not take: lone surrogates and control characters."""
+    return "".join(
+        "\ufffd" if "\ud800" <= each <= "\udfff" or (each < " " and each not in "\n\t") else each for each in text
+    )
+
+
+def _missing(where: str, right: str) -> InvalidParameterException:
+    return InvalidParameterException(f"{where} is missing; {right} is right")
+
+
+def _wrong(where: str, value: object, right: str) -> InvalidParameterException:
+    return InvalidParameterException(f"{where}: {ascii(value)[:_SHOWN]} is not right; it has to be {right}")
 
 
 @dataclass(frozen=True)

@@ -29,26 +29,25 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.events import (
+from ....schemas.rollouts.plan import RolloutPlan
+from ....schemas.rollouts.rollout import (
+    UNANSWERED,
     Approved,
     Offered,
     Outage,
     Paused,
     Resumed,
+    RobotDeploymentState,
     RobotGone,
+    Rollback,
+    Rollout,
     RolloutEvent,
     StopCause,
     Stopped,
 )
-from ....schemas.rollouts.plan import RolloutPlan
-from ....schemas.rollouts.robots import UNANSWERED, RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollback, Rollout
-from .deadlines import Deadlines
-from .line import Line, waits, waits_again
 from .orders import changed, held_back, let_go, offered, reported, revoked, timed_out, withdrawn
-from .pauses import with_pause
-from .thresholds import Tally, Verdict
-from .windows import is_open, next_change_s
+from .waves import Line, Tally, Verdict, waits, waits_again
+from .windows import Deadlines, is_open, next_change_s, with_pause
 
 _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
     "canceled": (Verdict("Canceled"), "RobotDeploymentAborted"),

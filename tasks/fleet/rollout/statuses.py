@@ -1,11 +1,84 @@
 """A rollout as DescribeDeploymentJob shows it: the status, progress and failure of each robot."""
 
-from ....schemas.operations.deployment_jobs import ProgressDetail, RobotDeployment
+from collections import Counter
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+from ....schemas.operations.deployment_jobs import DeploymentRollback, DeploymentWait, ProgressDetail, RobotDeployment
 from ....schemas.operations.robots import RobotStatus
-from ....schemas.rollouts.robots import RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
-from .estimates import remaining_s
-from .waits import moment_of
+from ....schemas.rollouts.rollout import RobotDeploymentState, Rollout
+from .ledger import Ledger
+from .orders import remaining_s
+from .windows import is_open, opens_s
+
+
+def counts_of(rollout: Rollout) -> Counter[str]:
+    """How many robots have succeeded, failed, were canceled, are deploying, or wait."""
+    return Counter(_word(state) for state in rollout.robots.values())
+
+
+def current_wave(rollout: Rollout, waves: Sequence[Sequence[str]]) -> int:
+    """The number, from 1, of the first wave that has robots which have not ended; of the last if there is none."""
+    for number, robots in enumerate(waves, 1):
+        if not all(rollout.robots[robot].has_ended for robot in robots):
+            return number
+    return len(waves)
+
+
+def _word(state: RobotDeploymentState) -> str:
+    if state.has_ended:
+        return state.outcome or "canceled"
+    return "deploying" if state.is_open else "waiting"
+
+
+def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
+    """Lists what the next orders wait for; empty: nothing, or the rollout has ended.
+
+    Args:
+        rollout: the rollout.
+        now_s: the time, in seconds since the epoch.
+    """
+    if rollout.status != "InProgress":
+        return []
+    found: list[DeploymentWait] = []
+    if rollout.paused:
+        found.append(DeploymentWait(cause="PAUSED", since=moment_of(rollout.paused_s), by=rollout.paused_by))
+    is_asked = rollout.plan.requires_approval and rollout.approved_s is None
+    if is_asked and Ledger(rollout).waits_for_approval:  # reading it takes a while in a large fleet
+        found.append(DeploymentWait(cause="APPROVAL"))
+    windows = rollout.plan.windows
+    if not is_open(windows, now_s):
+        found.append(DeploymentWait(cause="MAINTENANCE_WINDOW", until=moment_of(opens_s(windows, now_s))))
+    return found
+
+
+def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
+    """How robots go back, as DescribeDeploymentJob shows it; nothing: they do not, or not yet."""
+    back = rollout.rollback
+    if back is None:
+        return None
+    return DeploymentRollback(jobs=list(back.jobs) or None, robotsLeft=list(back.left) or None, reason=back.reason)
+
+
+def in_words(wait: DeploymentWait, job: str) -> str:
+    """Describes a wait of a deployment, and how a person can end it.
+
+    Args:
+        wait: one of `waits_for`.
+        job: ARN of the deployment job.
+    """
+    if wait.cause == "PAUSED":
+        by = f" by {wait.by}" if wait.by else ""
+        return f"paused{by}; `robomaker fleet resume {job}` lets it go on"
+    if wait.cause == "APPROVAL":
+        return f"waits for approval; `robomaker fleet approve {job}`, or `reject`, decides"
+    until = "" if wait.until is None else f" at {wait.until.isoformat(timespec='minutes')}"
+    return f"waits for its maintenance window, which opens{until}"
+
+
+def moment_of(time_s: float | None) -> datetime | None:
+    """A time in seconds since the epoch, as answers show it."""
+    return None if time_s is None else datetime.fromtimestamp(time_s, UTC)
 
 
 def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | None:

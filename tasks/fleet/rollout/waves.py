@@ -1,8 +1,14 @@
 """The waves of a rollout: its robots in groups whose turn comes one after the other."""
 
+from collections import deque
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
 from math import ceil
 
+from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
 from ....schemas.rollouts.plan import RolloutPlan
+from ....schemas.rollouts.rollout import RobotDeploymentState, RolloutStatus
 
 _MOST_WAVES = 100  # each is a task run
 
@@ -28,3 +34,144 @@ def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
 
 def _groups(robots: list[str], size: int) -> list[tuple[str, ...]]:
     return [tuple(robots[start : start + size]) for start in range(0, len(robots), size)]
+
+
+def waits(state: RobotDeploymentState) -> bool:
+    """Whether a robot waits for its first order."""
+    return state.order == "none" and not state.has_ended
+
+
+def waits_again(state: RobotDeploymentState) -> bool:
+    """Whether a robot that was away waits for another order."""
+    return state.returned and state.gone is None
+
+
+class Line:
+    """The robots that wait, in order; robots that do not wait any more drop out when their turn comes."""
+
+    def __init__(self, plan: RolloutPlan, robots: Mapping[str, RobotDeploymentState]) -> None:
+        """Lines up the robots of a rollout.
+
+        Args:
+            plan: its plan.
+            robots: how each stands; read whenever the line is asked.
+        """
+        self._robots = robots
+        self._canaries = deque(arn for arn in plan.canaries if waits(robots[arn]))
+        self._in_order = deque(arn for arn in plan.order if waits(robots[arn]))
+        self._returned = {arn for arn in plan.order if waits_again(robots[arn])}
+        self._place = {robot: place for place, robot in enumerate(plan.order)}
+
+    def update(self, robot: str) -> None:
+        """Lines up a robot that was away and is back, or takes it out of the line again."""
+        if waits_again(self._robots[robot]):
+            self._returned.add(robot)
+        else:
+            self._returned.discard(robot)
+
+    @property
+    def has_returns(self) -> bool:
+        """Whether robots that were away wait for another order."""
+        return bool(self._returned)
+
+    def next(self, count: int, *, first: bool, others: bool) -> tuple[str, ...]:
+        """The robots whose turn it is.
+
+        Args:
+            count: how many at most.
+            first: whether robots get their first order.
+            others: whether these may be others than canaries.
+        """
+        return tuple(islice(self._all(first, others), max(0, count)))
+
+    def _all(self, first: bool, others: bool) -> Iterator[str]:
+        if first:
+            yield from self._waiting(self._canaries)
+            if others:
+                yield from self._waiting(self._in_order)
+        yield from sorted(self._returned, key=self._place.__getitem__)
+
+    def _waiting(self, queue: deque[str]) -> Iterator[str]:
+        while queue and not waits(self._robots[queue[0]]):
+            queue.popleft()
+        yield from (robot for robot in queue if waits(self._robots[robot]))
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a rollout ends."""
+
+    status: RolloutStatus
+    code: DeploymentJobErrorCode | None = None
+    reason: str | None = None
+
+
+@dataclass
+class Group:
+    """Counts of the robots of a fleet, or of its canaries, that take part.
+
+    Robots that cannot get the application, and robots that left before they ended, do not take part.
+    """
+
+    name: str
+    robots: int = 0
+    ended: int = 0
+    failed: int = 0
+
+    def count(self, state: RobotDeploymentState, sign: int) -> None:
+        """Counts a robot in, or out again."""
+        if state.gone is not None and state.outcome is None:
+            return
+        self.robots += sign
+        self.ended += sign * state.has_ended
+        self.failed += sign * (state.outcome == "failed")
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether each robot has."""
+        return self.ended == self.robots
+
+    def breach(self, threshold_percentage: int) -> str | None:
+        """How many robots failed if these are too many, in words."""
+        if not self.failed or self.failed * 100 < threshold_percentage * self.robots:
+            return None
+        share = 100 * self.failed / self.robots
+        return (
+            f"{self.failed} of {self.robots} {self.name} failed, which is {share:.3g} %; "
+            f"the threshold is {threshold_percentage} %"
+        )
+
+
+@dataclass
+class Tally:
+    """Counts of a rollout's robots."""
+
+    plan: RolloutPlan
+    fleet: Group = field(default_factory=lambda: Group("robots"))
+    canaries: Group = field(default_factory=lambda: Group("canaries"))
+    open: int = 0
+
+    def __post_init__(self) -> None:
+        self._unfit = {robot.arn: robot for robot in self.plan.robots if robot.unfit_code is not None}
+        self._canaries = frozenset(self.plan.canaries)
+
+    def count(self, robot: str, state: RobotDeploymentState, sign: int) -> None:
+        """Counts a robot in (`sign` 1), or out again (-1)."""
+        self.open += sign * state.is_open
+        if robot in self._unfit:
+            return
+        self.fleet.count(state, sign)
+        if robot in self._canaries:
+            self.canaries.count(state, sign)
+
+    def verdict(self) -> Verdict | None:
+        """How the rollout ends now; nothing: it goes on."""
+        for group in (self.canaries, self.fleet):
+            if reason := group.breach(self.plan.threshold_percentage):
+                return Verdict("Failed", "FailureThresholdBreached", reason)
+        if not self.fleet.robots:
+            unfit = next(iter(self._unfit.values()), None)
+            if unfit is not None:
+                return Verdict("Failed", unfit.unfit_code, "no robot that is left can get the application")
+            return Verdict("Failed", "RobotDeploymentAborted", "each robot left the fleet before its turn ended")
+        return Verdict("Succeeded") if self.fleet.has_ended else None

@@ -4,12 +4,14 @@ Windows begin by the clocks of their time zone, and last as long as they say, al
 Several that overlap, or follow one another without a gap, are one.
 """
 
-from collections.abc import Iterator, Sequence
+import heapq
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, date, datetime, time, timedelta
 from typing import get_args
 from zoneinfo import ZoneInfo
 
-from ....schemas.wire.maintenance_windows import MaintenanceWindow, Weekday
+from ....schemas.operations.deployment_jobs import MaintenanceWindow, Weekday
+from ....schemas.rollouts.rollout import Pause, Paused, Resumed, RobotDeploymentState
 
 _DAYS: tuple[str, ...] = get_args(get_args(Weekday)[0])
 _AHEAD_DAYS = 8
@@ -81,3 +83,52 @@ def _spans(windows: Sequence[MaintenanceWindow], now_s: float) -> Iterator[tuple
 
 def _start_s(window: MaintenanceWindow, day: date, zone: ZoneInfo) -> float:
     return datetime.combine(day, time.fromisoformat(window.startTime), zone).timestamp()
+
+
+MOST_PAUSES = 100
+"""Earlier ones are forgotten."""
+
+
+def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
+    """The pauses after one has begun or ended; a repetition changes nothing.
+
+    Args:
+        pauses: those before, oldest first.
+        event: what a person wants.
+        now_s: when, in seconds since the epoch.
+    """
+    last = pauses[-1] if pauses else None
+    is_paused = last is not None and last.until_s is None
+    if isinstance(event, Paused):
+        return pauses if is_paused else (*pauses, Pause(from_s=now_s))[-MOST_PAUSES:]
+    return (*pauses[:-1], last.model_copy(update={"until_s": now_s})) if last is not None and is_paused else pauses
+
+
+class Deadlines:
+    """The moments at which open orders time out."""
+
+    def __init__(self, robots: Mapping[str, RobotDeploymentState]) -> None:
+        """Reads the deadlines of robots.
+
+        Args:
+            robots: how each stands, in the plan's order; read whenever deadlines are asked for.
+        """
+        self._robots = robots
+        self._place = {robot: place for place, robot in enumerate(robots)}
+        self._heap: list[tuple[float, int, str]] = []
+        for robot, state in robots.items():
+            self.add(robot, state)
+
+    def add(self, robot: str, state: RobotDeploymentState) -> None:
+        """Takes in the deadline of a robot, if it has one; its earlier ones do not hold any more."""
+        if state.deadline_s is not None:
+            heapq.heappush(self._heap, (state.deadline_s, self._place[robot], robot))
+
+    def next(self) -> tuple[float, str] | None:
+        """The earliest deadline that holds, and whose it is."""
+        while self._heap:
+            deadline_s, _, robot = self._heap[0]
+            if self._robots[robot].deadline_s == deadline_s:
+                return deadline_s, robot
+            heapq.heappop(self._heap)
+        return None

@@ -12,10 +12,19 @@ from tuf.api.serialization import DeserializationError
 
 from ....schemas.wire.errors import ConfigurationError
 from .keys import KeyFolder, new_key, read_key, write_private
-from .metadata import Changes, to_bytes, to_metadata
+from .metadata import (
+    Attested,
+    Changes,
+    check_ceremony,
+    first_root,
+    following_root,
+    missing_signatures,
+    sign_root,
+    to_bytes,
+    to_metadata,
+)
 from .publishing import Coming, Publisher, roles_signed
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES
-from .roots import Attested, check_ceremony, first_root, following_root, missing_signatures, sign_root
 
 ROOT = "root"
 

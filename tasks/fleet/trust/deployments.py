@@ -1,33 +1,141 @@
 """Targets that agents download: archives, condition and deployment document."""
 
+# pyright: reportPrivateImportUsage=false
+
 import hashlib
 import json
 import tempfile
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+from tuf.api.metadata import TargetFile
 
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.documents.fleets import DeploymentJobDocument
-from ....schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig
-from ....schemas.rollouts.artifacts import Artifact
+from ....schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig, DeploymentLaunchConfig
+from ....schemas.rollouts.plan import Artifact
 from ....schemas.wire.errors import DeploymentError
 from ...catalog import Resource
 from ...service.service import Service
 from ..sources import FileHashes, fetch_condition, fetch_source, sources_by_architecture
-from .deployment_documents import (
-    DeploymentTargets,
-    attestation_path,
-    bundle_path,
-    condition_path,
-    document_path,
-    suffix_of,
-)
+from .metadata import Attested, Changes, Repository
 from .publishing import Publisher, publisher_of
-from .roots import Attested
-from .serving import TIMESTAMP_S
-from .targets import TargetStep
+from .roles import TIMESTAMP_S, application_role, target_folder, target_key
+
+
+@dataclass
+class TargetStep:
+    """Targets of one application that are published together."""
+
+    publisher: Publisher
+    application: str
+    _targets: dict[str, TargetFile] = field(default_factory=dict[str, TargetFile])
+
+    def add_file(self, target: str, path: Path, hashes: FileHashes) -> str:
+        """Puts a file into the object store, unless it is there.
+
+        Args:
+            target: its path as a target.
+            path: the file.
+            hashes: what `FileHashes.of` says of it.
+
+        Returns:
+            Its key.
+        """
+        files = self.publisher.files
+        key = target_key(target, hashes.sha256)
+        files.store.ensure_bucket(files.bucket)
+        if files.store.find_same(files.bucket, key, path) is None:
+            files.store.put_file(files.bucket, key, path)
+        self._targets[target] = TargetFile(hashes.size_bytes, {"sha256": hashes.sha256}, target)
+        return key
+
+    def add_bytes(self, target: str, content: bytes) -> str:
+        """Puts a small file into the object store; returns its path as a target."""
+        files = self.publisher.files
+        described = TargetFile.from_data(target, content, ["sha256"])
+        files.store.ensure_bucket(files.bucket)
+        files.store.put_bytes(files.bucket, target_key(target, described.hashes["sha256"]), content)
+        self._targets[target] = described
+        return target
+
+    def publish(self) -> None:
+        """Makes all of them visible at once; of no effect if they are.
+
+        Raises:
+            ConfigurationError: a key is missing, or the store has what the keys have not signed.
+            StorageError: the store does not answer.
+        """
+        self.publisher.publish(self._changes, [application_role(self.application)])
+
+    def _changes(self, current: Repository | None) -> Changes | None:
+        known = current.applications.get(application_role(self.application)) if current else None
+        named = known.signed.targets if known else {}
+        if all(named.get(path) == target for path, target in self._targets.items()):
+            return None
+        return Changes(add={self.application: self._targets})
+
+
+BundleSuffix = Literal["tar.gz", "zip", "tar"]
+"""How a bundle's name ends, which tells an agent how to unpack it."""
+
+_GZIP, _ZIP = b"\x1f\x8b", b"PK"
+
+
+class DeploymentTargets(BaseModel):
+    """Content of a deployment document; all paths are target paths."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    format: Literal[1] = Field(default=1, description="Version of this document's form; agents refuse others.")
+    number: int = Field(description="Rises from deployment to deployment: robots carry out none that is older.")
+    job: str = Field(description="ARN of the deployment job.")
+    fleet: str = Field(description="ARN of the fleet.")
+    application: str = Field(description="Name of the application.")
+    version: str = Field(description="Its version.")
+    bundles: dict[str, str] = Field(description="Path of the archive, by architecture.")
+    condition: str | None = Field(description="Path of the program that is asked before the download; null: none.")
+    launch: DeploymentLaunchConfig = Field(description="How the application is started, as on the wire.")
+    attestations: list[str] = Field(default=[], description="Paths of what others attest of the version.")
+    batch: str | None = Field(default=None, description="ARN of the batch that has to be attested; null: none has to.")
+    tags: dict[str, str] = Field(default={}, description="Tags of the deployment job.")
+
+    def to_bytes(self) -> bytes:
+        """The document as it is published."""
+        launch = self.launch.model_dump(mode="json", by_alias=True, exclude_none=True)
+        return self.model_copy(update={"launch": launch}).model_dump_json(warnings=False).encode()
+
+
+def document_path(application: str, job_id: str) -> str:
+    """Path of the document of a deployment job."""
+    return f"{target_folder(application)}/deployments/{job_id}.json"
+
+
+def bundle_path(application: str, sha256: str, suffix: BundleSuffix) -> str:
+    """Path of an archive."""
+    return f"{target_folder(application)}/bundles/{sha256}.{suffix}"
+
+
+def condition_path(application: str, sha256: str) -> str:
+    """Path of a program that is asked before a download."""
+    return f"{target_folder(application)}/conditions/{sha256}"
+
+
+def attestation_path(application: str, sha256: str) -> str:
+    """Path of an attestation."""
+    return f"{target_folder(application)}/attestations/{sha256}.json"
+
+
+def suffix_of(beginning: bytes) -> BundleSuffix:
+    """How the name of an archive ends, by its first bytes."""
+    if beginning.startswith(_GZIP):
+        return "tar.gz"
+    return "zip" if beginning.startswith(_ZIP) else "tar"
+
 
 _MAGIC_BYTES = 2
 

@@ -20,13 +20,11 @@ from tuf.api.metadata import Metadata, Root
 
 from ....schemas.wire.errors import ConfigurationError, StorageError
 from ...service.service import Service
-from ..attestations.attestation_keys import attestation_key
+from ..attestations.envelopes import attestation_key
 from .files import RepositoryFiles
-from .keys import RandomBytes, new_key
-from .machine import Machine
-from .metadata import Changes, Next, Repository, next_repository, to_bytes, to_metadata
+from .keys import Machine, RandomBytes, new_key
+from .metadata import Attested, Changes, Next, Repository, first_root, next_repository, to_bytes, to_metadata
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES, lifetime_of
-from .roots import Attested, first_root
 
 _TRIES = 200  # a publisher that is always too late is told so in the end
 

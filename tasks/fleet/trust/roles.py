@@ -1,7 +1,16 @@
 """The roles of the repository: their names, how long what they sign is valid, and where it lies."""
 
+import re
+import threading
+import time
+from collections import OrderedDict
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from pathlib import Path
+
+from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
+from ...service.service import Service
 
 ONLINE_ROLES = ("targets", "snapshot", "timestamp")
 """Roles that the root names besides itself; the service has their keys."""
@@ -89,3 +98,108 @@ def target_key(path: str, sha256: str) -> str:
     """
     folder, _, name = path.rpartition("/")
     return f"{FOLDER}/targets/{folder}/{sha256}.{name}"
+
+
+TIMESTAMP_S = 0.25
+"""How long the newest timestamp is not asked for again: a whole fleet asks at once, and who publishes waits so long."""
+
+_KEPT_METADATA = 64
+_UNUSED_S = 86_400.0
+_METADATA = re.compile(r"[1-9][0-9]{0,9}\.(root|targets|snapshot|application-[A-Za-z0-9_-]{1,255})\.json")
+_TARGET = re.compile(r"applications/[A-Za-z0-9_-]{1,255}/[a-z]{1,32}/[A-Za-z0-9][A-Za-z0-9._-]{0,254}")
+
+
+class RepositoryReader:
+    """Reads files, from any thread.
+
+    Args:
+        service: where the repository is stored.
+    """
+
+    def __init__(self, service: Service) -> None:
+        self._service = service
+        self._lock = threading.Lock()
+        self._metadata: OrderedDict[str, bytes] = OrderedDict()
+        self._timestamp = b""
+        self._timestamp_until_s = 0.0
+        self._fetching: dict[str, threading.Lock] = {}
+
+    def metadata(self, name: str) -> bytes:
+        """A file of metadata, such as `timestamp.json` or `3.snapshot.json`.
+
+        Raises:
+            ObjectNotFoundError: there is none of that name.
+            StorageError: the object store does not answer.
+        """
+        if name == "timestamp.json":
+            return self._newest_timestamp()
+        if not _METADATA.fullmatch(name):
+            raise ObjectNotFoundError(f"there is no metadata {name[:60]!r}")
+        with self._lock:
+            if name in self._metadata:
+                self._metadata.move_to_end(name)
+                return self._metadata[name]
+        content = self._get(f"{FOLDER}/metadata/{name}")
+        with self._lock:
+            self._metadata[name] = content
+            while len(self._metadata) > _KEPT_METADATA:
+                self._metadata.popitem(last=False)
+        return content
+
+    def target(self, path: str) -> Path:
+        """Returns the local path of a target; the first time, it may have to be fetched.
+
+        Args:
+            path: its path, with the hash before the name.
+
+        Raises:
+            ObjectNotFoundError: there is none.
+            StorageError: it cannot be fetched.
+        """
+        if not _TARGET.fullmatch(path):
+            raise ObjectNotFoundError(f"there is no target {path[:60]!r}")
+        bucket, key = self._service.settings.bucket, f"{FOLDER}/targets/{path}"
+        here = self._service.store.local_path(bucket, key)
+        return here if here is not None else self._fetched(bucket, key, path)
+
+    def _newest_timestamp(self) -> bytes:
+        with self._lock:
+            if time.monotonic() >= self._timestamp_until_s:
+                self._timestamp = self._read_timestamp()
+                self._timestamp_until_s = time.monotonic() + TIMESTAMP_S
+            return self._timestamp
+
+    def _read_timestamp(self) -> bytes:
+        try:
+            names = [info.key for info in self._service.store.list(self._service.settings.bucket, TIMESTAMPS)]
+        except BucketNotFoundError as error:
+            raise ObjectNotFoundError(str(error)) from error
+        numbers = [name.removeprefix(TIMESTAMPS).removesuffix(".json") for name in names]
+        newest = max((int(number) for number in numbers if number.isdecimal()), default=None)
+        if newest is None:
+            raise ObjectNotFoundError("nothing has been published for agents yet")
+        return self._get(timestamp_key(newest))
+
+    def _get(self, key: str) -> bytes:
+        try:
+            return self._service.store.get_bytes(self._service.settings.bucket, key)
+        except BucketNotFoundError as error:
+            raise ObjectNotFoundError(str(error)) from error
+
+    def _fetched(self, bucket: str, key: str, path: str) -> Path:
+        copy = self._service.folder("cache", "repository") / path.replace("/", "_")
+        with self._lock:
+            lock = self._fetching.setdefault(path, threading.Lock())
+        with lock:
+            if not copy.exists():
+                self._remove_unused(copy.parent)
+                self._service.store.get_file(bucket, key, copy)
+        return copy
+
+    def _remove_unused(self, folder: Path) -> None:
+        """Removes copies that were fetched more than a day ago; who still reads one keeps it until then."""
+        before_s = time.time() - _UNUSED_S
+        for copy in folder.iterdir():
+            with suppress(FileNotFoundError):  # another process removed it
+                if copy.stat().st_mtime < before_s:
+                    copy.unlink()

@@ -5,17 +5,16 @@ from pathlib import Path
 
 from ....schemas.documents.fleets import DeploymentJobDocument
 from ....schemas.operations.deployment_jobs import DeploymentConfig
-from ....schemas.rollouts.artifacts import Delivery
-from ....schemas.rollouts.report import DeploymentReport
-from ....schemas.rollouts.rollout import Pause, Rollout
+from ....schemas.rollouts.plan import Delivery
+from ....schemas.rollouts.rollout import DeploymentReport, Pause, Rollout
 from ....schemas.wire.arns import ResourceArn
 from ...catalog import Resource
 from ...reporting import write_deployment
 from ...service.service import Service
 from ..rollout.waves import waves_of
 from ..rollout.windows import closed_spans
-from .notes import notes_of
 from .standings import deployed_by, deployment_standing
+from .tables import notes_of
 
 _FOLDER = "deployments"
 

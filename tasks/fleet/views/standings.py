@@ -1,21 +1,21 @@
 """How fleets, their robots and their deployments stand, from the catalog."""
 
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
-from ....schemas.rollouts.robots import RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
+from ....schemas.lifecycles import is_terminal
+from ....schemas.rollouts.rollout import RobotDeploymentState, Rollout
 from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
-from ..records import last_deployment, robots_of, rollout_of
-from ..rollout.counts import counts_of, current_wave
-from ..rollout.thresholds import Tally
-from ..rollout.waits import shown_rollback, waits_for
-from ..rollout.waves import waves_of
+from ..records import DEPLOYMENT, FLEET, last_deployment, robots_of, rollout_of
+from ..rollout.statuses import counts_of, current_wave, shown_rollback, waits_for
+from ..rollout.waves import Tally, waves_of
 
 
 def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
@@ -109,3 +109,120 @@ def _order(state: RobotDeploymentState) -> OrderStanding | None:
         step=state.step,
         percent_done=state.percent_done if state.step == "DownloadingExtracting" else None,
     )
+
+
+_PAGE = 100
+
+
+def fleets(service: Service) -> Iterator[Resource]:
+    """All fleets, newest first."""
+    after = None
+    while True:
+        page = service.catalog.list(FLEET, limit=_PAGE, after=after)
+        yield from page.resources
+        if (after := page.next_token) is None:
+            return
+
+
+def find_fleet(fleet: str, service: Service) -> Resource:
+    """The fleet of a name or an ARN.
+
+    Raises:
+        InvalidParameterException: there is none of that name, or the ARN names something else.
+        ResourceNotFoundException: there is none of that ARN.
+    """
+    if fleet.startswith("arn:"):
+        ResourceArn.parse(fleet, FLEET)
+        return service.catalog.get(fleet, kind=FLEET)
+    if (found := service.catalog.find(FLEET, fleet)) is None:
+        raise InvalidParameterException(
+            f"there is no fleet named {fleet!r}; `robomaker fleet status` lists those there are"
+        )
+    return found
+
+
+def find_deployment(named: str | None, service: Service) -> Resource:
+    """The deployment job of an ARN; the latest of a fleet, by the fleet's name or ARN; or the only one that goes on.
+
+    Args:
+        named: what was named; nothing: the one that goes on.
+        service: where it is stored.
+
+    Raises:
+        InvalidParameterException: nothing has that name, the fleet has had no deployment, or not exactly one goes on.
+        ResourceNotFoundException: there is nothing of that ARN.
+    """
+    if named is None:
+        return _only_one(service)
+    if named.startswith("arn:") and ResourceArn.parse(named, FLEET, DEPLOYMENT).kind == DEPLOYMENT:
+        return service.catalog.get(named, kind=DEPLOYMENT)
+    fleet = find_fleet(named, service)
+    if (found := last_deployment(fleet.arn, service)) is None:
+        raise InvalidParameterException(f"fleet {fleet.name!r} has had no deployment; CreateDeploymentJob makes one")
+    return found
+
+
+def _only_one(service: Service) -> Resource:
+    latest = [last_deployment(fleet.arn, service) for fleet in fleets(service)]
+    found = [job for job in latest if job is not None and not is_terminal(DEPLOYMENT, job.status)]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise InvalidParameterException("no deployment goes on; name a fleet, or the ARN of a deployment")
+    names = ", ".join(sorted(ResourceArn.parse(str(job.parent)).name for job in found))
+    raise InvalidParameterException(f"deployments to {len(found)} fleets go on: {names}; name one of them")
+
+
+LOOK_S = 1.0
+"""How often it is looked."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """A deployment at one moment."""
+
+    job: Resource
+    at_s: float
+    """When it was looked, in seconds since the epoch."""
+
+    rollout: Rollout | None = None
+    """How each robot stands; nothing: it has not begun."""
+
+    waves: Sequence[tuple[str, ...]] = ()
+    """ARNs of the robots of each wave."""
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether it has come to its end."""
+        return is_terminal(DEPLOYMENT, self.job.status)
+
+
+def follow(job: Resource, service: Service, sleep: Callable[[float], object]) -> Iterator[Look]:
+    """Looks at a deployment until it has ended; the last look is at its end.
+
+    Args:
+        job: the deployment job.
+        service: where it is stored.
+        sleep: waits, in seconds.
+
+    Raises:
+        ResourceNotFoundException: it was deleted.
+        ServiceUnavailableException: the catalog does not answer.
+    """
+    look, revision = _look(job, service), None
+    while True:
+        yield look
+        if look.has_ended:
+            return
+        sleep(LOOK_S)
+        job = service.catalog.get(job.arn)
+        now = service.catalog.open_rollouts(str(job.parent)).get(job.arn)
+        if now is None or now != revision or is_terminal(DEPLOYMENT, job.status):
+            look, revision = _look(job, service), now
+        else:
+            look = Look(job, service.clock().timestamp(), look.rollout, look.waves)
+
+
+def _look(job: Resource, service: Service) -> Look:
+    rollout, at_s = rollout_of(job.arn, service), service.clock().timestamp()
+    return Look(job, at_s) if rollout is None else Look(job, at_s, rollout, waves_of(rollout.plan))

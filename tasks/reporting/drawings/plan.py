@@ -1,20 +1,96 @@
-"""Floor plans of the report: a world's fixed parts, and what one job visited.
-
-A page shows the same world several times: furniture and walls are drawn once, in a hidden part of
-the page, and every plan refers to them; floors, path and labels belong to each plan. Colours come
-from the page's style sheet, so that a plan follows light, dark and print.
-"""
+"""Floor plans of the report: a world's fixed parts with furniture, and what one job visited."""
 
 import math
 
 from markupsafe import Markup
 
 from ....schemas.runs.plan import RunResult
-from ....schemas.worlds.world import Point, Room, Wall, World
-from . import furniture, trajectory
-from .frame import EXTENT, Frame
+from ....schemas.worlds.world import Furniture, Point, Room, Wall, World
+from . import trajectory
 from .lettering import draw_label
-from .svg import element, group, points
+from .svg import EXTENT, Frame, element, group, points
+
+_Box = tuple[float, float, float, float]
+
+# Rectangles: back, one side, front, other side.
+_BOXES: dict[str, list[_Box]] = {
+    "Baths": [(-0.4, -0.42, 0.4, 0.42)],
+    "Beds": [(-0.46, -0.42, -0.28, -0.05), (-0.46, 0.05, -0.28, 0.42), (-0.2, -0.5, 0.5, 0.5)],
+    "CoffeeTables": [(-0.4, -0.44, 0.4, 0.44)],
+    "DeskChairs": [(-0.5, -0.42, -0.34, 0.42)],
+    "DiningChairs": [(-0.5, -0.42, -0.34, 0.42)],
+    "DiningTables": [(-0.45, -0.45, 0.45, 0.45)],
+    "KitchenIslandsAndCarts": [(-0.42, -0.45, 0.42, 0.45)],
+    "LivingRoomChairs": [(-0.5, -0.5, -0.26, 0.5), (-0.26, -0.5, 0.5, -0.34), (-0.26, 0.34, 0.5, 0.5)],
+    "Ottomans": [(-0.4, -0.4, 0.4, 0.4)],
+    "Showers": [(-0.44, -0.44, 0.44, 0.44)],
+    "Sofas": [(-0.5, -0.5, -0.24, 0.5), (-0.24, -0.5, 0.5, -0.4), (-0.24, 0.4, 0.5, 0.5)],
+    "Toilets": [(-0.5, -0.45, -0.2, 0.45)],
+}
+# Ellipses: along, across, radius along, radius across.
+_ELLIPSES: dict[str, list[_Box]] = {
+    "FloorLamps": [(0, 0, 0.2, 0.2)],
+    "Ovens": [(-0.2, -0.22, 0.15, 0.15), (-0.2, 0.22, 0.15, 0.15), (0.2, -0.22, 0.15, 0.15), (0.2, 0.22, 0.15, 0.15)],
+    "Showers": [(0, 0, 0.06, 0.06)],
+    "Toilets": [(0.14, 0, 0.34, 0.36)],
+    "VanityCounters": [(0.02, 0, 0.3, 0.22)],
+    "WashingMachinesAndDryers": [(0, 0, 0.3, 0.3)],
+}
+# Cupboards and appliances get a line along their front, so that one sees which way they open.
+_FRONT_LINE = frozenset({
+    "BarCabinets", "Bookcases", "ConsoleTables", "CornerCabinets", "DishWashers", "Dressers", "Fridges",
+    "MediaStorage", "Nightstands", "SideboardsAndBuffets", "Storage", "StorageBenches",
+})  # fmt: skip
+_ROUND = frozenset({"FloorLamps"})
+_ROUND_STYLE = "round"  # of tables and ottomans
+
+
+def draw_furniture(item: Furniture, frame: Frame) -> Markup:
+    """Draws one piece in its place, turned as it stands, with its id as tooltip."""
+    x, y = frame.at((item.x, item.y))
+    depth, width = item.depth_m * frame.scale, item.width_m * frame.scale
+    round_top = item.style.split("-")[0] == _ROUND_STYLE
+    outline = (
+        element("ellipse", rx=depth / 2, ry=width / 2)
+        if round_top or item.model_type in _ROUND
+        else element("rect", x=-depth / 2, y=-width / 2, width=depth, height=width, rx=min(4, depth / 4, width / 4))
+    )
+    turn = math.degrees(item.yaw)
+    return element(
+        "g",
+        element("title", item.id),
+        outline,
+        *([] if round_top else _marks(item.model_type, depth, width)),
+        class_="loose" if item.movable else None,
+        # Turning left on the ground is a negative angle in a drawing whose y points down.
+        transform=f"translate({x:.1f} {y:.1f})" + (f" rotate({-turn:.0f})" if round(turn) else ""),
+    )
+
+
+def covered_points(item: Furniture, frame: Frame) -> list[Point]:
+    """A few points of the drawing that the piece covers: enough to keep letters off it."""
+    cos, sin = math.cos(item.yaw), math.sin(item.yaw)
+    shares = (-0.45, 0.0, 0.45)
+    offsets = ((u * item.depth_m, v * item.width_m) for u in shares for v in shares)
+    return [frame.at((item.x + u * cos - v * sin, item.y + u * sin + v * cos)) for u, v in offsets]
+
+
+def _marks(model_type: str, depth: float, width: float) -> list[Markup]:
+    boxes = [
+        element("rect", x=u0 * depth, y=v0 * width, width=(u1 - u0) * depth, height=(v1 - v0) * width, rx=3)
+        for u0, v0, u1, v1 in _BOXES.get(model_type, [])
+    ]
+    ellipses = [
+        element("ellipse", cx=u * depth, cy=v * width, rx=ru * depth, ry=rv * width)
+        for u, v, ru, rv in _ELLIPSES.get(model_type, [])
+    ]
+    lines = (
+        [element("line", x1=0.34 * depth, y1=-width / 2, x2=0.34 * depth, y2=width / 2)]
+        if model_type in _FRONT_LINE
+        else []
+    )
+    return boxes + ellipses + lines
+
 
 _GALLERY_LETTERS = 36.0  # plans of the gallery are shown at half the size
 _BAR_LEFT = 30.0
@@ -28,7 +104,7 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
     return element(
         "g",
         group(
-            (furniture.draw_furniture(item, frame) for item in sorted(world.furniture, key=lambda item: item.base_m)),
+            (draw_furniture(item, frame) for item in sorted(world.furniture, key=lambda item: item.base_m)),
             class_="furniture",
         ),
         group((_line(way.start, way.end, frame) for way in plan.passages), class_="passages"),
@@ -144,4 +220,4 @@ def _wall(wall: Wall, frame: Frame) -> Markup:
 
 
 def _furniture_points(world: World, frame: Frame) -> list[Point]:
-    return [point for item in world.furniture for point in furniture.covered_points(item, frame)]
+    return [point for item in world.furniture for point in covered_points(item, frame)]

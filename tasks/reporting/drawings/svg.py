@@ -1,8 +1,12 @@
-"""Writing SVG safely: every attribute and every text is escaped in one place."""
+"""Writing SVG safely, and turning metres on the ground to units of a drawing."""
 
+import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 from markupsafe import Markup, escape
+
+from ....schemas.worlds.world import Point, World
 
 Number = float | int
 
@@ -42,3 +46,58 @@ def group(children: Iterable[Markup], **attributes: str | Number | None) -> Mark
 def points(pairs: Iterable[tuple[float, float]]) -> str:
     """The `points` attribute of a polygon or polyline."""
     return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
+
+
+EXTENT = 1000.0
+"""The longer side of every drawing, so that line widths and letters can be fixed in the style sheet."""
+
+_MARGIN_M = 0.35
+_FOOT = 44.0  # room for the scale bar below the plan
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The part of the ground a drawing shows; y points north on the ground and down in the drawing."""
+
+    left_m: float
+    top_m: float
+    scale: float
+    """Units of the drawing per metre."""
+    width: float
+    height: float
+    """Size in units, the strip for the scale bar included."""
+
+    def at(self, point: Point) -> Point:
+        """Coordinates of a point of the ground in the drawing."""
+        return (point[0] - self.left_m) * self.scale, (self.top_m - point[1]) * self.scale
+
+    @property
+    def view_box(self) -> str:
+        """The `viewBox` attribute."""
+        return f"0 0 {math.ceil(self.width)} {math.ceil(self.height)}"
+
+    @property
+    def foot(self) -> float:
+        """Height of the middle of the strip below the plan."""
+        return self.height - _FOOT / 2
+
+    @classmethod
+    def around(cls, points: Iterable[Point]) -> "Frame":
+        """The frame that shows all points with a margin.
+
+        Raises:
+            ValueError: there are no points, or some are not finite.
+        """
+        xs, ys = zip(*points, strict=True)
+        if not all(map(math.isfinite, (*xs, *ys))):
+            raise ValueError("some coordinates are not finite")
+        left, right = min(xs) - _MARGIN_M, max(xs) + _MARGIN_M
+        bottom, top = min(ys) - _MARGIN_M, max(ys) + _MARGIN_M
+        scale = EXTENT / max(right - left, top - bottom)
+        return cls(left, top, scale, (right - left) * scale, (top - bottom) * scale + _FOOT)
+
+    @classmethod
+    def of_world(cls, world: World) -> "Frame":
+        """The frame that shows a whole building."""
+        corners = [*world.floorplan.footprint, *(corner for room in world.floorplan.rooms for corner in room.polygon)]
+        return cls.around(corners)

@@ -13,7 +13,7 @@ from ....schemas.reports.changes import (
     RequirementChange,
     SinceLastRun,
 )
-from .. import wording
+from .. import outcomes
 
 _MOST_NAMED = 4
 """Requirements that a title names."""
@@ -36,7 +36,7 @@ def change_in_words(change: ChangedInput) -> str:
 def since_in_words(since: FailureStart) -> str:
     """Since when a job fails, and what changed then: one sentence without its full stop."""
     runs = "1 run" if since.nights == 1 else f"{since.nights} runs"
-    began = f"fails since {wording.moment(since.started_at)}, {runs}"
+    began = f"fails since {outcomes.moment(since.started_at)}, {runs}"
     if since.last_passed_run_id is None:
         return f"{began}; never passed in the runs looked at"
     if not since.changed:

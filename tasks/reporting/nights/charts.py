@@ -5,8 +5,8 @@ from collections.abc import Iterable, Sequence
 from markupsafe import Markup
 
 from ....schemas.reports.history import Night
-from ....schemas.reports.states import CaseOutcome
-from ....schemas.reports.summary import Share
+from ....schemas.reports.report import Share
+from ....schemas.reports.run_record import CaseOutcome
 from ..drawings.svg import element, number, points
 
 WIDTH, HEIGHT = 720.0, 250.0

@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from ....schemas.reports.history import CellHistory, History, Night, SharesByNight
 from ....schemas.reports.run_record import interrupted_briefly
-from .. import wording
+from .. import outcomes
 from ..outcomes import Outcome
 from .changes import change_in_words
 from .charts import outcome_strip, rate_chart, rate_strip
@@ -131,7 +131,7 @@ def _title(view: NightView) -> str:
     share = view.night.success
     rate = "nothing judged" if share.rate is None else _passed(view.night)
     changed = f"\nchanged: {view.changed}" if view.changed else ""
-    return f"{wording.moment(view.night.started_at)}: {rate}{changed}"
+    return f"{outcomes.moment(view.night.started_at)}: {rate}{changed}"
 
 
 def _view_cell(cell: CellHistory) -> CellView:

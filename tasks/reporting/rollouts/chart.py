@@ -1,17 +1,125 @@
-"""Drawings of a rollout: bars of robots, blocks of waves, the axis, and the share of robots that have failed.
+"""Drawings of a rollout: bars of robots, blocks of waves, shares of large fleets, and the time axis."""
 
-The height of a bar says the same as its colour: the further a robot is, the taller.
-"""
-
+from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from markupsafe import Markup
 
 from ....schemas.rollouts.rollout import Pause, Rollout
+from .. import outcomes
 from ..drawings.svg import element
-from .scale import Scale, percent
-from .shares import COLUMNS, Block
-from .spans import Phase, Span
+from .spans import PHASES, Phase, Span
+
+_STEPS_S = (
+    0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 432000,
+)  # fmt: skip
+_MOST_TICKS = 6
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From when to when the chart reaches, in seconds since the epoch."""
+
+    from_s: float
+    until_s: float
+
+    @property
+    def length_s(self) -> float:
+        """How long that is; never nothing, so that a rollout that ended at once can be drawn."""
+        return max(self.until_s - self.from_s, 0.1)
+
+    def part(self, at_s: float) -> float:
+        """Position of a moment, from 0 at the left to 1 at the right."""
+        return min(1.0, max(0.0, (at_s - self.from_s) / self.length_s))
+
+    def at(self, at_s: float) -> str:
+        """Position of a moment, as a coordinate of SVG, in percent of the width."""
+        return percent(self.part(at_s))
+
+    def width(self, from_s: float, until_s: float) -> str:
+        """How wide a time is, as a length."""
+        return percent(self.part(until_s) - self.part(from_s))
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Round times since the beginning, at most seven: where, from 0 to 1, and in words."""
+        step_s = next((step for step in _STEPS_S if self.length_s / step <= _MOST_TICKS), self.length_s / _MOST_TICKS)
+        times = [number * step_s for number in range(int(self.length_s / step_s) + 1)]
+        return [(min(1.0, time_s / self.length_s), _in_words(time_s)) for time_s in times]
+
+
+def _in_words(time_s: float) -> str:
+    return outcomes.duration(time_s).replace(".0 s", " s") if time_s else "0"
+
+
+def percent(part: float) -> str:
+    """A part of the width as SVG has it, to a hundredth of a percent."""
+    return f"{100 * part:.2f}".rstrip("0").rstrip(".") + "%"
+
+
+COLUMNS = 120
+"""Into how many columns the time is cut."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Robots that did the same for some columns; neighbours with as many are one block."""
+
+    phase: Phase
+    column: int
+    columns: int
+    below: float
+    """Share of the wave's robots that are drawn below it."""
+
+    share: float
+    """Share of the wave's robots that did this."""
+
+
+def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
+    """Phases of the robots of a wave, as blocks on top of one another.
+
+    Args:
+        robots: the spans of each.
+        scale: the time.
+    """
+    columns = _columns(robots, scale)
+    blocks: list[Block] = []
+    for phase in PHASES:
+        begun, before = 0, (0, 0)
+        for column in range(COLUMNS + 1):
+            now = _height(columns, column, phase)
+            if now == before:
+                continue
+            if before[1]:
+                below, count = (each / len(robots) for each in before)
+                blocks.append(Block(phase, begun, column - begun, below, count))
+            begun, before = column, now
+    return blocks
+
+
+def _columns(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Counter[Phase]]:
+    """How many robots are in which phase in the middle of each column."""
+    columns: list[Counter[Phase]] = [Counter() for _ in range(COLUMNS)]
+    for spans in robots:
+        for span in spans:
+            first, last = (round(scale.part(at_s) * COLUMNS) for at_s in (span.from_s, span.until_s))
+            for column in range(first, min(last, COLUMNS)):
+                columns[column][span.phase] += 1
+    return columns
+
+
+def _height(columns: Sequence[Counter[Phase]], column: int, phase: Phase) -> tuple[int, int]:
+    """How many robots are drawn below a phase in a column, and how many in it; none behind the last column."""
+    if column == len(columns):
+        return 0, 0
+    counts = columns[column]
+    below = 0
+    for each in reversed(PHASES):  # those that are furthest lie at the bottom
+        if each == phase:
+            break
+        below += counts[each]
+    return (below, counts[phase]) if counts[phase] else (0, 0)
+
 
 BAR, WAVE, PANEL = 18, 44, 72
 """Heights of a robot's row, a wave's row and the panel of failures, in pixels."""

@@ -4,9 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ....schemas.operations.deployment_jobs import RobotDeploymentStep
-from ....schemas.rollouts.report import DeploymentReport
-from ....schemas.rollouts.robots import RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
+from ....schemas.rollouts.rollout import DeploymentReport, RobotDeploymentState, Rollout
 from ..outcomes import Outcome
 
 Phase = Literal["offered", "downloading", "installing", "launching"]

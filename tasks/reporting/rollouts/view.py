@@ -9,16 +9,13 @@ from statistics import median
 from markupsafe import Markup
 
 from ....schemas.operations.deployment_jobs import DeploymentConfig
-from ....schemas.rollouts.report import DeploymentReport
-from ....schemas.rollouts.robots import RobotDeploymentState
-from ....schemas.rollouts.rollout import Rollout
+from ....schemas.rollouts.rollout import DeploymentReport, RobotDeploymentState, Rollout
 from ....schemas.runs.variables import hide_secrets
 from ....schemas.wire.arns import ResourceArn
-from .. import wording
+from .. import outcomes
 from ..outcomes import Outcome
 from . import chart
-from .scale import Scale
-from .shares import blocks_of
+from .chart import Scale, blocks_of
 from .spans import PHASES, Phase, RobotEnd, Span, end_of, last_moment, spans_of
 
 MOST_ROWS = 200
@@ -122,7 +119,7 @@ def view_rollout(report: DeploymentReport) -> RolloutPage:
         state=state,
         headline=report.failure_reason or report.failure_code or "",
         began_at=_moment(report.created_s),
-        took=wording.duration(_ended_s(report) - report.created_s),
+        took=outcomes.duration(_ended_s(report) - report.created_s),
         counts=(),
         numbers=(),
         facts=_facts(report),
@@ -151,11 +148,11 @@ def _with_rollout(page: RolloutPage, report: DeploymentReport, rollout: Rollout,
         axis=chart.axis(scale),
         failures=_failures(rollout, scale),
         pauses=[
-            (_moment(from_s), wording.duration(until_s - from_s))
+            (_moment(from_s), outcomes.duration(until_s - from_s))
             for from_s, until_s in chart.pauses_of(rollout.pauses, scale)
         ],
         threshold=rollout.plan.threshold_percentage,
-        breached_after="" if breached_s is None else wording.duration(breached_s - rollout.began_s),
+        breached_after="" if breached_s is None else outcomes.duration(breached_s - rollout.began_s),
     )
 
 
@@ -179,7 +176,7 @@ def _robots(report: DeploymentReport, rollout: Rollout, scale: Scale, *, drawn: 
             after=version if end.outcome is Outcome.PASSED else before,
             took_s=_took_s(state),
             code=(state.failure_code or "") if state.outcome == "failed" else "",
-            reason=wording.plain(state.failure_reason or "") if state.outcome == "failed" else "",
+            reason=outcomes.plain(state.failure_reason or "") if state.outcome == "failed" else "",
             spans=spans,
             bar=bar,
         )
@@ -237,8 +234,8 @@ def _numbers(report: DeploymentReport, rollout: Rollout, robots: Sequence[RobotV
     )
     numbers = [("robots", f"{len(robots):,}"), ("in sync", f"{good:,}"), ("waves", str(len(report.waves)))]
     if took:
-        numbers += [("a robot, median", wording.duration(median(took))), ("the slowest", wording.duration(max(took)))]
-    return [*numbers, ("paused", wording.duration(paused_s))] if rollout.pauses else numbers
+        numbers += [("a robot, median", outcomes.duration(median(took))), ("the slowest", outcomes.duration(max(took)))]
+    return [*numbers, ("paused", outcomes.duration(paused_s))] if rollout.pauses else numbers
 
 
 def _facts(report: DeploymentReport) -> list[Fact]:
@@ -247,14 +244,14 @@ def _facts(report: DeploymentReport) -> list[Fact]:
         Fact("Application", f"{report.application}, version {report.version}"),
         Fact("At the same time", f"{config.concurrentDeploymentPercentage or '–'} % of the fleet"),
         Fact("Stops when", f"{config.failureThresholdPercentage or '–'} % have failed"),
-        Fact("Time-out of a robot", wording.duration(config.robotDeploymentTimeoutInSeconds or 0)),
+        Fact("Time-out of a robot", outcomes.duration(config.robotDeploymentTimeoutInSeconds or 0)),
         *_control(config, report.rollout),
     ]
     if report.delivery is None:
         return facts
     files = [*report.delivery.artifacts.items(), *report.delivery.agent_artifacts.items()]
     for architecture, artifact in files:
-        facts.append(Fact(f"File for {architecture}", f"{artifact.file_name}, {wording.size(artifact.size_bytes)}"))
+        facts.append(Fact(f"File for {architecture}", f"{artifact.file_name}, {outcomes.size(artifact.size_bytes)}"))
         facts.append(Fact("SHA-256", artifact.sha256, is_code=True))
     launch = report.delivery.launch
     facts.append(Fact("Launch", f"{launch.packageName} {launch.launchFile}", is_code=True))
@@ -274,7 +271,7 @@ def _control(config: DeploymentConfig, rollout: Rollout | None) -> Iterator[Fact
         yield Fact("Approval", f"given{by}" if is_approved else "not given")
     for window in config.maintenanceWindows or ():
         days = ", ".join(day.capitalize() for day in window.days or ()) or "every day"
-        lasts = wording.duration(window.durationInSeconds)
+        lasts = outcomes.duration(window.durationInSeconds)
         yield Fact("Maintenance window", f"{window.startTime} {window.timeZone or 'UTC'}, for {lasts}, {days}")
     if config.onThresholdBreached == "ROLLBACK":
         yield Fact("At the threshold", "robots go back to the version before")

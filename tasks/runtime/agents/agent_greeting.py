@@ -5,7 +5,7 @@ import sys
 import time
 from contextlib import suppress
 
-from ....schemas.runs.stops import RunStop
+from ....schemas.runs.programs import RunStop
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import AGENT_GONE
 from .agent_client import END, ERROR, HELLO, SOCKET_VARIABLE, ProtocolError

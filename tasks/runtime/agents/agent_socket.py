@@ -15,9 +15,9 @@ from contextlib import suppress
 from pathlib import Path
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.stops import RunStop
+from ....schemas.runs.programs import RunStop
 from ....schemas.wire.errors import LaunchError
-from ..episode.stops import Stop as Stop
+from ..episode.progress import Stop as Stop
 from .agent_client import ERROR, FrameBuffer, ProtocolError, words
 
 _SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set it; what is made there is private)

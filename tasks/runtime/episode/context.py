@@ -1,19 +1,16 @@
-"""Context of a simulation run, as the factories of applications get it.
-
-A simulation application is a function `make_environment(context) -> dm_env.Environment`; a robot
-application is a function `make_agent(context, environment) -> Callable[[dm_env.TimeStep], action]`.
-Both run in the job's own process and may use anything in the context.
-"""
+"""The context that factories of environments and agents get, and help for those that can be resumed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
+from dm_control.rl import control
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.worlds.world import World
-from ..recording.recorder import Recorder
+from ..recording.recording import Recorder
 
 
 class ActionError(ValueError):
@@ -51,3 +48,31 @@ class SimulationContext:
 
     recorder: Recorder
     """Recorder of ROS 2 messages."""
+
+
+class KeepsAttributes:
+    """Keeps the attributes that are named in `KEPT`: what changes during a run and cannot be worked out again."""
+
+    KEPT: ClassVar[tuple[str, ...]] = ()
+
+    def state(self) -> dict[str, Any]:
+        """Returns them."""
+        return {name: getattr(self, name) for name in self.KEPT}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Puts them back."""
+        for name in self.KEPT:
+            setattr(self, name, state[name])
+
+
+class ResumableEnvironment(control.Environment):
+    """dm_control's environment, if its task has `state()` and `restore(state)`."""
+
+    def state(self) -> dict[str, Any]:
+        """Returns the task's state, and how many steps there were."""
+        return {"steps": self._step_count, "task": self._task.state()}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Goes on from there."""
+        self._step_count, self._reset_next_step = state["steps"], False
+        self._task.restore(state["task"])

@@ -14,10 +14,8 @@ import numpy as np
 from dm_control.rl.control import PhysicsError
 
 from ....schemas.runs.plan import Requirement
-from .contact_forces import floor_geoms
-from .physics import raw_physics
+from .physics import floor_geoms, raw_physics, robot_bodies, robot_body
 from .results import Findings, Observer
-from .robot_body import robot_bodies, robot_body
 
 LOOK_EVERY_STEPS = 50
 """Steps between two searches for numbers that are not finite, and stay so. A search costs 10 us, a step of a small

@@ -1,13 +1,316 @@
-"""Access to an application's physics: dm_control's, or any object with a model and its data."""
+"""Readings of MuJoCo's physics: the robot's body, its contact forces, its clearance."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.runs.requirements import FLOOR_REACH_M
 
 
 def raw_physics(physics: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Returns MuJoCo's own model and data behind a dm_control physics, or behind an object that has them."""
     return getattr(physics.model, "ptr", physics.model), getattr(physics.data, "ptr", physics.data)
+
+
+_LEAST_RADIUS_M = 0.05
+
+
+def robot_body(model: mujoco.MjModel) -> int | None:
+    """Returns the root body of what most actuators move.
+
+    Without actuators it is the first thing that has joints; None when nothing can move.
+    """
+    if roots := acting_roots(model):
+        return int(np.bincount(roots).argmax())
+    if model.njnt:
+        return int(model.body_rootid[model.jnt_bodyid[0]])
+    return None
+
+
+def acting_roots(model: mujoco.MjModel) -> list[int]:
+    """Returns the root body of what each actuator moves, in the actuators' order; the world is none."""
+    moved = (_moved_body(model, actuator) for actuator in range(model.nu))
+    return [int(model.body_rootid[body]) for body in moved if body > 0]
+
+
+def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Returns which bodies are the robot's: all that moves with a body, shape (nbody,).
+
+    What the robot stands in but is fixed to the world, such as a room's body that holds robot and furniture, is not.
+
+    Args:
+        model: The compiled world with the robot.
+        body: Any body of the robot.
+    """
+    top = body
+    while (parent := int(model.body_parentid[top])) and model.body_weldid[parent]:
+        top = parent
+    return bodies_below(model, top)
+
+
+def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Return whether each body is this one or hangs on it."""
+    below = np.zeros(model.nbody, dtype=np.bool_)
+    below[body] = True
+    for each in range(body + 1, model.nbody):  # parents come before their children
+        below[each] = below[model.body_parentid[each]]
+    return below
+
+
+def radius_of(model: mujoco.MjModel, body: int) -> float:
+    """Returns the radius in m of a ball around the body's reference position that holds it and what hangs on it.
+
+    Of what hangs on it, the pose at rest counts.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
+    if not len(geoms):
+        return _LEAST_RADIUS_M
+    away = np.linalg.norm(data.geom_xpos[geoms] - data.xpos[body], axis=1) + model.geom_rbound[geoms]
+    return max(_LEAST_RADIUS_M, float(away.max()))
+
+
+def _moved_body(model: mujoco.MjModel, actuator: int) -> int:
+    """The body that an actuator acts on; 0, the world, when that cannot be said."""
+    # As a plain number: an enumeration's member is not equal to one of numpy.
+    kind, target = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
+    if kind in (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT):
+        return int(model.jnt_bodyid[target])
+    if kind in (mujoco.mjtTrn.mjTRN_SITE, mujoco.mjtTrn.mjTRN_SLIDERCRANK):
+        return int(model.site_bodyid[target])
+    if kind == mujoco.mjtTrn.mjTRN_BODY:
+        return target
+    if kind == mujoco.mjtTrn.mjTRN_TENDON and model.tendon_num[target]:
+        first = int(model.tendon_adr[target])
+        wrapped = int(model.wrap_objid[first])
+        is_joint = int(model.wrap_type[first]) == mujoco.mjtWrap.mjWRAP_JOINT
+        return int(model.jnt_bodyid[wrapped] if is_joint else model.site_bodyid[wrapped])
+    return 0
+
+
+_FAR_M = 1e6
+
+
+class ClearanceMeter:
+    """Measures the smallest distance between the surfaces of the robot and of other things.
+
+    `mj_geomDistance` measures pairs of geoms exactly. Few pairs are asked for: the other geoms are taken in the
+    order of how near their bounding boxes come to a ball around the robot, until none can be nearer any more.
+    """
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: NDArray[np.bool_],
+        others: NDArray[np.bool_],
+        names: Sequence[str],
+    ) -> None:
+        """Prepares the measurement.
+
+        Args:
+            model: The compiled world with the robot.
+            data: Its state, after `mj_forward`.
+            robot: Which geoms are the robot's.
+            others: Which geoms to stay away from.
+            names: What each geom is called.
+        """
+        self._model, self._data, self._names = model, data, names
+        solid = _collides(model, robot)
+        others = others & solid
+        # A robot whose geoms touch nothing at all is measured by what can be seen of it.
+        body = robot & _collides(model, others) if others.any() else robot
+        self._robot = np.flatnonzero(body if body.any() else robot)
+        self._others = np.flatnonzero(others)
+        self._centre, self._half = model.geom_aabb[self._others, :3], model.geom_aabb[self._others, 3:]
+        self._radii = model.geom_rbound[self._robot]
+
+    @property
+    def has_others(self) -> bool:
+        """Whether there is anything to stay away from."""
+        return self._others.size > 0 and self._robot.size > 0
+
+    def measure(self, below_m: float = _FAR_M) -> tuple[float, str] | None:
+        """Returns the smallest distance in m, negative for an overlap, and what is so near.
+
+        Args:
+            below_m: Larger distances do not matter; the smaller it is, the faster the answer.
+
+        Returns:
+            None when nothing is nearer than `below_m`.
+        """
+        if not self.has_others:
+            return None
+        model, data, robot = self._model, self._data, self._robot.tolist()
+        bounds = self._lower_bounds()
+        nearest, other = min(below_m, _FAR_M), -1
+        candidates = np.flatnonzero(bounds < nearest)
+        for index in candidates[np.argsort(bounds[candidates])].tolist():
+            if bounds[index] >= nearest:
+                break
+            geom = int(self._others[index])
+            for part in robot:
+                distance = mujoco.mj_geomDistance(model, data, part, geom, nearest, None)
+                if distance < nearest:
+                    nearest, other = distance, geom
+        return None if other < 0 else (nearest, self._names[other])
+
+    def _lower_bounds(self) -> NDArray[np.float64]:
+        """No geom is nearer to the robot than this: from a ball around the robot to the geom's bounding box."""
+        positions = self._data.geom_xpos[self._robot]
+        middle = (positions.min(axis=0) + positions.max(axis=0)) / 2
+        radius = float((np.linalg.norm(positions - middle, axis=1) + self._radii).max())
+        away = middle - self._data.geom_xpos[self._others]
+        axes = self._data.geom_xmat[self._others].reshape(-1, 3, 3)
+        local = np.einsum("nij,ni->nj", axes, away) - self._centre
+        gap = np.maximum(np.abs(local) - self._half, 0.0)
+        # Penetrating geoms have no bound: the deepest is to be found.
+        distance = np.sqrt(np.einsum("nj,nj->n", gap, gap)) - radius
+        return np.where(distance <= 0, -np.inf, distance)
+
+
+def _collides(model: mujoco.MjModel, some: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Returns a mask of the geoms that can touch one of some; geoms that are only to be seen do not count."""
+    kinds = int(np.bitwise_or.reduce(model.geom_contype[some], initial=0))
+    partners = int(np.bitwise_or.reduce(model.geom_conaffinity[some], initial=0))
+    return (model.geom_contype & partners != 0) | (model.geom_conaffinity & kinds != 0)
+
+
+_MAX_QUIET = 1000
+"""Lists of contacts without a touch of the robot that are remembered."""
+_ROBOT, _FLOOR = 1, 100
+_UPWARDS = 0.7
+"""Cosine of the slope up to which a plane is ground."""
+
+
+class ContactForces:
+    """Reads the forces between a robot and anything but itself and the floor."""
+
+    def __init__(
+        self,
+        model: mujoco.MjModel,
+        data: mujoco.MjData,
+        robot: NDArray[np.bool_],
+        names: list[str],
+        *,
+        is_stale: bool = False,
+    ) -> None:
+        """Looks up who is who.
+
+        Args:
+            model: The compiled world with the robot.
+            data: Its state, after `mj_forward`.
+            robot: Which geoms are the robot's.
+            names: What each geom is called.
+            is_stale: Whether `data` stands between `mj_step1` and `mj_step2` when it is read, as dm_control's
+                `legacy_step` leaves it: contacts have no forces then, and are solved again in a copy.
+        """
+        self._model, self._data = model, data
+        # One number per geom, such that the two of a pair add up to `_ROBOT` for a touch of the robot only.
+        self._codes = np.where(robot, _ROBOT, np.where(floor_geoms(model, data), _FLOOR, 0))
+        self._names = names
+        self._quiet: set[bytes] = set()
+        self._wrench = np.zeros(6)
+        self._copy = mujoco.MjData(model) if is_stale else None
+
+    def read(self) -> dict[str, float]:
+        """Returns the normal force in N of each thing that touches the robot now, by its name."""
+        pairs = self._data.contact.geom
+        signature = pairs.tobytes()
+        # The same few lists of pairs come again and again: wheels and a slide on the floor, what lies on what.
+        if signature in self._quiet:
+            return {}
+        touching = self._touching(pairs)
+        if not touching.size:
+            if len(self._quiet) < _MAX_QUIET:
+                self._quiet.add(signature)
+            return {}
+        data = self._data
+        if self._copy is not None:
+            data = solved_copy(self._model, self._data, self._copy)
+            pairs = data.contact.geom
+            touching = self._touching(pairs)
+        forces: dict[str, float] = {}
+        for index in touching.tolist():
+            first, second = pairs[index].tolist()
+            other = self._names[second if self._codes[first] == _ROBOT else first]
+            mujoco.mj_contactForce(self._model, data, index, self._wrench)
+            forces[other] = forces.get(other, 0.0) + abs(float(self._wrench[0]))
+        return forces
+
+    def _touching(self, pairs: NDArray[np.int32]) -> NDArray[np.intp]:
+        return np.flatnonzero(self._codes[pairs].sum(axis=1) == _ROBOT)
+
+
+def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> mujoco.MjData:
+    """Returns `copy` in the state of `data`, with all forces solved; `data` itself stays as it is."""
+    kind = mujoco.mjtState.mjSTATE_INTEGRATION
+    state = np.zeros(mujoco.mj_stateSize(model, kind))
+    mujoco.mj_getState(model, data, state, kind)
+    mujoco.mj_setState(model, copy, state, kind)
+    mujoco.mj_forward(model, copy)
+    return copy
+
+
+def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
+    """Returns a mask of the floor: fixed geoms up to 12 mm high, height fields, planes that look upwards.
+
+    Args:
+        model: The world.
+        data: Its state, after `mj_forward`.
+    """
+    vertical = data.geom_xmat[:, 6:9]
+    top = data.geom_xpos[:, 2] + np.einsum("ij,ij->i", vertical, model.geom_aabb[:, :3])
+    top = top + np.einsum("ij,ij->i", np.abs(vertical), model.geom_aabb[:, 3:])
+    plane = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    ground = np.where(plane, vertical[:, 2] > _UPWARDS, top <= FLOOR_REACH_M)
+    ground |= model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD
+    return ground & (model.body_weldid[model.geom_bodyid] == 0)
+
+
+def robot_geoms(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
+    """Returns which geoms are the robot's, shape (ngeom,); see `robot_bodies`."""
+    return robot_bodies(model, body)[model.geom_bodyid]
+
+
+def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
+    """Returns whether any geom of the robot could touch any other, by their collision bits.
+
+    Args:
+        model: The compiled world with the robot.
+        robot: Which geoms are the robot's, shape (ngeom,).
+    """
+    kinds, affinities = model.geom_contype, model.geom_conaffinity
+    own = {(int(kinds[geom]), int(affinities[geom])) for geom in np.flatnonzero(robot)}
+    others = {(int(kinds[geom]), int(affinities[geom])) for geom in np.flatnonzero(~robot)}
+    return any(kind & affinity or other & own_affinity for kind, own_affinity in own for other, affinity in others)
+
+
+def geom_names(model: mujoco.MjModel, furniture_ids: Sequence[str] = ()) -> list[str]:
+    """Returns the name of each geom for messages: a furniture id, `wall`, else its body or itself.
+
+    Args:
+        model: The compiled world.
+        furniture_ids: Prefixes of geom names that name pieces of furniture.
+    """
+    ids = set(furniture_ids)
+    return [_name(model, geom, ids) for geom in range(model.ngeom)]
+
+
+def _name(model: mujoco.MjModel, geom_id: int, furniture_ids: set[str]) -> str:
+    name = model.geom(geom_id).name
+    # The longest prefix that is an id, up to a dot or a slash.
+    for end in range(len(name), 0, -1):
+        if (end == len(name) or name[end] in "./") and name[:end] in furniture_ids:
+            return name[:end]
+    if name.startswith("wall"):
+        return "wall"
+    body = int(model.geom_bodyid[geom_id])
+    return (model.body(body).name or name or f"body {body}") if body else name or "unnamed"

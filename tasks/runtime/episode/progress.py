@@ -1,12 +1,14 @@
-"""Progress of a run's process in shared memory, which its supervisor can read after any crash of it."""
+"""Progress of a run, shared with its supervisor: phase, steps, driven path, and why it stops."""
 
 import json
+import math
 import mmap
 import struct
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol
 
-from ....schemas.runs.plan import ApplicationRole
+from ....schemas.runs.plan import ApplicationRole, RunPlan
+from ....schemas.runs.programs import ProgramPlan
 
 _SIZE = 64 * 1024
 _PHASE, _STOP, _JUDGES, _TRIALS, _LENGTH, _WHERE, _REPORT = 0, 1, 2, 4, 8, 16, 32
@@ -149,3 +151,71 @@ class Progress:
             return json.loads(self._page[_REPORT : _REPORT + length]) if length else {}
         except ValueError:  # overwritten by a stray write of the application
             return {}
+
+
+class RunStopped(BaseException):
+    """Raised in application code that does not return after the run was told to stop.
+
+    Args:
+        phase: What was interrupted; None: nothing, the code noticed the stop by itself.
+    """
+
+    def __init__(self, phase: Phase | None = None) -> None:
+        super().__init__(phase)
+        self.phase = phase
+
+
+class RunEnded(Exception):
+    """Raised by an observer that has seen enough; the run ends as one that came to its end by itself."""
+
+    def __init__(self, ended_by: str = "requirements") -> None:
+        super().__init__(ended_by)
+        self.ended_by = ended_by
+
+
+class Stop(Protocol):
+    """Whether the run was told to stop."""
+
+    @property
+    def reason(self) -> str:
+        """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
+        ...
+
+
+def program_in_words(program: ProgramPlan, plan: RunPlan) -> str:
+    """Returns `robot application driver`, or `tool watch of simulation application arena`."""
+    application = plan.robot_application if program.role == "robot" else plan.simulation_application
+    named = f"{program.role} application {application.name}" if application else f"the {program.role} application"
+    return f"tool {program.name.removeprefix(f'{program.role}-')} of {named}" if program.kind == "tool" else named
+
+
+PATH_FILE = "driven-path.csv"
+"""Name of the file, in the work folder of the run."""
+
+PathPoint = tuple[float, float, float]
+
+
+def line_of(point: PathPoint) -> str:
+    """A moment as the file has it."""
+    time_s, x, y = point
+    return f"{time_s:.3f},{x:.3f},{y:.3f}\n"
+
+
+def points_of(text: str) -> list[PathPoint]:
+    """The moments of a file, in order; what cannot be read is left out.
+
+    Args:
+        text: the file's content, to which the application may have written anything.
+    """
+    points: list[PathPoint] = []
+    for line in text.splitlines(keepends=True):
+        try:
+            time_s, x, y = map(float, line.split(","))
+        except ValueError:
+            continue
+        if not line.endswith("\n") or not all(map(math.isfinite, (time_s, x, y))):
+            continue
+        while points and points[-1][0] >= time_s:
+            points.pop()
+        points.append((time_s, x, y))
+    return points

@@ -1,34 +1,96 @@
-"""One attempt at a run: its applications, its observers, its loop, and `result.json`."""
+"""One attempt at a run: its applications, its observers, its loop, `result.json`, and reports of what failed."""
 
+import os
 import random
+import sys
+import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
 import numpy as np
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
-from ..agents.remote_robot import RemoteRobot
+from ..agents.remote_robot import RemoteRobot, RobotProgramError
 from ..episode.context import SimulationContext
 from ..episode.health import PhysicsHealth
-from ..episode.loading import load_factory
-from ..episode.progress import Phase, Progress
-from ..episode.results import Episode, Findings, ReportingEnvironment, make_result, write_result
-from ..episode.stops import Stop
-from ..recording.recorder import Recorder
-from ..recording.recording import McapRecorder, RecordingError
+from ..episode.loading import LoadError, load_factory
+from ..episode.progress import Phase, Progress, Stop
+from ..episode.results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
+from ..recording.recording import McapRecorder, Recorder, RecordingError
+from ..requirements.measurements import RequirementError
 from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder
 from ..video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
-from ..video.recorded_camera_settings import camera_recording
-from .failures import report_of
+from ..video.video_settings import camera_recording
 from .loop import run_episode
 from .observers import make_observers
 from .run_request import RunRequest
+
+_RUNTIME_FOLDER = Path(__file__).parents[1]
+_APPLICATIONS = tuple(str(_RUNTIME_FOLDER / name) + os.sep for name in ("applications", "robots"))
+_MAX_ERROR_CHARACTERS = 2000
+_SAY_ALL = LoadError | LaunchError | RobotProgramError
+"""Errors whose message says all: a traceback would not help users."""
+
+
+def report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
+    """Writes the traceback to the error log and the short form to the supervisor."""
+    log_failure(error)
+    progress.write_report(report_of(error, progress))
+    (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
+
+
+def log_failure(error: BaseException) -> None:
+    """Writes the traceback to the error log."""
+    trace = _without_runtime(error.__traceback__)
+    with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
+        if isinstance(error, _SAY_ALL) and error.__cause__ is None:
+            sys.stderr.write(f"{error}\n")
+        else:
+            traceback.print_exception(type(error), error, trace)
+
+
+def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
+    """Returns the report of an error for the supervisor."""
+    faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
+    phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
+    what = _describe(error, _without_runtime(error.__traceback__))
+    report: dict[str, Any] = {"error": what[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
+    if isinstance(error, LaunchError):
+        report["code"] = error.failure_code
+    return report
+
+
+def _describe(error: BaseException, trace: TracebackType | None) -> str:
+    if isinstance(error, _SAY_ALL):
+        return str(error)
+    if isinstance(error, SystemExit):
+        text = f"called sys.exit({error.code!r})"
+    else:
+        text = "".join(traceback.format_exception_only(type(error), error)).strip().replace("\n", ", ")
+    place = next(iter(traceback.extract_tb(trace)[-1:]), None)
+    return f"{text} ({Path(place.filename).name}, line {place.lineno})" if place else text
+
+
+def _without_runtime(trace: TracebackType | None) -> TracebackType | None:
+    """Skips the frames of this package that lead to an application's code, for a traceback about that code."""
+    start = trace
+    while start is not None and _is_of_runtime(start.tb_frame.f_code.co_filename):
+        start = start.tb_next
+    return start or trace
+
+
+def _is_of_runtime(path: str) -> bool:
+    """Whether a source file belongs to the runtime itself, and not to an application."""
+    return path.startswith(f"{_RUNTIME_FOLDER}{os.sep}") and not path.startswith(_APPLICATIONS)
+
 
 RECORDING_FILE = "recording.mcap"
 BUILT_IN_ENVIRONMENT = ApplicationPlan(

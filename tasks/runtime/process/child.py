@@ -6,16 +6,14 @@ import sys
 from contextlib import suppress
 from types import FrameType
 
-from ..episode.progress import Progress
+from ..episode.progress import Progress, RunStopped
 from ..episode.results import versions
-from ..episode.stops import RunStopped
 from ..limits.logs import redirect_output
-from ..rendering import gl
+from ..rendering import cameras
 from ..states.checkpoint_files import CheckpointError, RunTakenError, discard_checkpoints
 from ..states.provenance import machine_facts
 from .attempt import BUILT_IN_ENVIRONMENT as BUILT_IN_ENVIRONMENT
-from .attempt import attempt, seed_globals
-from .failures import report_failure
+from .attempt import attempt, report_failure, seed_globals
 from .run_request import RunRequest
 from .trial_runs import run_trials
 
@@ -77,7 +75,7 @@ def _take_on(run: RunRequest) -> None:
     os.chdir(run.plan.work_dir)
     sys.path[:] = run.import_path
     seed_globals(run.plan.seed)
-    gl.follow_environment()
+    cameras.follow_environment()
 
 
 def _carry_out(run: RunRequest, progress: Progress, stop: _StopSignal) -> None:

@@ -1,4 +1,4 @@
-"""The loop of a run: environment and agent, step by step."""
+"""The loop of a run: environment and agent, step by step, with clock and joint states for the recording."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -8,15 +8,38 @@ from typing import Any
 import dm_env
 import numpy as np
 
-from ....schemas.runs.stops import RunStop
+from ....schemas.runs.programs import RunStop
 from ..episode.context import ActionError, ObservationError
 from ..episode.health import PhysicsHealth
-from ..episode.progress import Phase, unanswered
+from ..episode.physics import raw_physics
+from ..episode.progress import Phase, RunEnded, RunStopped, Stop, unanswered
 from ..episode.results import EnvironmentReport, Episode, Observer, ReportingEnvironment, read_report
-from ..episode.stops import RunEnded, RunStopped, Stop
-from ..recording.recorder import Recorder
+from ..recording.recording import Recorder
+from ..recording.state_series import STATE_RATE_HZ, StateSeries, hinges_and_slides
 from ..states.checkpoints import Checkpointer, LoopState, RunParts
-from .joint_states import JointStateWatcher
+
+
+class JointStateWatcher(Observer):
+    """Records `/clock` and `/joint_states` for environments that record nothing themselves."""
+
+    def __init__(self, recorder: Recorder) -> None:
+        self._recorder = recorder
+        self._series: StateSeries | None = None
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Records the hinges and slides of the model; effort is the actuators' force on each."""
+        model, data = raw_physics(environment.physics)
+        series = self._series
+        if series is None or data is not series.data:
+            # Environments may make a new model with every episode.
+            if series is not None:
+                self._recorder.remove_series(series)
+            series = self._series = StateSeries(model, data, hinges_and_slides(model).tolist())
+            self._recorder.add_series(series)
+        series.sample(self._recorder)
+        # From now rather than from the time it was due: control steps may be longer than the interval.
+        self.next_time_s = time_s + 1.0 / STATE_RATE_HZ
+
 
 Agent = Callable[[dm_env.TimeStep], Any]
 

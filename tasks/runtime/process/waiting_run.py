@@ -13,11 +13,9 @@ from typing import BinaryIO, NoReturn, cast
 
 from ..episode.progress import Progress
 from ..limits.limits import confine
-from ..sandbox.box import Box, enter_network_of_keeper
-from ..sandbox.forking import fork_beside
-from ..sandbox.rights import give_up_rights
-from .run_request import RunRequest
-from .run_sights import rules_of_run
+from ..sandbox.box import Box, enter_network_of_keeper, fork_beside
+from ..sandbox.kernel import give_up_rights
+from .run_request import RunRequest, rules_of_run
 
 RunChild = Callable[[RunRequest, Progress], int]
 """Carries out the run described by a request; returns the exit code."""

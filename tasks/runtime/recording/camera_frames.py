@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 
 from . import messages as ros
-from .display_messages import CameraInfo
+from .messages import CameraInfo
 
 CAMERA_FRAME, OPTICAL_FRAME = "camera_link", "camera_optical_frame"
 WORLD = "world"

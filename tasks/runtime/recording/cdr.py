@@ -1,21 +1,17 @@
-"""Serialises ROS 2 messages to CDR, with the definitions and hashes of their types from `rosbags`.
+"""ROS 2 messages as bytes (CDR): one by one, or many of one shape by columns."""
 
-The bytes are XCDR version 1, little endian. The store reads members by name, so that most messages go into it as they
-are; those that are flatter than in ROS, or whose arrays may be any sequence, get its shape here first. What is recorded
-at a steady rate is not encoded message by message: see `columns`.
-"""
-
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.typesys import Stores, get_typestore
 
-from . import display_messages as display
+from . import messages as display
 from . import messages as ros
+from .mcap_file import RECORD_HEAD_BYTES, TIMES_OFFSET, Rows, message_record
 
 Message = ros.Message | display.DisplayMessage
 """Messages that can be recorded."""
@@ -138,3 +134,158 @@ for _kind in _SHAPES:
     _STORE.get_msgdef(_kind.ROS_TYPE)
     definition(_kind.ROS_TYPE)
     type_hash(_kind.ROS_TYPE)
+
+
+_NANOSECONDS = 1_000_000_000
+_DOUBLE, _FLOAT = 8, 4
+_DOUBLES, _FLOATS = "<f8", "<f4"
+_COVARIANCE = 36 * _DOUBLE
+_ZERO = ros.Time(0, 0)
+_AFTER_ENCAPSULATION = (4,)
+
+Numbers = NDArray[np.float64]
+AnyNumbers = NDArray[np.floating[Any]]
+
+
+class Columns(NamedTuple):
+    """A kind of message of which only stamp and some numbers change."""
+
+    kind: type[ros.Message]
+    """Its type."""
+
+    template: bytes
+    """Such a message, encoded."""
+
+    stamps: tuple[int, ...]
+    """Positions of the stamps in the message, in bytes; transforms have one each."""
+
+    numbers: Mapping[str, tuple[int, int, str]]
+    """Rows of numbers by name: position in the message in bytes, count, and type."""
+
+
+def clock() -> Columns:
+    """Returns the columns of `rosgraph_msgs/Clock`: nothing but the time."""
+    return Columns(ros.Clock, encode(ros.Clock(_ZERO)), _AFTER_ENCAPSULATION, {})
+
+
+def transforms(frames: Sequence[tuple[str, str]]) -> Columns:
+    """Returns the columns of a `tf2_msgs/TFMessage`.
+
+    Its numbers are the transforms' translations x, y, z and rotations x, y, z, w, each named by its child frame.
+
+    Args:
+        frames: Of each transform the frame, and the child's frame.
+    """
+    items = [ros.TransformStamped(ros.Header(_ZERO, frame), child, ros.Transform()) for frame, child in frames]
+    # A message with one transform less ends where the next one begins; each ends with its numbers.
+    ends = [len(encode(ros.TFMessage(items[:count]))) for count in range(len(items) + 1)]
+    numbers = {item.child_frame_id: (end - 7 * _DOUBLE, 7, _DOUBLES) for item, end in zip(items, ends[1:], strict=True)}
+    return Columns(ros.TFMessage, encode(ros.TFMessage(items)), tuple(ends[:-1]), numbers)
+
+
+def odometry(frame_id: str, child_frame_id: str) -> Columns:
+    """Returns the columns of `nav_msgs/Odometry` without covariances.
+
+    Its numbers are `pose`, like a transform's, and `twist`: linear x, y, z and angular x, y, z.
+    """
+    template = encode(ros.Odometry(ros.Header(_ZERO, frame_id), child_frame_id, ros.Pose(), ros.Twist()))
+    twist = len(template) - _COVARIANCE - 6 * _DOUBLE
+    pose = twist - _COVARIANCE - 7 * _DOUBLE
+    numbers = {"pose": (pose, 7, _DOUBLES), "twist": (twist, 6, _DOUBLES)}
+    return Columns(ros.Odometry, template, _AFTER_ENCAPSULATION, numbers)
+
+
+def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
+    """Returns the columns of `sensor_msgs/JointState`.
+
+    Its numbers are `position`, `velocity` and `effort`, one of each per joint.
+
+    Raises:
+        ValueError: There are no joints.
+    """
+    if not names:
+        raise ValueError("joint states need at least one joint")
+    zeros, values = (0.0,) * len(names), len(names) * _DOUBLE
+    template = encode(ros.JointState(ros.Header(_ZERO, frame_id), tuple(names), zeros, zeros, zeros))
+    # Each array is its length, filled up to eight bytes, and its values; the message ends with the last array.
+    effort = len(template) - values
+    velocity = effort - _DOUBLE - values
+    position = velocity - _DOUBLE - values
+    places = {"position": position, "velocity": velocity, "effort": effort}
+    numbers = {name: (place, len(names), _DOUBLES) for name, place in places.items()}
+    return Columns(ros.JointState, template, _AFTER_ENCAPSULATION, numbers)
+
+
+def laser_scan(scan: ros.LaserScan) -> Columns:
+    """Returns the columns of `sensor_msgs/LaserScan` without intensities.
+
+    Its numbers are `ranges`.
+
+    Args:
+        scan: Such a scan, for all that does not change.
+    """
+    template = encode(scan._replace(header=scan.header._replace(stamp=_ZERO), intensities=ros.NO_INTENSITIES))
+    count = len(scan.ranges)
+    # After the ranges there is only the length of the intensities.
+    place = len(template) - _FLOAT - count * _FLOAT
+    return Columns(ros.LaserScan, template, _AFTER_ENCAPSULATION, {"ranges": (place, count, _FLOATS)})
+
+
+class Series(Protocol):
+    """A source of messages of fixed size; the recorder asks for them when it writes a chunk."""
+
+    @property
+    def topics(self) -> Sequence[tuple[str, Columns]]:
+        """Topics of the series, with the columns of their messages."""
+        ...
+
+    def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
+        """Returns what came since the last time: simulated times, and for each topic its numbers, a row per time."""
+        ...
+
+
+class RowEncoder:
+    """Encodes rows: at each time one message on each of some channels."""
+
+    def __init__(self, columns: Sequence[tuple[int, Columns]]) -> None:
+        """Prepares the layout.
+
+        Args:
+            columns: Channel and kind of the messages, in the order in which a row has them.
+        """
+        self._starts: dict[int, int] = {}
+        self._template = b""
+        self._rows = bytearray()
+        self._times: list[int] = []
+        self._stamps: list[int] = []
+        self._numbers: list[list[tuple[int, int, str]]] = []
+        for channel, item in columns:
+            start = self._starts[channel] = len(self._template)
+            data = start + RECORD_HEAD_BYTES
+            self._template += message_record(channel, 0, item.template)
+            self._times += (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE)
+            self._stamps += (data + stamp for stamp in item.stamps)
+            self._numbers.append([(data + place, width, kind) for place, width, kind in item.numbers.values()])
+
+    def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
+        """Returns rows, the same bytes as encoding message by message; they hold until the next call.
+
+        Args:
+            times_s: Simulated times of the rows, not negative.
+            values: For each kind of message its numbers in the order of `Columns.numbers`, each with a row per time.
+        """
+        times_ns = np.rint(times_s * _NANOSECONDS).astype(np.int64)
+        seconds, nanoseconds = np.divmod(times_ns, _NANOSECONDS)
+        stamps = seconds + (nanoseconds << 32)  # int32 and uint32 after one another, little end first
+        size, count = len(self._template), len(times_ns)
+        if len(self._rows) < count * size:
+            self._rows = bytearray(self._template * count)
+        # What does not change is there from the last time.
+        raw = memoryview(self._rows)[: count * size]
+        for integers, places in ((times_ns, self._times), (stamps, self._stamps)):
+            for place in places:
+                np.ndarray(count, "<i8", raw, place, size)[:] = integers
+        for places, columns in zip(self._numbers, values, strict=True):
+            for (place, width, kind), column in zip(places, columns, strict=True):
+                np.ndarray((count, width), kind, raw, place, (size, np.dtype(kind).itemsize))[:] = column
+        return Rows(times_ns, raw, self._starts)

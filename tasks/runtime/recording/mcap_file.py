@@ -1,13 +1,14 @@
-"""Writes MCAP files, several times faster per message than the `mcap` package's own writer.
+"""MCAP files: records, chunks, indexes, and the stream they are written to."""
 
-Messages, of which there are thousands, are packed here, or come as rows of ready records; everything that is rare
-(schemas, channels, chunks, indexes) is written with the package's record types.
-"""
-
+import errno
+import os
 import struct
 import zlib
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Protocol
+from operator import itemgetter
+from pathlib import Path
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import zstandard
@@ -25,8 +26,71 @@ from mcap.records import (
     Statistics,
     SummaryOffset,
 )
+from numpy.typing import NDArray
 
-from .mcap_messages import Rows, in_order, message_record
+_MESSAGE = struct.Struct("<BQHIQQ")
+_MESSAGE_OPCODE = int(Opcode.MESSAGE)
+_MESSAGE_FIELDS_BYTES = _MESSAGE.size - struct.calcsize("<BQ")
+TIMES_OFFSET = struct.calcsize("<BQHI")
+"""Position of log time and publish time in a message's record, in bytes; both are unsigned integers of 8 bytes."""
+RECORD_HEAD_BYTES = _MESSAGE.size
+"""Size of a record's part before the message itself, in bytes."""
+
+
+class Rows(NamedTuple):
+    """Messages of several topics that were logged at the same times: a row has one of each."""
+
+    times_ns: NDArray[np.int64]
+    """When they were logged, in order."""
+
+    records: bytes | memoryview
+    """The rows one after the other, each the records of its messages (see `message_record`)."""
+
+    starts: Mapping[int, int]
+    """Position of each channel's record in a row, in bytes, by channel."""
+
+
+def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
+    """Returns a message as a record of the file; log time and publish time are `TIMES_OFFSET` bytes from its beginning.
+
+    Args:
+        channel_id: From `McapFile.add_channel`.
+        time_ns: When it was logged and published.
+        data: The message.
+    """
+    return _MESSAGE.pack(_MESSAGE_OPCODE, _MESSAGE_FIELDS_BYTES + len(data), channel_id, 0, time_ns, time_ns) + data
+
+
+def in_order(
+    introductions: bytes, rows: Sequence[Rows], messages: Sequence[tuple[int, int, bytes]]
+) -> tuple[bytes, dict[int, list[int]]]:
+    """Puts messages and rows in the order of their times; at the same time rows come first.
+
+    Args:
+        introductions: What the chunk begins with.
+        rows: Messages in rows.
+        messages: Time, channel and record of the others.
+
+    Returns:
+        The content of a chunk, and by channel the time and the place in the chunk of each message, one after the other.
+    """
+    pieces: list[tuple[int, bytes | memoryview, Mapping[int, int]]] = []
+    for item in rows:
+        raw, size = memoryview(item.records), len(item.records) // len(item.times_ns)
+        pieces += [
+            (time_ns, raw[row * size : (row + 1) * size], item.starts)
+            for row, time_ns in enumerate(item.times_ns.tolist())
+        ]
+    pieces += [(time_ns, record, {channel: 0}) for time_ns, channel, record in messages]
+    pieces.sort(key=itemgetter(0))
+    entries: defaultdict[int, list[int]] = defaultdict(list)
+    place = len(introductions)
+    for time_ns, piece, starts in pieces:
+        for channel, start in starts.items():
+            entries[channel] += (time_ns, place + start)
+        place += len(piece)
+    return b"".join((introductions, *(piece for _, piece, _ in pieces))), entries
+
 
 _MAGIC = b"\x89MCAP0\r\n"
 _MESSAGE_INDEX = struct.Struct("<BQHI")
@@ -238,3 +302,56 @@ def _bytes_of(record: McapRecord) -> bytes:
     builder = RecordBuilder()
     record.write(builder)
     return builder.end()
+
+
+class Unbuffered:
+    """A binary output stream without a buffer of its own, so that a finished chunk leaves the process."""
+
+    def __init__(self, path: Path, keep_bytes: int = 0) -> None:
+        """Opens a file, of which the beginning is kept.
+
+        Raises:
+            OSError: It is shorter than that, or cannot be opened.
+        """
+        fresh = 0 if keep_bytes else os.O_TRUNC
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | fresh, 0o644)
+        self._position = keep_bytes
+        if fresh:
+            return
+        if os.fstat(self._descriptor).st_size < keep_bytes:
+            os.close(self._descriptor)
+            raise OSError(errno.ENODATA, f"it has less than the {keep_bytes} bytes that it had at the checkpoint")
+        os.ftruncate(self._descriptor, keep_bytes)
+        os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
+
+    def write(self, data: bytes) -> int:
+        """Writes all of it."""
+        view = memoryview(data)
+        while view:
+            written = os.write(self._descriptor, view)
+            self._position += written
+            view = view[written:]
+        return len(data)
+
+    def tell(self) -> int:
+        """Returns how many bytes there are."""
+        return self._position
+
+    def close(self) -> None:
+        """Closes the file."""
+        os.close(self._descriptor)
+
+
+class Nowhere:
+    """A stream that discards its bytes."""
+
+    def write(self, data: bytes) -> int:
+        """Takes it."""
+        return len(data)
+
+    def tell(self) -> int:
+        """Returns 0."""
+        return 0
+
+    def close(self) -> None:
+        """There is nothing to close."""

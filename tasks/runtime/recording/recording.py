@@ -1,4 +1,4 @@
-"""Recordings: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open."""
+"""Recorders: ROS 2 messages in an MCAP file that Foxglove and `ros2 bag` open, or nowhere."""
 
 import json
 import time
@@ -8,15 +8,44 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from .cdr import Message, definition, encode, type_hash
-from .columns import RowEncoder, Series
-from .foxglove import LAYOUT_FILE, layout
-from .mcap_file import McapFile
-from .mcap_messages import Rows
+from .cdr import Message, RowEncoder, Series, definition, encode, type_hash
+from .companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, channel_metadata, layout, metadata
+from .mcap_file import McapFile, Nowhere, Rows, Unbuffered
 from .messages import TFMessage, TransformStamped
-from .recorder import Recorder
-from .recording_streams import Nowhere, Unbuffered
-from .rosbag2 import METADATA_FILE, RecordedTopic, channel_metadata, metadata
+
+
+class Recorder:
+    """Takes ROS 2 messages; this one drops them, as of a run that is not recorded."""
+
+    enabled: bool = False
+    """Whether anything is written; producers skip making messages when it is not."""
+    topics: frozenset[str] = frozenset()
+    """Topics that have messages; known when it is closed."""
+
+    def write(self, topic: str, message: Any, time_s: float) -> None:
+        """Record a message of `prefect_robomaker.tasks.runtime.recording.messages` at a simulated time."""
+
+    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
+        """Record where frames are that do not move, on `/tf_static`, with all that were recorded before."""
+
+    def add_series(self, series: Series) -> None:
+        """Record what a series of messages gathers, from now on."""
+
+    def remove_series(self, series: Series) -> None:
+        """Write what a series has gathered, and forget the series."""
+
+    def flush_when_due(self, full: bool = False) -> None:
+        """Write what has gathered if it is time, or if a series is full."""
+
+    def state(self) -> Any:
+        """Write what is pending; return what `restore` needs."""
+
+    def restore(self, state: Any) -> None:
+        """Continue from where `state` was taken."""
+
+    def close(self) -> None:
+        """Finish the file."""
+
 
 _CHUNK_BYTES = 768 * 1024
 """Uncompressed size of a chunk: what a killed run can lose, and what the recorder keeps in memory."""

@@ -1,4 +1,4 @@
-"""The state of a robot, or of a whole model, sampled at a steady rate and published a chunk at a time."""
+"""Series of a recording: clock, transforms, odometry, joint states and scans, encoded many at a time."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -9,9 +9,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .columns import Columns, Numbers, clock, joint_states, odometry, transforms
+from . import messages as ros
+from .cdr import AnyNumbers, Columns, Numbers, clock, joint_states, laser_scan, odometry, transforms
 from .links import Links
-from .recorder import Recorder
+from .recording import Recorder
 
 STATE_RATE_HZ = 50.0
 """How often states are recorded, if the environment steps as often."""
@@ -186,3 +187,50 @@ def _turned_back(quaternions: Numbers, vectors: Numbers) -> Numbers:
         ),
         axis=1,
     )
+
+
+_MAX_SCAN_BYTES = 256 * 1024
+"""Limit of the messages that wait for a chunk, in bytes."""
+
+
+class ScanSeries:
+    """Gathers a lidar's measurements for a recorder; messages are made when a chunk is written."""
+
+    def __init__(self, topic: str, scan: ros.LaserScan) -> None:
+        """Prepares a series; `Recorder.add_series` takes it.
+
+        Args:
+            topic: Where the scans go, `/scan`.
+            scan: One of them, for all that does not change; it has no intensities.
+        """
+        columns = laser_scan(scan)
+        self.topics: list[tuple[str, Columns]] = [(topic, columns)]
+        self._rays = len(scan.ranges)
+        self._capacity = max(1, _MAX_SCAN_BYTES // len(columns.template))
+        self._times: list[float] = []
+        self._ranges: list[bytes] = []
+
+    def add(self, recorder: Recorder, time_s: float, ranges: NDArray[np.float32]) -> None:
+        """Notes a measurement.
+
+        Args:
+            recorder: Who was given the series; it writes what there is when no more fits.
+            time_s: Simulated time.
+            ranges: Metres, as many as there are rays.
+
+        Raises:
+            ValueError: There is another number of ranges.
+            RecordingError: The file cannot be written.
+        """
+        if len(ranges) != self._rays:
+            raise ValueError(f"the lidar has {self._rays} rays, so {len(ranges)} ranges are no scan of it")
+        self._ranges.append(ranges.astype(np.float32, copy=False).tobytes())
+        self._times.append(time_s)
+        recorder.flush_when_due(full=len(self._times) >= self._capacity)
+
+    def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
+        """Returns what was noted since the last time: times, and the ranges, a row per time."""
+        times, self._times = self._times, []
+        rows, self._ranges = self._ranges, []
+        ranges = np.frombuffer(b"".join(rows[: len(times)]), np.float32).reshape(len(times), self._rays)
+        return np.array(times), [[ranges]]

@@ -1,21 +1,111 @@
-"""Pictures of a simulation; with OpenGL here, without it in `ray_camera`."""
+"""Cameras that draw with OpenGL: context, light, pictures."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+import importlib
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
-from typing import Protocol
+from typing import Any, Protocol
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.worlds.appearance import Appearance
-from . import gl
-from .relighting import Relighting
-from .view_culling import roofs, without_unseen
-from .views import View
+from ....schemas.worlds.appearance import Appearance, Rgb, sky_look
+from .views import View, roofs, without_unseen
+
+_SUN, _LAMP, _SKY = "sun", "lamp_", "sky"
+
+
+class Relighting:
+    """Lights scenes of one model as an appearance says; what the world has not, such as lamps, is left out."""
+
+    def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
+        """Finds what shines."""
+        self._appearance = appearance
+        self._colors: dict[int, Rgb] = {}
+        for light in range(model.nlight):
+            name = model.light(light).name
+            if name == _SUN or name.startswith(_LAMP):
+                self._colors[light] = appearance.sun if name == _SUN else appearance.lamps
+        shining = {"ceiling": appearance.ceiling, "lamp_shade": appearance.shades}
+        self._emissions = {
+            material: shining[model.mat(material).name]
+            for material in range(model.nmat)
+            if model.mat(material).name in shining
+        }
+
+    def light(self, scene: mujoco.MjvScene) -> None:
+        """Lights a scene that was just made."""
+        for light in scene.lights[: scene.nlight]:
+            if light.headlight:
+                light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
+            elif light.id in self._colors:
+                light.diffuse[:] = self._colors[light.id]
+                light.castshadow = light.castshadow and self._appearance.shadows
+        for geom in scene.geoms[: scene.ngeom] if self._emissions else ():
+            if geom.matid in self._emissions:
+                geom.emission = self._emissions[geom.matid]
+
+    @contextmanager
+    def sky(self, model: mujoco.MjModel) -> Iterator[None]:
+        """Gives a model the sky of the appearance, for as long as a renderer is made; it has its own afterwards."""
+        found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE.value, _SKY)
+        if self._appearance.sky is None or found < 0:
+            yield
+            return
+        wide, tall, channels = (int(size[found]) for size in (model.tex_width, model.tex_height, model.tex_nchannel))
+        first = int(model.tex_adr[found])
+        pixels = model.tex_data[first : first + wide * tall * channels].reshape(tall, wide, channels)
+        before = pixels.copy()
+        pixels[..., :3] = _gradient(sky_look(self._appearance.sky), wide, tall).reshape(tall, wide, -1)[..., :3]
+        try:
+            yield
+        finally:
+            pixels[:] = before
+
+
+def _gradient(look: str, wide: int, tall: int) -> np.ndarray:
+    """The sky that MuJoCo makes of a look."""
+    texture = f'<texture type="skybox" {look} width="{wide}" height="{tall}"/>'
+    return mujoco.MjModel.from_xml_string(f"<mujoco><asset>{texture}</asset></mujoco>").tex_data
+
+
+DISABLED = "disable"
+
+
+def follow_environment() -> None:
+    """Makes MuJoCo and dm_control use what `MUJOCO_GL` asks for now; nothing to do without OpenGL.
+
+    Raises:
+        Exception: The OpenGL asked for is not there; the kind depends on what is missing.
+    """
+    if os.environ.get("MUJOCO_GL", DISABLED) == DISABLED:
+        return
+    for name in ("mujoco.rendering.classic.gl_context", "dm_control._render"):
+        importlib.reload(importlib.import_module(name))
+
+
+def make_context(width: int, height: int, backend: str | None = None) -> Any:
+    """Makes an OpenGL context without touching what MuJoCo and dm_control have chosen.
+
+    Args:
+        width: Pixels at most.
+        height: Pixels at most.
+        backend: `egl`, `osmesa` or `glfw`, where `MUJOCO_GL` does not say.
+
+    Returns:
+        An object of MuJoCo's with `make_current()` and `free()`.
+
+    Raises:
+        Exception: OpenGL does not work here; the kind depends on the driver.
+    """
+    chosen = os.environ.get("MUJOCO_GL", DISABLED).lower()
+    name = chosen if chosen in ("egl", "osmesa", "glfw") else backend or "egl"
+    return importlib.import_module(f"mujoco.{name}").GLContext(width, height)
+
 
 Image = NDArray[np.uint8]
 """Height x width x 3, red, green, blue."""
@@ -81,7 +171,7 @@ class GlCamera:
         # Multisampling, shadows and reflections cost ten times the rest on a CPU.
         for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_REFLECTION):
             self._scene.flags[flag] = False
-        self._context = gl.make_context(width, height, backend)
+        self._context = make_context(width, height, backend)
         self._context.make_current()
         self._relighting = Relighting(model, appearance) if appearance else None
         sky = self._relighting.sky(model) if self._relighting else nullcontext()

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .cameras import MAX_GEOMS, Image
-from .view_culling import hidden, roofs
-from .views import SHOWN_GROUPS, View
+from .views import SHOWN_GROUPS, View, hidden, roofs
 
 _SKY = np.array([0.62, 0.74, 0.88])
 _LIGHT = np.array([0.35, -0.25, 0.9]) / np.linalg.norm([0.35, -0.25, 0.9])

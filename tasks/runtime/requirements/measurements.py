@@ -18,13 +18,19 @@ from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirements import BodyName, JobRequirement, PredicateRequirement
 from ....schemas.wire.errors import LaunchError
 from ....schemas.wire.request_problems import nearest
-from ....schemas.worlds.polygons import contains
-from ....schemas.worlds.world import Point, World
-from ..episode.clearance import ClearanceMeter
-from ..episode.contact_forces import ContactForces, can_touch, floor_geoms, geom_names, robot_geoms
+from ....schemas.worlds.world import Point, World, contains
 from ..episode.loading import LoadError, load_factory
-from ..episode.physics import raw_physics
-from ..episode.robot_body import acting_roots, bodies_below
+from ..episode.physics import (
+    ClearanceMeter,
+    ContactForces,
+    acting_roots,
+    bodies_below,
+    can_touch,
+    floor_geoms,
+    geom_names,
+    raw_physics,
+    robot_geoms,
+)
 from .rules import ClearanceRule, CollisionRule, GoalRule, PredicateRule, Rule, TimeLimitRule, is_meant
 
 Look = Callable[[float], None]

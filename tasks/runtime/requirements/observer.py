@@ -5,13 +5,13 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
-from ....schemas.runs.stops import RunStop
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
+from ..episode.progress import RunEnded
 from ..episode.results import Findings, Observer
-from ..episode.stops import RunEnded
 from .measurements import Look, RequirementError, Scene, bind, make_rules
 from .rules import ClearanceRule, CollisionRule, GoalRule, Rule, TimeLimitRule
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from ....schemas.runs.plan import Requirement
+from ....schemas.runs.programs import RunStop
 from ....schemas.runs.requirements import (
     ClearanceRequirement,
     CollisionRequirement,
@@ -19,7 +20,6 @@ from ....schemas.runs.requirements import (
     PredicateRequirement,
     TimeLimitRequirement,
 )
-from ....schemas.runs.stops import RunStop
 
 SEPARATION_S = 0.1
 """A touch is over when nothing was felt for this long; shorter gaps are bouncing."""

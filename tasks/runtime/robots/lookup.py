@@ -20,10 +20,18 @@ from ....schemas.runs.robot_yaml import RobotModel
 from ....schemas.wire.errors import LaunchError
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
-from .robot_yaml.mapping import MAPPING_FILE, placed, read_mapping
-from .robot_yaml.menagerie import MENAGERIE, menagerie_file, menagerie_mapping, menagerie_root
+from .robot_yaml.mapping import (
+    MAPPING_FILE,
+    MENAGERIE,
+    alternatives,
+    invalid,
+    menagerie_file,
+    menagerie_mapping,
+    menagerie_root,
+    placed,
+    read_mapping,
+)
 from .robot_yaml.model import RobotFiles
-from .robot_yaml.problems import alternatives, invalid
 from .scout import SCOUT
 from .walker import WALKER
 

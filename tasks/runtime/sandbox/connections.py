@@ -1,9 +1,4 @@
-"""Finding the job that opened a connection on this machine, by the process that has it open.
-
-The kernel says of a connection who made its socket, and which one it is; the process that has it open descends from the
-supervisor of a run, or it does not. What cannot be told counts as unknown: a process that has closed its end already,
-one in a namespace that is none of ours, such as a container.
-"""
+"""Callers on this machine: which job a connection comes from, by marks of runs."""
 
 import os
 import socket
@@ -16,7 +11,71 @@ from ipaddress import IPv6Address, ip_address
 from pathlib import Path
 from typing import NamedTuple
 
-from .run_marks import ancestors, marked_runs
+from pydantic import Field, ValidationError
+
+from ....schemas.wire.base import Model
+from ..limits.processes import process_state
+
+_MARK = "supervisor.json"
+_MOST_BYTES = 4096
+_MOST_ANCESTORS = 1000
+"""Processes above a process that are looked at; a machine's own are tens deep."""
+
+
+class _Mark(Model):
+    """Mark of a supervisor: its process and its job."""
+
+    pid: int = Field(description="Its process.")
+    started: int = Field(description="When that started, in ticks since the machine did: ids of processes come again.")
+    job: str = Field(description="ARN of the job.")
+
+
+def mark_run(folder: Path, job: str) -> None:
+    """Notes that this process supervises a run.
+
+    Args:
+        folder: the run's own.
+        job: ARN of the job.
+
+    Raises:
+        OSError: it cannot be written.
+    """
+    process = process_state(os.getpid())
+    assert process is not None
+    written = folder / f".{_MARK}"
+    written.write_text(_Mark(pid=os.getpid(), started=process.started, job=job).model_dump_json())
+    written.replace(folder / _MARK)
+
+
+def marked_runs(home: Path) -> Mapping[int, str]:
+    """The supervisors that live, by process, with the ARNs of their jobs.
+
+    Args:
+        home: the data home of the job workers.
+    """
+    found: dict[int, str] = {}
+    for path in (home / "jobs").glob(f"*/*/{_MARK}"):
+        with suppress(OSError, ValidationError):
+            with path.open("rb") as file:
+                mark = _Mark.model_validate_json(file.read(_MOST_BYTES))
+            process = process_state(mark.pid)
+            if process is not None and process.started == mark.started:
+                found[mark.pid] = mark.job
+    return found
+
+
+def ancestors(pid: int) -> list[int] | None:
+    """A process and those that it descends from, up to the first; `None` if one of them has ended meanwhile."""
+    found = [pid]
+    while len(found) < _MOST_ANCESTORS:
+        process = process_state(found[-1])
+        if process is None:
+            return None
+        if process.parent == 0:
+            return found
+        found.append(process.parent)
+    return None
+
 
 Address = tuple[str, int]
 """An IP address and a port."""

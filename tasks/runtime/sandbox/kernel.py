@@ -1,14 +1,18 @@
-"""System calls that Python has no functions for: namespaces, mounts, capabilities.
-
-Each raises `OSError` with the kernel's reason.
-"""
+"""The kernel's means of a sandbox: namespaces, mounts, Landlock, filters of system calls."""
 
 import ctypes
 import fcntl
 import os
 import socket
+import stat
 import struct
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from errno import EINVAL, ENOSYS, EPERM
 from pathlib import Path
+from typing import NamedTuple
+
+from ....schemas.runs.programs import BoxLevel
 
 NEW_USER, NEW_MOUNTS, NEW_IPC, NEW_NAMES, NEW_PIDS, NEW_NETWORK = (
     0x10000000, 0x00020000, 0x08000000, 0x04000000, 0x20000000, 0x40000000,
@@ -127,3 +131,200 @@ def _check(answer: int, what: str) -> None:
     if answer < 0:
         error = ctypes.get_errno()
         raise OSError(error, f"{what}: {os.strerror(error)}")
+
+
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_VERSION_FLAG = 1
+_RULE_PATH_BENEATH = 1
+_EXECUTE, _WRITE_FILE, _READ_FILE, _READ_DIR, _TRUNCATE, _IOCTL = 1 << 0, 1 << 1, 1 << 2, 1 << 3, 1 << 14, 1 << 15
+_REFER = 1 << 13
+_FIRST_VERSION = (1 << 13) - 1
+_OF_FILES = _EXECUTE | _WRITE_FILE | _READ_FILE | _TRUNCATE | _IOCTL
+_READ = _EXECUTE | _READ_FILE | _READ_DIR
+_SCOPES = 3
+"""Abstract sockets and signals do not leave the processes that have the same rules."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """Access to a file, or to all files in a folder."""
+
+    path: str
+    writable: bool
+
+
+def landlock_version() -> int:
+    """Version of the kernel's Landlock interface; 0: it has none."""
+    return max(0, _LIBC.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION_FLAG))
+
+
+def restrict(rules: Sequence[Rules]) -> None:
+    """Confines this process and all that it starts to some files; it must have `no_new_privs`.
+
+    Args:
+        rules: what it still reaches; what is not there is left out.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    version = landlock_version()
+    handled = _FIRST_VERSION
+    handled |= _REFER if version >= 2 else 0
+    handled |= _TRUNCATE if version >= 3 else 0
+    handled |= _IOCTL if version >= 5 else 0
+    attributes = struct.pack("QQQ", handled, 0, _SCOPES)[: 24 if version >= 6 else 16 if version >= 4 else 8]
+    ruleset = _checked(_LIBC.syscall(_CREATE_RULESET, attributes, ctypes.c_size_t(len(attributes)), 0))
+    try:
+        for rule in rules:
+            _allow(ruleset, rule, handled)
+        _checked(_LIBC.syscall(_RESTRICT_SELF, ruleset, 0))
+    finally:
+        os.close(ruleset)
+
+
+def _allow(ruleset: int, rule: Rules, handled: int) -> None:
+    try:
+        descriptor = os.open(rule.path, os.O_PATH | os.O_CLOEXEC)
+    except OSError:
+        return
+    try:
+        allowed = handled if rule.writable else handled & _READ
+        if not stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            allowed &= _OF_FILES
+        beneath = struct.pack("=Qi", allowed, descriptor)
+        _checked(_LIBC.syscall(_ADD_RULE, ruleset, _RULE_PATH_BENEATH, beneath, 0))
+    finally:
+        os.close(descriptor)
+
+
+def _checked(answer: int) -> int:
+    if answer < 0:
+        error = ctypes.get_errno()
+        raise OSError(error, f"landlock: {os.strerror(error)}")
+    return answer
+
+
+_SECCOMP = {"x86_64": 317, "aarch64": 277}
+_SET_MODE_FILTER, _SPECULATE = 1, 1 << 2
+"""The second: speculative execution stays as it is; older kernels would slow down all that has a filter."""
+_LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
+_NUMBER_AT, _MACHINE_AT, _ARGUMENT_AT, _THIRD_AT = 0, 4, 16, 32
+_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
+_X32 = 0x40000000
+_NEW_NAMESPACES = 0x7E020000
+"""`CLONE_NEW…` of users, mounts, processes, networks, IPC, names and control groups."""
+
+_REFUSED = {  # on x86-64, on i386, on 64-bit ARM
+    "add_key": (248, 286, 217), "request_key": (249, 287, 218), "keyctl": (250, 288, 219),
+    "bpf": (321, 357, 280), "perf_event_open": (298, 336, 241), "userfaultfd": (323, 374, 282),
+    "io_uring_setup": (425, 425, 425), "io_uring_enter": (426, 426, 426), "io_uring_register": (427, 427, 427),
+    "mount": (165, 21, 40), "umount": (None, 22, None), "umount2": (166, 52, 39), "pivot_root": (155, 217, 41),
+    "move_mount": (429, 429, 429), "open_tree": (428, 428, 428), "mount_setattr": (442, 442, 442),
+    "fsopen": (430, 430, 430), "fsconfig": (431, 431, 431), "fsmount": (432, 432, 432), "fspick": (433, 433, 433),
+    "setns": (308, 346, 268), "chroot": (161, 61, 51), "open_by_handle_at": (304, 342, 265),
+    "kexec_load": (246, 283, 104), "kexec_file_load": (320, None, 294), "reboot": (169, 88, 142),
+    "init_module": (175, 128, 105), "finit_module": (313, 350, 273), "delete_module": (176, 129, 106),
+    "swapon": (167, 87, 224), "swapoff": (168, 115, 225), "acct": (163, 51, 89),
+    "quotactl": (179, 131, 60), "quotactl_fd": (443, 443, 443), "lookup_dcookie": (212, 253, 18),
+    "iopl": (172, 110, None), "ioperm": (173, 101, None), "vhangup": (153, 111, 58),
+}  # fmt: skip
+
+
+class _Machine(NamedTuple):
+    """Numbers of one kind of programs; several kinds run on one machine."""
+
+    identity: int
+    column: int
+    unshare: int
+    clone: int
+    limits: int
+    """`prlimit64`: without a box a process could take files and time from its job worker."""
+
+
+_CLONE3 = 435
+"""Its arguments are in memory, where no filter looks; who finds it missing uses `clone`."""
+_MACHINES = {
+    "x86_64": (_Machine(0xC000003E, 0, 272, 56, 302), _Machine(0x40000003, 1, 310, 120, 340)),
+    "aarch64": (_Machine(0xC00000B7, 2, 97, 220, 261),),
+}
+
+
+def filter_system_calls() -> bool:
+    """Refuses the calls to this process and all that it starts; it must have `no_new_privs`.
+
+    Returns:
+        Whether it did: not on other machines than 64-bit x86 and ARM, nor where the kernel has no filters.
+
+    Raises:
+        OSError: the kernel refuses.
+    """
+    machine = os.uname().machine
+    if machine not in _MACHINES:
+        return False
+    code = b"".join(rules_for(_MACHINES[machine]))
+    buffer = ctypes.create_string_buffer(code, len(code))
+    program = struct.pack("HxxxxxxP", len(code) // 8, ctypes.addressof(buffer))
+    if _LIBC.syscall(_SECCOMP[machine], _SET_MODE_FILTER, _SPECULATE, program) == 0:
+        return True
+    error = ctypes.get_errno()
+    if error in (EINVAL, ENOSYS):
+        return False
+    raise OSError(error, f"seccomp: {os.strerror(error)}")
+
+
+def rules_for(machines: Sequence[_Machine]) -> Iterator[bytes]:
+    """The filter as instructions of the kernel: for each kind of programs what it is refused, for others everything."""
+    yield _instruction(_LOAD, _MACHINE_AT)
+    for machine in machines:
+        rules = list(_rules_of(machine))
+        # A jump is at most 255 instructions long.
+        yield _instruction(_EQUAL, machine.identity, otherwise=len(rules))
+        yield from rules
+    yield _instruction(_RETURN, _REFUSE | ENOSYS)
+
+
+def _rules_of(machine: _Machine) -> Iterator[bytes]:
+    numbers = [columns[machine.column] for columns in _REFUSED.values()]
+    refused = [number for number in numbers if number is not None]
+    yield _instruction(_LOAD, _NUMBER_AT)
+    tests = [(_EQUAL, number, "refuse") for number in refused]
+    tests += [(_EQUAL, machine.clone, "look"), (_EQUAL, machine.unshare, "look"), (_EQUAL, _CLONE3, "missing")]
+    tests += [(_EQUAL, machine.limits, "limits"), (_AT_LEAST, _X32, "missing")]
+    ends = {"allow": 0, "look": 1, "refuse": 3, "missing": 4, "limits": 6}
+    for index, (test, value, end) in enumerate(tests):
+        yield _instruction(test, value, then=len(tests) - index - 1 + ends[end])
+    yield _instruction(_RETURN, _ALLOW)
+    yield _instruction(_LOAD, _ARGUMENT_AT)
+    yield _instruction(_ANY_BIT, _NEW_NAMESPACES, otherwise=2)
+    yield _instruction(_RETURN, _REFUSE | EPERM)
+    yield _instruction(_RETURN, _REFUSE | ENOSYS)
+    yield _instruction(_RETURN, _ALLOW)
+    # Limits may be read of any process, and set of the one that asks: without its number, as `setrlimit` does.
+    yield _instruction(_LOAD, _ARGUMENT_AT)
+    yield _instruction(_EQUAL, 0, then=6)
+    for place in (_THIRD_AT, _THIRD_AT + 4):  # where the new limits are: nowhere
+        yield _instruction(_LOAD, place)
+        yield _instruction(_EQUAL, 0, then=1)
+        yield _instruction(_RETURN, _REFUSE | EPERM)
+    yield _instruction(_RETURN, _ALLOW)
+
+
+def _instruction(code: int, value: int, *, then: int = 0, otherwise: int = 0) -> bytes:
+    return struct.pack("HBBI", code, then, otherwise, value)
+
+
+def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
+    """Confines this process and all that it starts, for good.
+
+    Args:
+        level: `box`: it is in one already, and gives up what it could do to it; `landlock`: it gets rules; `none`.
+        rules: for `landlock`.
+    """
+    if level == "none":
+        return
+    leave_keyrings()
+    forgo_privileges()
+    if level == "landlock":
+        restrict(rules)
+    stay_visible()
+    filter_system_calls()

@@ -6,10 +6,8 @@ from typing import NamedTuple, NoReturn
 
 from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans
-from .box import Box, BoxError
-from .forking import fork_beside
-from .landlock import Rules, landlock_version
-from .rights import give_up_rights
+from .box import Box, BoxError, fork_beside
+from .kernel import Rules, give_up_rights, landlock_version
 from .views import Sight, system_sights
 
 

@@ -1,10 +1,8 @@
-"""Files of checkpoints, for modules that do not import MuJoCo: which there are, whether they are complete.
-
-A checkpoint is a line of JSON, the `CheckpointHeader`, and what only the run's own process reads.
-"""
+"""Files of checkpoints, for readers without MuJoCo, and the checkpoints of runs with trials."""
 
 import fcntl
 import os
+import time
 import zlib
 from contextlib import suppress
 from pathlib import Path
@@ -13,7 +11,7 @@ from pydantic import Field, ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.wire.base import Model
-from ..limits.left_files import read_left
+from ..limits.files import read_left
 
 PLAN_FILE = "plan.json"
 REASON_FILE = "not-resumable.txt"
@@ -185,3 +183,59 @@ def take_lock(path: Path) -> int:
         os.close(descriptor)
         raise RunTakenError("another process still runs it") from None
     return descriptor
+
+
+EVERY_S = 1.0
+"""Wall-clock time between two checkpoints."""
+_PAYLOAD = b"the trials are in the journal"
+
+
+class TrialCheckpoints:
+    """Makes the checkpoints of one run; none where the run keeps none."""
+
+    def __init__(self, plan: RunPlan) -> None:
+        """Takes the folder.
+
+        Args:
+            plan: The run.
+
+        Raises:
+            RunTakenError: Another process runs the run.
+            OSError: The folder cannot be written.
+        """
+        self._folder = plan.checkpoint_dir if plan.checkpoint_every_s is not None else None
+        self._began = time.perf_counter()
+        self._due = self._began + EVERY_S
+        self._number, self._used_s = 0, 0.0
+        self._lock: int | None = None
+        if self._folder is None:
+            return
+        self._lock = begin_checkpoints(self._folder, plan)
+        if (last := last_checkpoint(self._folder)) is not None:
+            self._number, self._used_s = number_of(last[0]), last[1].wall_time_s
+
+    def save_if_due(self, trials: int, sim_time_s: float) -> None:
+        """Makes a checkpoint if the last one is a while ago.
+
+        Args:
+            trials: How many have finished.
+            sim_time_s: Simulated time of all of them.
+
+        Raises:
+            OSError: The folder is full or cannot be written.
+        """
+        now = time.perf_counter()
+        if self._folder is None or now < self._due:
+            return
+        self._due = now + EVERY_S
+        self._number += 1
+        wall_time_s = self._used_s + now - self._began
+        write_checkpoint(
+            self._folder, self._number, _PAYLOAD, sim_time_s=sim_time_s, steps=trials, wall_time_s=wall_time_s
+        )
+
+    def close(self) -> None:
+        """Gives the folder back."""
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.runs.failure_state import (
+from ....schemas.runs.provenance import (
     FAILURE_MODEL_FILE,
     FAILURE_STATE_FILE,
     FAILURE_VECTOR_FILE,

@@ -23,8 +23,7 @@ from ..episode.physics import raw_physics
 from ..episode.results import Findings, Observer
 from .checkpoint_files import write_whole
 from .digest import DIGEST_FILE, LOOK_EVERY_S, StateDigest
-from .folder_digests import digest_of_folder
-from .imported_code import imported_code
+from .imported_code import digest_of_folder, imported_code
 
 _DISTRIBUTIONS = {
     "mujoco": "mujoco",

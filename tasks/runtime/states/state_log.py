@@ -1,30 +1,28 @@
-"""The compact log of a run's states, from which its video can be rendered afterwards.
-
-A log is a folder. `states.log` has all but the last few states, `states.tail` the last ones, `model-1.mjb` the
-compiled model (`model-2.mjb` the next, where an environment changes it).
-
-`states.log` is a sequence of chunks: a header (`CHUNK`), then the compressed columns. A column is one number of the
-state over the frames of the chunk, as 64-bit differences (exclusive or) to the frame before, so that all that rests
-costs next to nothing. Columns are time, `qpos`, `mocap_pos`, `mocap_quat`.
-
-`states.tail` is a page of memory that is also a file: a state is safe as soon as it is noted, however the process
-ends, without a call of the operating system.
-"""
+"""Log of a run's states for videos: written as the run goes on, read also after a kill."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
+import itertools
 import json
+import math
+import mmap
+import os
 import struct
+import sys
 import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import mujoco
 import numpy as np
 import zstandard
 from numpy.typing import NDArray
+
+from ..episode.physics import raw_physics
+from ..episode.results import Findings, Observer
 
 ABOUT_FILE = "about.json"
 STATES_FILE = "states.log"
@@ -186,3 +184,193 @@ def _tail(path: Path, noted: int) -> _Chunk | None:
         return None
     rows = np.frombuffer(data, np.float64, size // 8, TAIL.size).reshape(frames, -1)
     return _Chunk(model, nq, rows[first:].copy())
+
+
+_COMPRESSION_LEVEL = 1
+
+
+class StateLogWriter:
+    """Notes states of one run. What was noted stays readable when the process is killed."""
+
+    def __init__(self, folder: Path, rate_hz: float, camera: str | None = None) -> None:
+        """Begins a log.
+
+        Args:
+            folder: Where; made if it is missing.
+            rate_hz: States per simulated second that are meant to be noted.
+            camera: The environment's `video_camera`.
+
+        Raises:
+            OSError: The folder cannot be written.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        self.frames = 0
+        self._folder = folder
+        self._model: mujoco.MjModel | None = None
+        self._data: mujoco.MjData | None = None
+        self._parts: list[tuple[slice, Rows]] = []
+        self._models = 0
+        self._in_tail = 0
+        self._tail: mmap.mmap | None = None
+        self._compressor = zstandard.ZstdCompressor(level=_COMPRESSION_LEVEL)
+        (folder / ABOUT_FILE).write_text(json.dumps({"version": 1, "rate_hz": rate_hz, "camera": camera}))
+        self._log: BinaryIO = (folder / STATES_FILE).open("wb", buffering=0)
+
+    def note(self, model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
+        """Notes a state.
+
+        Args:
+            model: The model; stored the first time, and whenever it is another.
+            data: The state.
+            time_s: Simulated time since the run began.
+
+        Raises:
+            OSError: The log cannot be written, or the disk is full.
+        """
+        if model is not self._model or data is not self._data:
+            self._begin(model, data)
+        row = self._rows[self._in_tail]
+        row[0] = time_s
+        for columns, values in self._parts:
+            row[columns] = values
+        self._noted()
+
+    def _noted(self) -> None:
+        self._in_tail += 1
+        self.frames += 1
+        self._counter[0] = self._in_tail  # last, so that only whole rows count
+        if self._in_tail == CHUNK_FRAMES:
+            self._flush()
+
+    def take_over(self, model: mujoco.MjModel, data: mujoco.MjData, rows: Rows) -> None:
+        """Notes states that were noted before, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
+
+        Raises:
+            ValueError: They are of another model.
+            OSError: The log cannot be written.
+        """
+        self._begin(model, data)
+        for row in rows:
+            self._rows[self._in_tail] = row
+            self._noted()
+
+    def close(self) -> None:
+        """Moves the last states to the log proper."""
+        self._flush()
+        self._log.close()
+        (self._folder / TAIL_FILE).unlink(missing_ok=True)
+
+    def _begin(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        if model is not self._model:
+            self._begin_model(model)
+        self._data = data
+        # Views into the state, because making them takes as long as copying from them.
+        parts = [data.qpos, data.mocap_pos.ravel(), data.mocap_quat.ravel()]
+        ends = np.cumsum([1, *map(len, parts)]).tolist()
+        spans = [slice(*pair) for pair in itertools.pairwise(ends)]
+        self._parts = [(span, part) for span, part in zip(spans, parts, strict=True) if len(part)]
+
+    def _begin_model(self, model: mujoco.MjModel) -> None:
+        self._flush()
+        self._model = model
+        self._models += 1
+        mujoco.mj_saveModel(model, str(self._folder / model_file(self._models)))
+        columns = columns_of(model.nq, model.nmocap)
+        size = TAIL.size + 8 * columns * CHUNK_FRAMES
+        path = self._folder / TAIL_FILE
+        path.unlink(missing_ok=True)
+        with path.open("w+b") as file:
+            # A full disk has to show here: a write into mapped memory would end the process.
+            os.posix_fallocate(file.fileno(), 0, size)
+            tail = mmap.mmap(file.fileno(), size)
+        tail[: TAIL.size] = TAIL.pack(MAGIC, self._models, model.nq, model.nmocap, 0, 0, self.frames)
+        self._rows: Rows = np.frombuffer(tail, np.float64, offset=TAIL.size).reshape(CHUNK_FRAMES, columns)
+        self._counter = np.frombuffer(tail, np.uint32, 1, offset=TAIL_FRAMES)
+        self._base = np.frombuffer(tail, np.uint64, 1, offset=TAIL_BEFORE)
+
+    def _flush(self) -> None:
+        model = self._model
+        if model is None or not self._in_tail:
+            return
+        packed = self._compressor.compress(_differences(self._rows[: self._in_tail]))
+        members = self._models, model.nq, model.nmocap, self._in_tail, len(packed)
+        header = CHUNK.pack(MAGIC, *members, checksum(members, packed))
+        _write_all(self._log, header + packed)
+        # A reader that comes in between sees these states twice, and drops what it has by the number before them.
+        self._counter[0] = 0
+        self._base[0] = self.frames
+        self._in_tail = 0
+
+
+class StateLogger(Observer):
+    """Observes a run and keeps the log of its states, at the rate of a video.
+
+    A log that cannot be written does not fail the run: the reason goes to the error log and, as
+    `state_log_error`, to the result.
+    """
+
+    def __init__(self, folder: Path, rate_hz: int) -> None:
+        """Prepares a log; nothing is written before the first state.
+
+        Args:
+            folder: Where the log will be.
+            rate_hz: States per simulated second.
+        """
+        self._folder, self._rate_hz = folder, rate_hz
+        self._writer: StateLogWriter | None = None
+        self._error: str | None = None
+
+    def watch(self, environment: Any, time_s: float) -> None:
+        """Notes the state."""
+        try:
+            if self._writer is None:
+                camera = getattr(environment, "video_camera", None)
+                self._writer = StateLogWriter(self._folder, self._rate_hz, camera)
+            model, data = raw_physics(environment.physics)
+            self._writer.note(model, data, time_s)
+            self.next_time_s = (math.floor(time_s * self._rate_hz + 1e-5) + 1) / self._rate_hz
+        except Exception as error:
+            self._give_up(error)
+
+    def close(self, ended_by: str | None) -> Findings:
+        """Finishes the log; see `results.Observer`."""
+        del ended_by
+        try:
+            if self._writer is not None and self._error is None:
+                self._writer.close()
+        except OSError as error:
+            self._give_up(error)
+        return Findings({"state_log_error": self._error} if self._error else {})
+
+    def restore(self, state: float, environment: Any) -> None:
+        """Goes on with the log of a process that was killed, from a moment that lies before its end."""
+        super().restore(state, environment)
+        try:
+            if not self._folder.exists():
+                return
+            [segment] = StateLog.open(self._folder).segments
+            rows = np.column_stack([segment.times, segment.qpos, segment.mocap])
+            self._writer = StateLogWriter(self._folder, self._rate_hz, getattr(environment, "video_camera", None))
+            self._writer.take_over(*raw_physics(environment.physics), rows[segment.times < state - 1e-6])
+        except (OSError, ValueError) as error:  # it had several models, or another
+            sys.stderr.write(f"The video of a failure will begin at {state:.3f} s: {error}\n")
+            self._writer = None
+
+    def _give_up(self, error: Exception) -> None:
+        self.next_time_s = math.inf
+        self._error = f"{type(error).__name__}: {error}"
+        sys.stderr.write(f"No more states are noted for a video: {self._error}.\n")
+
+
+def _differences(rows: Rows) -> bytes:
+    """Columns of bit patterns, each number as what changed of it since the frame before."""
+    bits = rows.T.copy().view(np.uint64)
+    bits[:, 1:] ^= bits[:, :-1].copy()
+    return bits.tobytes()
+
+
+def _write_all(file: BinaryIO, data: bytes) -> None:
+    """Writes everything: a raw file may take only part of it when a disk is almost full."""
+    view = memoryview(data)
+    while view:
+        view = view[file.write(view) or 0 :]

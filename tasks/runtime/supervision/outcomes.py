@@ -1,4 +1,4 @@
-"""Outcome of a run: Completed, Failed with the application at fault and the reason, or Canceled."""
+"""Outcomes of runs: code and reason of how processes ended."""
 
 import os
 import signal
@@ -7,10 +7,11 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Literal
 
 from ....schemas.runs.plan import ApplicationRole, RunPlan
-from ....schemas.runs.programs import ToolEnds
-from ....schemas.runs.stops import RunStop
+from ....schemas.runs.programs import RunStop, ToolEnds
 from ....schemas.wire.common import without_escapes
 from ..episode.progress import Phase
+from ..limits.disk_use import disk_meter
+from ..limits.files import files_below
 
 MAX_REASON_CHARACTERS = 1024
 _MAX_HEAD_CHARACTERS = 600
@@ -244,3 +245,23 @@ def signal_name(number: int) -> str:
         return signal.Signals(number).name
     except ValueError:
         return f"signal {number}"
+
+
+def attribute_disk_use(ended: Exit, plan: RunPlan) -> Exit:
+    """Measures the folders of a run of containers a last time, after the containers have ended.
+
+    While they run, their root user may have folders that other users cannot read.
+
+    Args:
+        ended: How the run ended, by itself.
+        plan: The run.
+
+    Returns:
+        The same, or a crash of the container that has most files, if the run wrote too much.
+    """
+    containers = [program for program in plan.programs if program.cleanup_argv is not None]
+    if not containers or ended.crash is not None or (said := disk_meter(plan).last_look()) is None:
+        return ended
+    held = [sum(file.size_bytes for file in files_below([each.folder]) if file is not None) for each in containers]
+    most = containers[held.index(max(held))]
+    return replace(ended, crash=Crash(most.role, f"used too much: {said}", most.name))

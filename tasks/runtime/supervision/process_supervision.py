@@ -14,19 +14,15 @@ from functools import partial
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
-from ....schemas.runs.programs import ToolEnds
-from ....schemas.runs.stops import RunStop
+from ....schemas.runs.programs import RunStop, ToolEnds
 from ..episode.progress import AGENT_GONE, Phase, Progress
-from ..limits.capped_logs import CappedLog
 from ..limits.disk_use import disk_meter
 from ..limits.limits import Excess, Meter, confine
-from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG
+from ..limits.logs import LOG_FOLDER, STDERR_LOG, STDOUT_LOG, CappedLog
 from ..limits.processes import descendants_of, kill_children
-from ..process.run_request import RunRequest
-from ..process.run_sights import rules_of_run
-from ..sandbox.box import Box
-from ..sandbox.forking import fork_beside
-from ..sandbox.rights import give_up_rights
+from ..process.run_request import RunRequest, rules_of_run
+from ..sandbox.box import Box, fork_beside
+from ..sandbox.kernel import give_up_rights
 from .outcomes import Crash, Exit, how_it_ended
 from .ports import fork_forwarder, open_ports
 from .programs import Program, StartError

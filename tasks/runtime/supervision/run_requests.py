@@ -1,19 +1,27 @@
-"""Makes the request for a run: its plan and its run environment."""
+"""Requests for runs: plan, environment, box and processor cores."""
 
+import logging
 import os
 import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import BoxPlan, ProgramPlan
 from ....schemas.runs.variables import variables_of
+from ....schemas.settings import Settings
+from ....schemas.wire.errors import LaunchError
 from ..agents.agent_client import SOCKET_VARIABLE
 from ..agents.agent_socket import agent_socket_path
 from ..process.run_request import RunRequest
 from ..rendering.backends import best_video_backend
+from ..sandbox.levels import Confinement
 from ..sandbox.views import paths_in
-from ..video.recorded_camera_settings import camera_recording
-from ..video.video_settings import settings_of
+from ..video.video_settings import camera_recording, settings_of
 
 DEFAULT_VARIABLES = {
     # Runs are parallel to each other; threads inside numpy would only fight over the cores.
@@ -122,3 +130,124 @@ def _fixed_variables(plan: RunPlan) -> dict[str, str]:
     elif not os.environ.get(_GPU_VARIABLES[0]):
         variables[_GPU_VARIABLES[0]] = "0"
     return variables
+
+
+_CODE = "InternalServiceError"
+_OF_USERS = (".aws", ".ssh", ".gnupg", ".prefect", ".docker", ".kube", ".netrc", ".config", ".s3cfg")
+_SQLITE = "sqlite:///"
+_DEFAULT_PORTS = {"http": 80, "https": 443}
+
+_logger = logging.getLogger(__name__)
+
+
+@cache
+def _warn_once(text: str) -> None:
+    _logger.warning("%s", text)
+
+
+def plan_box(
+    settings: Settings,
+    confinement: Confinement,
+    user_home: Path | None = None,
+    warn: Callable[[str], None] = _warn_once,
+    endpoint: str | None = None,
+) -> BoxPlan:
+    """Decides what a run is confined to.
+
+    Args:
+        settings: The service's.
+        confinement: The strongest level that this machine has.
+        user_home: Home folder of this process's user; None: as the system says.
+        warn: Told once what is missing.
+        endpoint: URL of the service's endpoint, if this process knows one.
+
+    Raises:
+        LaunchError: The settings require more than this machine has.
+    """
+    if settings.sandbox == "off":
+        return BoxPlan()
+    level, why = confinement
+    lacks = ""
+    if level == "none":
+        lacks = f"simulation jobs are not confined on this machine: {why}"
+    elif level != "box" and settings.sandbox_network != "full":
+        lacks = f"the network of simulation jobs cannot be {settings.sandbox_network!r} on this machine: {why}"
+    if lacks and settings.sandbox == "require":
+        raise LaunchError(
+            f"{lacks}; ROBOMAKER_SANDBOX=require refuses to run them so: allow user namespaces, or set it to auto",
+            _CODE,
+        )
+    if lacks:
+        warn(f"{lacks} (see `robomaker doctor`)")
+    network = settings.sandbox_network if level == "box" else "full"
+    servers = (settings.object_store, endpoint or "") if network == "local" else ()
+    return BoxPlan(
+        level=level,
+        network=network,
+        services=sorted({port for url in servers if (port := _local_port(url)) is not None}),
+        shown=list(settings.sandbox_show),
+        hidden=_hidden(settings, user_home or Path.home()),
+    )
+
+
+def _local_port(url: str) -> int | None:
+    """The port of a server on this machine; `None`: it is elsewhere, or no server at all."""
+    with suppress(ValueError):  # it is no URL
+        parts = urlsplit(url)
+        if parts.hostname in ("127.0.0.1", "localhost"):
+            return parts.port or _DEFAULT_PORTS.get(parts.scheme)
+    return None
+
+
+def _hidden(settings: Settings, user_home: Path) -> list[Path]:
+    """Returns paths of the service and of the user that are hidden, even inside folders that are shown."""
+    hidden = [settings.home, *(user_home / name for name in _OF_USERS)]
+    hidden += [file for file in (settings.access_keys_file, settings.roles_file) if file is not None]
+    if settings.object_store.startswith("/"):
+        hidden.append(Path(settings.object_store))
+    if settings.catalog_url.startswith(_SQLITE):
+        catalog = settings.catalog_url.removeprefix(_SQLITE)
+        hidden += [Path(catalog + end) for end in ("", "-wal", "-shm", "-journal")]
+    return hidden
+
+
+class Cores:
+    """Counts how many runs use each core of this machine; threads may share it.
+
+    Args:
+        available: Numbers of the cores; absent: those that this process may use.
+        first: Where to begin, so that several job workers on one machine do not all begin with the
+            same core; absent: somewhere that depends on the process.
+    """
+
+    def __init__(self, available: list[int] | None = None, first: int | None = None) -> None:
+        cores = sorted(os.sched_getaffinity(0)) if available is None else available
+        start = (os.getpid() if first is None else first) % len(cores)
+        self._runs = dict.fromkeys(cores[start:] + cores[:start], 0)
+        self._lock = threading.Lock()
+
+    @contextmanager
+    def taken(self, count: int | None) -> Iterator[list[int] | None]:
+        """Chooses the cores with the fewest runs and counts one more on them for as long as the context lasts.
+
+        Args:
+            count: How many; None: as many as there are.
+
+        Yields:
+            Their numbers; None for all, which needs no confinement.
+        """
+        if count is None or count >= len(self._runs):
+            yield None
+            return
+        with self._lock:
+            chosen = sorted(self._runs, key=self._runs.__getitem__)[:count]
+            self._add(chosen, 1)
+        try:
+            yield chosen
+        finally:
+            with self._lock:
+                self._add(chosen, -1)
+
+    def _add(self, cores: list[int], runs: int) -> None:
+        for core in cores:
+            self._runs[core] += runs

@@ -23,11 +23,10 @@ from ....schemas.runs.programs import BoxLevel
 from ....schemas.wire.errors import LaunchError
 from ..episode.progress import Progress
 from ..limits.processes import adopt_orphans, come_first, kill_children
-from ..process.run_request import RunRequest
-from ..process.run_sights import sights_of_run
+from ..process.run_request import RunRequest, sights_of_run
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..sandbox.box import Box
-from ..sandbox.run_marks import mark_run
+from ..sandbox.connections import mark_run
 from ..sandbox.views import Sight
 from ..states.provenance import note_run
 from .process_supervision import Supervision

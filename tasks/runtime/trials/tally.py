@@ -14,7 +14,7 @@ from ....schemas.runs.trial_rows import (
     TrialsSummary,
 )
 from ....schemas.runs.trials import Trials
-from ..episode.verdicts import Parts, TrialParts, decide_verdict
+from ..episode.results import Parts, TrialParts, decide_verdict
 
 MAX_NAMES = 200
 """How many metrics, and how many requirements, are counted; those that came first."""

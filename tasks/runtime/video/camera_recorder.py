@@ -16,13 +16,12 @@ from ..episode.physics import raw_physics
 from ..episode.results import Findings, Observer
 from ..recording import messages as ros
 from ..recording.camera_frames import CAMERA_FRAME, OPTICAL_FRAME, TO_OPTICAL, Mount, camera_info, find_mount, frames_of
-from ..recording.display_messages import CompressedImage
-from ..recording.recorder import Recorder
+from ..recording.messages import CompressedImage
+from ..recording.recording import Recorder
 from ..rendering.cameras import Image
 from ..rendering.views import CameraNameError
-from .recorded_camera_settings import CAMERA_VARIABLE, CameraRecording
-from .video_settings import VideoSettings
-from .view_renderer import RAYS, ViewRenderer
+from .video import RAYS, ViewRenderer
+from .video_settings import RECORDED_CAMERA_VARIABLE, CameraRecording, VideoSettings
 
 TOPIC = "/camera/image_raw/compressed"
 INFO_TOPIC = "/camera/camera_info"
@@ -99,7 +98,7 @@ class CameraRecorder(Observer):
             asked = self._settings
             camera = asked.camera or _default_camera(model)
             settings = VideoSettings(camera, _SIZE, appearance=asked.appearance, seed=asked.seed)
-            self._renderer = ViewRenderer(model, settings, self._backend, said_by=CAMERA_VARIABLE)
+            self._renderer = ViewRenderer(model, settings, self._backend, said_by=RECORDED_CAMERA_VARIABLE)
             # Without a renderer: only to learn where the camera stands, and how it projects.
             self._scene = mujoco.MjvScene(model, maxgeom=1)
         return self._renderer, data

@@ -13,11 +13,10 @@ from pathlib import Path
 from ....schemas.runs.plan import RunOutcome, RunPlan
 from ....schemas.wire.errors import LaunchError
 from ..episode.results import MAX_RESULT_BYTES, RESULT_FILE
-from ..limits.left_files import read_left
-from ..limits.run_notes import add_note
+from ..limits.files import read_left
+from ..limits.logs import add_note
 from ..rendering.backends import best_video_backend
-from .video_files import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, unfinished
-from .video_settings import settings_of
+from .video_settings import CLIP_FILE, STATE_LOG_FOLDER, VIDEO_FILE, VideoRequest, settings_of, unfinished
 
 _PROGRAM = "prefect_robomaker.tasks.runtime.video.rerender"
 _REMARKS_FILE = "film.log"

@@ -21,13 +21,10 @@ from PIL import Image as PillowImage
 
 from ..limits.processes import die_with_parent
 from ..rendering.cameras import Image
-from ..rendering.drawing import awake, work_out_places
-from ..rendering.views import CameraNameError
+from ..rendering.views import CameraNameError, awake, work_out_places
 from ..states.state_log import Segment, StateLog
-from .encoder import VideoWriter
-from .video_files import CLIP_FILE, POSTER_FILE, VIDEO_FILE, VideoRequest
-from .video_settings import VideoSettings
-from .view_renderer import ViewRenderer
+from .video import VideoWriter, ViewRenderer
+from .video_settings import CLIP_FILE, POSTER_FILE, VIDEO_FILE, VideoRequest, VideoSettings
 
 CLIP_S = 10.0
 _NICENESS = 15

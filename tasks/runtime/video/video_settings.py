@@ -1,11 +1,16 @@
-"""Video settings of a run, from the variables of its launch configurations."""
+"""Settings of videos and of the recorded camera, and names of video files; imports no MuJoCo."""
 
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import Field
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.variables import variables_of
+from ....schemas.runs.variables import number_in, variables_of
+from ....schemas.wire.base import Model
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.appearance import appearance_named
 
@@ -107,3 +112,74 @@ def _rate_hz(text: str) -> int:
 
 def _wrong(variable: str, value: str, right: str) -> LaunchError:
     return LaunchError(f"{variable} is {value!r}; it has to be {right}")
+
+
+RECORDED_RATE_VARIABLE = "ROBOMAKER_RECORD_CAMERA_HZ"
+RECORDED_CAMERA_VARIABLE = "ROBOMAKER_RECORD_CAMERA"
+_MAX_RECORDED_RATE_HZ = 60.0
+_BOTH = "both"
+
+
+class CameraRecording(NamedTuple):
+    """Settings of the recorded camera: its frame rate, and which one it is."""
+
+    rate_hz: float
+    """Pictures per simulated second."""
+
+    camera: str | None = None
+    """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
+
+    appearance: str | None = None
+    """How a world is lit; see `VideoSettings`."""
+
+    seed: int = 0
+    """Seed of the appearance that `random` chooses."""
+
+
+def camera_recording(plan: RunPlan) -> CameraRecording | None:
+    """Returns what a run's variables ask for; None: no pictures, which is the default.
+
+    Raises:
+        LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,
+            or there is no such appearance.
+    """
+    variables = variables_of(plan)
+    if not plan.record or (text := variables.get(RECORDED_RATE_VARIABLE)) is None:
+        return None
+    rate_hz = number_in(text)
+    if not 0 < rate_hz <= _MAX_RECORDED_RATE_HZ:
+        raise LaunchError(
+            f"{RECORDED_RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "
+            f"{_MAX_RECORDED_RATE_HZ:g}, such as 5"
+        )
+    camera = variables.get(RECORDED_CAMERA_VARIABLE) or None
+    if camera == _BOTH:
+        raise LaunchError(
+            f"{RECORDED_CAMERA_VARIABLE} is {camera!r}, but a picture of two views has no camera_info true of it; "
+            "it has to be follow, top, or the name of one of the model's cameras (videos may have both)"
+        )
+    return CameraRecording(rate_hz, camera, appearance_of(plan), plan.seed)
+
+
+VIDEO_FILE = "video.mp4"
+POSTER_FILE = "poster.png"
+CLIP_FILE = "last-10s.mp4"
+STATE_LOG_FOLDER = "state-log"
+"""Name of the state log's folder in the work folder of a run; see `state_log`."""
+NO_PHYSICS = "the environment has no `physics` to record"
+
+
+class VideoRequest(Model):
+    """The videos to make of a log of states."""
+
+    log_dir: Path = Field(description="The log.")
+    output_dir: Path = Field(description="Folder that the videos are written to.")
+    backend: str = Field(description="`egl`, `osmesa` or `rays`.")
+    settings: VideoSettings = Field(description="Camera, size and rate.")
+    whole_video: bool = Field(description="Whether `video.mp4` is made too.")
+    parent_pid: int = Field(description="The rendering process ends with this process.")
+
+
+def unfinished(path: Path) -> Path:
+    """Returns where a file is while it is being written."""
+    return path.with_name(f".{path.name}.unfinished")

@@ -14,12 +14,21 @@ from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource
 from ...runtime.agents.agent_client import SOCKET_VARIABLE
 from ...runtime.agents.agent_socket import agent_socket_path
-from ..environment.compute import gpu_of
-from ..environment.folders import AGENT, AWS, DATA_SOURCES, HOME, LOGS, OUTPUT, WORLD, Sandbox
+from ..environment.folders import (
+    AGENT,
+    AWS,
+    DATA_SOURCES,
+    HOME,
+    LOGS,
+    OUTPUT,
+    SHARED_MEMORY,
+    WORLD,
+    Sandbox,
+    make_shared_memory,
+)
 from ..environment.role_access import container_variables
-from ..environment.run_environment import RunEnvironment, container_sandbox, tool_plan
-from ..environment.shared_memory import SHARED_MEMORY, make_shared_memory
-from ..ros.domains import DOMAIN_VARIABLE
+from ..environment.run_environment import RunEnvironment, container_sandbox, gpu_of, tool_plan
+from ..ros.job_services import DOMAIN_VARIABLE
 from .cleanup import ContainerNote, noted_container
 from .command_lines import (
     NO_PROGRAM,

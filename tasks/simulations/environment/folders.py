@@ -1,16 +1,13 @@
-"""The folders of a job: what `/home/robomaker` and the like are on this machine while it runs.
+"""Folders of a job: its file tree, shared memory of containers, overlays of colcon bundles."""
 
-| in the job | here |
-| --- | --- |
-| `/home/robomaker` | `<root>/home/robomaker`, the `HOME` of all its processes |
-| `/var/log` | `<root>/var/log` |
-| `/tmp` | `<root>/tmp`, their `TMPDIR` |
-| `/opt/robomaker/datasources/<name>/<key>` | the same below the root, read-only |
-"""
-
+import hashlib
+import os
+import re
 import shutil
 import stat
 import subprocess
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
@@ -81,3 +78,112 @@ def _unprotect_and_retry(function: object, path: str, problem: object) -> None:
         shutil.rmtree(target, ignore_errors=True)
     else:
         target.unlink(missing_ok=True)
+
+
+SHARED_MEMORY = "/dev/shm"  # noqa: S108 - the place in a container
+_MACHINES = Path("/dev/shm")  # noqa: S108 - what is made there is private
+
+
+def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
+    """Makes the folder that containers of a run have as `/dev/shm`; any user in them may write to it.
+
+    It is in memory, or else, where that cannot be, on the disk.
+
+    Args:
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
+    """
+    for private in shared_memory_places(folder, machines):
+        try:
+            with suppress(FileExistsError):
+                private.mkdir(0o700)
+            status = private.lstat()
+            if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid():
+                continue  # somebody else was there before
+            shared = private / "shm"
+            shared.mkdir(exist_ok=True)
+            shared.chmod(0o1777)
+        except OSError:
+            continue
+        return shared
+    raise OSError(f"no shared memory can be made in {machines} or {folder}")
+
+
+def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]:
+    """Removes what `make_shared_memory` made, if it made anything.
+
+    Args:
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
+
+    Returns:
+        What of it is still there: root in a container may make folders that only root may empty.
+    """
+    left = []
+    for private in shared_memory_places(folder, machines):
+        with suppress(OSError):
+            if private.lstat().st_uid == os.geteuid():
+                remove(private)
+                if os.path.lexists(private):
+                    left.append(private)
+    return left
+
+
+def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path, Path]:
+    """Returns the folders for a run's shared memory: in memory if that can be, or else on the disk.
+
+    Args:
+        folder: the run's own folder.
+        machines: where the machine has a file system in memory.
+    """
+    digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
+    return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"
+
+
+OVERLAYS_FILE = ".colcon-overlays"
+"""File in the folder of a bundle: names of its overlays, a line each, in the order of sourcing."""
+
+_NAME = re.compile(r"^[A-Za-z0-9_-]+$")
+_MOST_BYTES = 4096
+_PACKAGES = ("opt/built_workspace", "opt/install", "opt/ros/*/share")
+
+
+def overlays(bundle: Path | None) -> list[Path]:
+    """The overlays of a bundle in the order of sourcing; none: it is no colcon bundle."""
+    file = bundle / OVERLAYS_FILE if bundle is not None else None
+    if bundle is None or file is None or not file.is_file():
+        return []
+    with file.open("rb") as content:
+        names = content.read(_MOST_BYTES).decode(errors="replace").split("\n")
+    return [bundle / name for name in names if _NAME.match(name) and (bundle / name).is_dir()]
+
+
+def setups_of(bundle: Path | None) -> list[Path]:
+    """The scripts that bash sources before a program of a colcon bundle, in their order."""
+    scripts = [(overlay / "setup.bash", overlay / "setup.sh") for overlay in overlays(bundle)]
+    return [bash if bash.is_file() else plain for bash, plain in scripts]
+
+
+def package_folders(bundle: Path) -> list[Path]:
+    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system."""
+    found = [path for overlay in reversed(overlays(bundle)) for each in _PACKAGES for path in overlay.glob(each)]
+    return found or [bundle]
+
+
+def own_program(bundle: Path | None, name: str) -> Path | None:
+    """A program of the ROS that a colcon bundle brings, if it brings one."""
+    places = [overlay.glob(f"opt/ros/*/bin/{name}") for overlay in overlays(bundle)]
+    return next((path for place in places for path in place if path.is_file()), None)
+
+
+def missing_interpreter(bundle: Path | None, program: Path, which: Callable[[str], str | None]) -> str | None:
+    """The interpreter that a script of a bundle names and that neither it nor this machine has; else `None`."""
+    with program.open("rb") as file:
+        first = file.readline(_MOST_BYTES).decode(errors="replace")
+    words = first.removeprefix("#!").split() if first.startswith("#!") else []
+    if not words:
+        return None
+    name = words[1] if len(words) > 1 and Path(words[0]).name == "env" else words[0]
+    inside = [overlay / place / Path(name).name for overlay in overlays(bundle) for place in ("usr/bin", "bin")]
+    there = Path(name).is_file() if name.startswith("/") else which(name) or any(path.is_file() for path in inside)
+    return None if there else name

@@ -1,28 +1,22 @@
-"""Access to the object store as the job's role, for a job's code: variables, and files that SDKs read.
-
-| file in `/opt/robomaker/aws` | who reads it |
-| --- | --- |
-| `config`, in containers `container.config` | SDKs, by `AWS_CONFIG_FILE`: region, path style, where keys come from |
-| `keys.json` | SDKs that `config` tells to: keys that are had again while the job runs |
-| `models/endpoints.json` | boto3 before 1.28, by `AWS_DATA_PATH`: it knows no variable for an endpoint |
-| `s3cfg` | s3cmd, by `S3CMD_CONFIG` |
-
-Keys are in files and never in variables: the plan of a run, which has its variables, is stored with its outputs.
-"""
+"""Access to the object store as the job's role, for a job's code, with keys that are renewed."""
 
 import json
+import logging
 import os
-from collections.abc import Mapping
+import threading
+from collections.abc import Generator, Mapping
+from contextlib import contextmanager
 from pathlib import Path, PurePath
 from typing import Any
 from urllib.parse import urlsplit
 from uuid import uuid4
 
 from ....schemas.settings import Settings
-from ....schemas.wire.errors import LaunchError, StorageAccessDeniedError
+from ....schemas.wire.errors import LaunchError, RobomakerError, StorageAccessDeniedError
 from ...service.service import Service
 from ...storage.roles import Keys
 from .folders import AWS, Sandbox
+from .run_environment import run_sandbox
 
 _CONFIG, _CONTAINER_CONFIG, _KEYS, _MODELS, _S3CFG = "config", "container.config", "keys.json", "models", "s3cfg"
 _PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
@@ -202,3 +196,53 @@ def _write(path: Path, text: str) -> None:
     temporary = path.with_name(f".{uuid4().hex}.part")
     temporary.write_text(text, encoding="utf-8")
     temporary.replace(path)
+
+
+EVERY_S = 60.0
+"""Credentials of an assumed role are had again when half of their time is over, which is 15 minutes at least."""
+
+_logger = logging.getLogger(__name__)
+
+
+@contextmanager
+def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every_s: float = EVERY_S) -> Generator[None]:
+    """Writes the role's credentials as they are now, and again as often as they change; does nothing without any.
+
+    Args:
+        request: the job's.
+        service: where it is stored.
+        folder: the run's own.
+        every_s: how often it is looked whether they have changed, in seconds.
+
+    Raises:
+        LaunchError: they cannot be had.
+        StorageUnavailableError: the server does not answer.
+    """
+    keys = role_keys(request, service)
+    if keys is None:
+        yield
+        return
+    sandbox, over = run_sandbox(folder), threading.Event()
+    write_store_files(sandbox, service.settings, keys)
+    if keys.expires_at is None:
+        yield
+        return
+
+    def look() -> None:
+        last = keys
+        while not over.wait(every_s):
+            try:
+                now = role_keys(request, service)
+                if now is not None and now != last:
+                    write_store_files(sandbox, service.settings, now)
+                    last = now
+            except (RobomakerError, OSError) as error:  # those that are there may be good for a while
+                _logger.warning("the credentials of %s cannot be had again: %s", request.get("iamRole"), error)
+
+    thread = threading.Thread(target=look, name="fresh-keys", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        thread.join()

@@ -1,17 +1,80 @@
-"""Environment of a run's applications on this machine."""
+"""The surroundings of a run: variables, limits of compute, programs to start."""
 
 import os
 import shutil
+import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 from ....schemas.runs.plan import ApplicationRole, RunPlan
-from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.programs import ComputeLimits, ProgramPlan
+from ....schemas.runs.variables import ENDPOINT_VARIABLE, OF_JOB
+from ....schemas.settings import Settings
+from ....schemas.wire.errors import LaunchError
 from ...service.service import Service
-from .folders import Sandbox
-from .process_variables import search_path
+from .folders import TEMPORARY, Sandbox
+
+
+def process_variables(
+    sandbox: Sandbox, settings: Settings, environ: Mapping[str, str], caller: str = ""
+) -> dict[str, str]:
+    """The variables that every process of a run has, besides those that say what run it is and where its folders are.
+
+    Args:
+        sandbox: the run's folders.
+        settings: the service's.
+        environ: variables of this process.
+        caller: see `service_variables`.
+    """
+    return {
+        "TMPDIR": str(sandbox.place(TEMPORARY)),
+        "PATH": search_path(environ),
+        **service_variables(settings, environ, caller),
+    }
+
+
+def service_variables(settings: Settings, environ: Mapping[str, str], caller: str = "") -> dict[str, str]:
+    """Returns the variables with which a job calls the service, about itself for example.
+
+    The only secret among them is the job's own.
+
+    SDKs get the endpoint where this process knows one, and placeholder keys where signatures are not checked. The
+    command gets the home, unless the catalog is a database elsewhere, whose URL may hold a password.
+
+    Args:
+        settings: the service's.
+        environ: variables of this process.
+        caller: id and key of the job, with a slash between, by which the endpoint knows its calls.
+    """
+    variables = {"AWS_REGION": settings.region, "AWS_DEFAULT_REGION": settings.region}
+    if endpoint := environ.get(ENDPOINT_VARIABLE):
+        is_open = settings.access_keys_file is None
+        variables[ENDPOINT_VARIABLE] = f"{endpoint.rstrip('/')}{OF_JOB}{caller}" if caller and is_open else endpoint
+        if models := environ.get("AWS_DATA_PATH"):
+            variables["AWS_DATA_PATH"] = models
+        if is_open:
+            variables |= {"AWS_ACCESS_KEY_ID": "local", "AWS_SECRET_ACCESS_KEY": "local"}
+    if _keeps_catalog_at_home(settings):
+        variables |= {
+            "ROBOMAKER_HOME": str(settings.home),
+            "ROBOMAKER_REGION": settings.region,
+            "ROBOMAKER_ACCOUNT": settings.account,
+        }
+    return variables
+
+
+def _keeps_catalog_at_home(settings: Settings) -> bool:
+    plain = quote(str(settings.home), safe="/:@!$&'()*+,;=~")
+    return settings.catalog_url in (f"sqlite:///{settings.home}/catalog.db", f"sqlite:///{plain}/catalog.db")
+
+
+def search_path(environ: Mapping[str, str]) -> str:
+    """Returns the path on which programs of jobs are found: beside this Python first, then the path of `environ`."""
+    return os.pathsep.join([str(Path(sys.executable).parent), environ.get("PATH") or os.defpath])
+
 
 ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 
@@ -87,3 +150,63 @@ def tool_plan(
         environment=dict(environment),
         exit_behavior=tool.get("exitBehavior") or "RESTART",
     )
+
+
+DEFAULT_COMPUTE: Mapping[str, Any] = {"simulationUnitLimit": 15, "computeType": "CPU", "gpuUnitLimit": 0}
+"""Compute of a job whose request has none."""
+
+_BYTES_PER_UNIT = 2 << 30
+_SHARE_OF_DISK = 0.4
+"""Share of the free disk that a run may fill: its outputs are written again to be stored, often to the same disk."""
+_LEAST_DISK_BYTES = 64 * 10**6
+"""A disk that has less left is full soon anyway, and says so itself."""
+_GPU = Path("/dev/nvidia0")
+
+
+def has_gpu(gpu: Path = _GPU) -> bool:
+    """Whether this machine has a GPU that jobs can be given."""
+    return gpu.exists()
+
+
+def gpu_of(environ: Mapping[str, str]) -> str:
+    """Number or UUID of the GPU that jobs are given: the first that `CUDA_VISIBLE_DEVICES` names, else the first."""
+    return environ.get("CUDA_VISIBLE_DEVICES", "").split(",")[0].strip() or "0"
+
+
+def compute_limits(
+    request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None, nice: int = 0
+) -> ComputeLimits:
+    """The limits of a job, but for the disk: a simulation unit is one processor and 2 GiB of memory.
+
+    Args:
+        request: the job's request.
+        gpu: the device of the first GPU, which is looked for when the job asks for one.
+        cpus: processors of this machine; absent: as many as this process may use.
+        nice: niceness of all that it starts.
+
+    Raises:
+        LaunchError: it asks for a GPU, and there is none.
+    """
+    compute = {**DEFAULT_COMPUTE, **(request.get("compute") or {})}
+    wants_gpu = compute["computeType"] == "GPU_AND_CPU" or compute["gpuUnitLimit"] > 0
+    if wants_gpu and not has_gpu(gpu):
+        raise LaunchError(
+            f"compute.computeType is {compute['computeType']} with gpuUnitLimit {compute['gpuUnitLimit']}, but this "
+            f"machine has no GPU ({gpu} is not there); request CPU, or run the job where there is one"
+        )
+    units = compute["simulationUnitLimit"]
+    there = cpus or len(os.sched_getaffinity(0))
+    return ComputeLimits(cpus=min(units, there), memory_bytes=units * _BYTES_PER_UNIT, nice=nice, gpu=wants_gpu)
+
+
+def disk_limit(folder: Path, most_bytes: int) -> int:
+    """Limit of a job's files below a folder, in bytes: no job alone can fill the disk, even with copies of files.
+
+    What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
+
+    Args:
+        folder: where.
+        most_bytes: what it may write to a disk that is large enough.
+    """
+    free = int(_SHARE_OF_DISK * shutil.disk_usage(folder).free)
+    return min(most_bytes, max(free, _LEAST_DISK_BYTES))

@@ -1,23 +1,22 @@
-"""Bounds of what a run's outputs may be: how much is stored of them, how many files, and what is left out.
+"""Files of a run that are stored: which have room, and under which names."""
 
-A job's code may leave anything: a file of 256 GB without a block on the disk, or hundreds of thousands of empty ones.
-Sizes count as they are stored, holes as well, since no S3 server has holes.
-"""
-
+import heapq
 import os
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 from pydantic import JsonValue
 
-from ....schemas.runs.manifest import ManifestFile
-from ....schemas.runs.provenance import PROVENANCE_FILE
+from ....schemas.runs.provenance import PROVENANCE_FILE, ManifestFile
 from ....schemas.runs.trial_rows import TRIALS_FILE
 from ....schemas.settings import Settings
 from ....schemas.wire.common import shorten
-from ....schemas.wire.errors import TransferStoppedError
-from ...storage.base import Stopped
+from ....schemas.wire.errors import StorageError, TransferStoppedError
+from ...storage import MANIFEST_NAME
+from ...storage.base import Stopped, check_key, join_key, never
+from ...storage.folders import FolderFile, files_told, os_failures
 
 RESULT_FILE = "result.json"
 _MOST_NAMED = 1000
@@ -140,3 +139,136 @@ class Room:
             f"{files} not stored: a run may leave {self.most_files} files of {self.most_bytes / 1e9:.3g} GB "
             "(ROBOMAKER_MAX_OUTPUT_FILES, ROBOMAKER_MAX_OUTPUT_GB); manifest.json names what is left out"
         ]
+
+
+def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never) -> list[FolderFile]:
+    """Looks through what a run wrote; none of its processes is there any more.
+
+    Left out are links, pipes, sockets and devices, what this process may not read, what no store could have under its
+    name, a `manifest.json`, which would say what is whole, and what has no room. However many files there are, only as
+    many as there is room for are kept in memory.
+
+    Args:
+        folder: where the run wrote.
+        prefix: of the keys that the files get.
+        room: what may be stored; it is taken, and is told what is left out.
+        ended: asked before each file whether to end that; quick.
+
+    Raises:
+        TransferStoppedError: `ended` said so.
+        StorageError: there is no such folder.
+    """
+    count = size_bytes = 0
+
+    def leave_out(path: Path, why: str) -> None:
+        room.left_out.note(os.fspath(path.relative_to(folder)), why)
+
+    def found() -> Iterator[tuple[FolderFile, int]]:
+        nonlocal count, size_bytes
+        for file in files_told(folder, leave_out):
+            check_wanted(ended)
+            if (why := _obstacle(file, prefix)) is not None:
+                leave_out(file.path, why)
+                continue
+            size = file.path.lstat().st_size
+            count, size_bytes = count + 1, size_bytes + size
+            yield file, size
+
+    with os_failures(f"read the folder {folder}"):
+        most = max(0, room.most_files - room.used_files) + 1
+        best = heapq.nsmallest(most, found(), key=lambda each: rank(each[0].name))
+    files = [file for file, size in best if room.take(file.name, size)]
+    more = count - len(best)  # than there is room for; one of them has been named
+    room.left_out.count(more, size_bytes - sum(size for _, size in best))
+    room.left_out.beyond_limits += more
+    return sorted(files, key=lambda file: os.fsencode(file.name))
+
+
+def _obstacle(file: FolderFile, prefix: str) -> str | None:
+    if file.name == MANIFEST_NAME:
+        return "has the name of the manifest"
+    try:
+        check_key(join_key(prefix, file.name))
+    except StorageError as error:
+        return f"has a name that no store takes: {error}"
+    return None if os.access(file.path, os.R_OK) else "may not be read"
+
+
+@dataclass(frozen=True)
+class Found:
+    """A file that is to be uploaded."""
+
+    name: str
+    """The name it would have alone: `<configuration>/<path below the glob's fixed folder>`."""
+
+    path: Path
+    replaces: bool = False
+    """Whether it is a later version of what its own configuration may have uploaded under that name."""
+
+
+def distinct(
+    outputs: Collection[str], rolled: Collection[str], files: Iterable[Found]
+) -> tuple[list[FolderFile], list[str]]:
+    """Gives files names that no other file has, and that no store takes for a folder of other files.
+
+    Args:
+        outputs: names of the run's own outputs.
+        rolled: names of what was stored while the run went on.
+        files: the other files, first come, first served.
+
+    Returns:
+        The files under the names they get, and a line for each that does not get the name it would have alone.
+    """
+    names = _Names([*outputs, *rolled])
+    # What has versions, each of which replaces the one before, and the name that it got.
+    versions = {name: name for name in rolled if name not in outputs}
+    placed: dict[str, FolderFile] = {}
+    notes: list[str] = []
+    for file in files:
+        name = versions.get(file.name) if file.replaces else None
+        if name is None:
+            name = names.take(file.name)
+            if name != file.name:
+                notes.append(f"{file.name} is stored as {name}, since another file has its name")
+        if file.replaces:
+            versions[file.name] = name
+        placed[name] = FolderFile(name, file.path)
+    return list(placed.values()), notes
+
+
+class _Names:
+    """Names that are taken, with the folders they are in."""
+
+    def __init__(self, names: Iterable[str]) -> None:
+        self._files: set[str] = set()
+        self._folders: set[str] = set()
+        for name in names:
+            self._add(name)
+
+    def take(self, name: str) -> str:
+        """The name itself, or the first free one like it: `maps/a.pgm.1`; `maps.1/a.pgm` where `maps` is a file."""
+        free = next(each for each in _like(name) if self._is_free(each))
+        self._add(free)
+        return free
+
+    def _add(self, name: str) -> None:
+        self._files.add(name)
+        self._folders.update(_above(name))
+
+    def _is_free(self, name: str) -> bool:
+        return name not in self._files and name not in self._folders and self._files.isdisjoint(_above(name))
+
+
+def _like(name: str) -> Iterator[str]:
+    yield name
+    folder, _, rest = name.partition("/")
+    number = 0
+    while True:
+        number += 1
+        yield f"{name}.{number}"
+        yield f"{folder}.{number}/{rest}"
+
+
+def _above(name: str) -> list[str]:
+    """The folders that a file of that name is in."""
+    return [str(parent) for parent in PurePosixPath(name).parents if parent.name]

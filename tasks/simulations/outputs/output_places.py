@@ -1,19 +1,28 @@
-"""Places of a job's outputs: bucket, prefix of its run, and whether that bucket can be used."""
+"""Places of outputs in the object store, notes for the result, and the end of an upload that is cancelled."""
 
 import logging
-from collections.abc import Mapping
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
+from ....schemas.runs.programs import StopReason
+from ....schemas.runs.requirements import REQUIREMENTS_VARIABLE, doubtful_requirements
 from ....schemas.wire.errors import (
     InvalidParameterException,
     ObjectNotFoundError,
+    ServiceUnavailableException,
     StorageAccessDeniedError,
     StorageError,
 )
-from ...catalog import Resource
+from ...catalog import Catalog, Resource
 from ...service.service import Service
-from ...storage.naming import check_bucket, check_key, join_key
+from ...storage.base import check_bucket, check_key, join_key
+from ..environment.run_environment import application_configs
+from .upload_files import Upload
 
 DEFAULT_PREFIX = "simulation-jobs"
 
@@ -73,3 +82,110 @@ def prepare_bucket(service: Service, bucket: str) -> None:
         return  # there is the bucket, which is what was asked
     except StorageAccessDeniedError as error:
         _logger.debug("writing will show whether bucket %s can be used: %s", bucket, error)
+
+
+_NEW_BUCKET = "new-bucket.txt"
+_NEAR = 0.8
+"""Likeness of two names from which on one may be the other, misspelt."""
+
+
+def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
+    """Keeps for later that a job is about to make a bucket of a folder store whose name is nearly that of another.
+
+    Such buckets are made, as programs rely on it.
+
+    Args:
+        service: where buckets are.
+        bucket: that of the job's outputs.
+        folder: the run's own folder.
+    """
+    place = service.store.local_path(bucket, "any")
+    if place is None or place.parent.exists() or not place.parent.parent.is_dir():
+        return
+    others = [each.name for each in place.parent.parent.iterdir() if each.is_dir() and not each.name.startswith(".")]
+    if near := get_close_matches(bucket, others, 1, _NEAR):
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / _NEW_BUCKET).write_text(f"bucket {bucket} was new; did you mean {near[0]}?")
+
+
+def notes_of(
+    request: Mapping[str, Any], folder: Path, uploads: Sequence[Upload], matched: Collection[int]
+) -> list[str]:
+    """The lines about a run.
+
+    Args:
+        request: the job's request.
+        folder: the run's own folder.
+        uploads: the job's upload configurations.
+        matched: numbers of those that some file was found for.
+    """
+    notes = [
+        f"upload configuration {upload.name}: no file matched {upload.path}"
+        for index, upload in enumerate(uploads)
+        if upload.path and index not in matched
+    ]
+    notes += [
+        f"the launch variable {name} means nothing here; did you mean {REQUIREMENTS_VARIABLE}?"
+        for _, config in application_configs(request)
+        for name in doubtful_requirements((config.get("launchConfig") or {}).get("environmentVariables") or {})
+    ]
+    kept = folder / _NEW_BUCKET
+    return [*notes, kept.read_text()] if kept.is_file() else notes
+
+
+_ASK_EVERY_S = 0.2
+"""The threads of an upload ask thousands of times a second; the catalog is asked as often as while a job runs."""
+
+_CANCELED = (StopReason.CANCELED, StopReason.BATCH_CANCELED)
+
+
+class UploadEnd:
+    """Says whether a job or its batch was cancelled since its upload began: again, if that is why its run ended.
+
+    A batch whose time is over lets uploads finish.
+
+    Args:
+        job: ARN of the job.
+        batch: ARN of its batch; `None`: it has none.
+        catalog: where it is stored.
+        why_stop: why the job has to end; `None` if it does not have to.
+    """
+
+    def __init__(
+        self,
+        job: str,
+        batch: str | None,
+        catalog: Catalog,
+        why_stop: Callable[[], StopReason | None],
+    ) -> None:
+        self._job = job
+        self._batch = batch
+        self._catalog = catalog
+        self._why_stop = why_stop
+        self._was_canceled = why_stop() in _CANCELED
+        self._lock = threading.Lock()
+        self._next_s = time.monotonic() + _ASK_EVERY_S
+        self._heard = False
+
+    def __call__(self) -> bool:
+        """The last answer; one thread asks again when it is time, and no other waits for it."""
+        if not self._heard and time.monotonic() >= self._next_s and self._lock.acquire(blocking=False):
+            try:
+                self._heard = self._is_canceled()
+                self._next_s = time.monotonic() + _ASK_EVERY_S
+            finally:
+                self._lock.release()
+        return self._heard
+
+    def _is_canceled(self) -> bool:
+        try:
+            if not self._was_canceled:
+                reason = self._why_stop()
+                if reason is StopReason.BATCH_CANCELED and self._batch is not None:
+                    # Jobs of a batch whose lease is lost have to stop, too; the process that has it goes on with them.
+                    return self._catalog.cancel_requested(self._batch)
+                return reason is StopReason.CANCELED
+            return SimulationJobDocument.of(self._catalog.get(self._job)).upload_canceled
+        except ServiceUnavailableException as error:  # it is asked again at once
+            _logger.warning("whether the upload of %s is to end is not known: %s", self._job, error)
+            return False

@@ -1,6 +1,6 @@
 """Uploads while a job runs: every few seconds files are taken, stored, and gone; and what is left of it at the end.
 
-`upload_every_s` in `tasks/service/timing.py` says how often.
+`upload_every_s` in `tasks/service/service.py` says how often.
 
 Files that were taken wait in a folder of the run, `rolling/<number of the sweep>/<configuration>/<path>`, so that
 the job worker that goes on after a crash knows what each of them is. `rolled.jsonl` notes what was stored, for the
@@ -16,15 +16,14 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
-from ....schemas.runs.manifest import ManifestFile
+from ....schemas.runs.provenance import ManifestFile
 from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import ObjectStore
+from ...storage.base import check_key, join_key
+from ...storage.checksums import digest_of
 from ...storage.folders import regular_files
-from ...storage.holes import digest_of
-from ...storage.naming import check_key, join_key
 from .bounds import Room
-from .upload_configurations import Upload
-from .upload_files import take, visit_matches
+from .upload_files import Upload, take, visit_matches
 
 _WAITING, _LEDGER = "rolling", "rolled.jsonl"
 _JOIN_S = 30.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.documents.worlds import StoredPlace
-from ....schemas.runs.manifest import ManifestFile
+from ....schemas.runs.provenance import ManifestFile
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     ChecksumMismatchError,
@@ -21,18 +21,13 @@ from ...catalog import Resource
 from ...runtime.supervision.finished_outputs import add_result_notes
 from ...service.service import Service
 from ...storage import MANIFEST_NAME, publish, read_manifest, store_unfinished
-from ...storage.base import Stopped, never
+from ...storage.base import Stopped, check_key, join_key, never
 from ...storage.folders import FolderFile, regular_files
-from ...storage.naming import check_key, join_key
 from ..environment.role_access import acting_service, role_of
-from .bounds import FIRST, RESULT_FILE, LeftOut, Room, check_wanted, rank
-from .distinct_names import Found, distinct
-from .output_places import output_place, prepare_bucket
-from .result_notes import keep_new_bucket, notes_of
+from .bounds import FIRST, RESULT_FILE, Found, LeftOut, Room, check_wanted, distinct, rank, storable_files
+from .output_places import keep_new_bucket, notes_of, output_place, prepare_bucket
 from .rolling_uploads import RollingUploads, rolled_files, rolling_only, taken_files
-from .storable_files import storable_files
-from .upload_configurations import Upload, uploads_of
-from .upload_files import link_or_copy, visit_matches
+from .upload_files import Upload, link_or_copy, uploads_of, visit_matches
 
 NOT_STORED = ("output", "uploads", "rolling", "rolled.jsonl")
 """Entries of a run's folder that are kept when they could not be stored."""

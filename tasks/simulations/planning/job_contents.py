@@ -20,14 +20,12 @@ from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
 from ....schemas.runs.provenance import Provenance
-from ....schemas.runs.requested_requirements import REQUIREMENTS_VARIABLE
+from ....schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
-from ...runtime.states.folder_digests import digest_of_folder
-from ...runtime.states.imported_code import changed_code
-from ...service.builtin_applications import BUILTINS, PACKAGE
-from ...service.service import Service
+from ...runtime.states.imported_code import changed_code, digest_of_folder
+from ...service.service import BUILTINS, PACKAGE, Service
 from ..environment.run_environment import application_configs
 from .application_plans import image_of, source_for_this_machine
 from .applications import LATEST, find_application, python_package

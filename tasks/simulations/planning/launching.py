@@ -13,8 +13,8 @@ from typing import Any
 
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import LaunchError
-from ..environment.overlays import missing_interpreter, overlays, own_program, setups_of
-from ..ros.launching import Ros, is_launch_file, lacks_launch_file, readers_of
+from ..environment.folders import missing_interpreter, overlays, own_program, setups_of
+from ..ros.launch_files import Ros, is_launch_file, lacks_launch_file, readers_of
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
 _LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}

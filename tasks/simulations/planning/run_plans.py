@@ -1,22 +1,23 @@
-"""Turning a simulation job's request into a plan that this machine can carry out."""
+"""Plans of runs: from a job's request, or from the checkpoints of a run that was killed."""
 
+import logging
+import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
-from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.requested_requirements import unknown_room
-from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of, unknown_room
 from ....schemas.runs.trials import Trials
+from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError, StorageUnavailableError
 from ....schemas.worlds.world import World
 from ...catalog import Resource
+from ...runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from ...service.service import Service
-from ..environment.compute import compute_limits, disk_limit
 from ..environment.folders import Sandbox
-from ..environment.process_variables import process_variables
 from ..environment.role_access import (
     acting_service,
     role_keys,
@@ -24,13 +25,101 @@ from ..environment.role_access import (
     with_store_variables,
     write_store_files,
 )
-from ..environment.run_environment import RunEnvironment, application_configs, run_sandbox
-from ..inputs.bundles import world_bundle
+from ..environment.run_environment import (
+    RunEnvironment,
+    application_configs,
+    compute_limits,
+    disk_limit,
+    process_variables,
+    run_sandbox,
+)
+from ..inputs.bundles import WORLD_FILE, world_bundle
 from ..inputs.data_sources import fetch_data_sources
-from ..inputs.world_rooms import WORLD_FILE
-from ..ros.domains import DOMAIN_VARIABLE
+from ..ros.job_services import DOMAIN_VARIABLE
 from .application_plans import plan_applications
-from .resuming import CHECKPOINTS_FOLDER, checkpoint_every_s
+
+CHECKPOINTS_FOLDER = "checkpoints"
+EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"
+
+_DEFAULT_S = 5.0
+_SHOWN = 200
+
+_logger = logging.getLogger(__name__)
+
+
+def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
+    """Simulated time between two checkpoints of a run; none when it makes none.
+
+    Args:
+        application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
+
+    Raises:
+        LaunchError: it says something else.
+    """
+    variables: Mapping[str, str] = application.environment_variables if application else {}
+    text = variables.get(EVERY_VARIABLE)
+    if text is None:
+        return _DEFAULT_S
+    every_s = number_in(text)
+    if not 0 <= every_s < math.inf:
+        raise LaunchError(
+            f"{EVERY_VARIABLE} is {text!r}; seconds of simulated time, or 0 for no checkpoints, would be right"
+        )
+    return every_s or None
+
+
+def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
+    """The plan of the run that a job was in when its job worker died, if it can be continued here; else says why not.
+
+    Args:
+        job: the job.
+        folder: of that run.
+    """
+    if job.status != "Running":
+        return None
+    try:
+        plan, last = resumable_plan(folder / CHECKPOINTS_FOLDER)
+        _check_own(plan, job, folder)
+    except CheckpointError as error:
+        _logger.warning("%s is run from the start again: %s", job.arn, error)
+        return None
+    _logger.info("%s goes on from %.3f s of simulated time, where its last checkpoint is", job.arn, last.sim_time_s)
+    return plan
+
+
+def reached_s(folder: Path) -> float:
+    """How far a run has come: simulated time of its last checkpoint, in seconds; 0 before the first.
+
+    Args:
+        folder: of the run.
+    """
+    last = last_checkpoint(folder / CHECKPOINTS_FOLDER)
+    return last[1].sim_time_s if last else 0.0
+
+
+def _check_own(plan: RunPlan, job: Resource, folder: Path) -> None:
+    """Checks that a plan is that of a run: its applications could write to where it was.
+
+    Raises:
+        CheckpointError: it names another run, folders of others, more time, or programs, with which no run is
+            continued.
+    """
+    folder = folder.absolute()
+    expected = {
+        "job_id": job.id,
+        "run_id": folder.name,
+        "max_duration_s": float(SimulationJobDocument.of(job).request["maxJobDurationInSeconds"]),
+        "work_dir": folder / "work",
+        "output_dir": folder / "output",
+        "root_dir": run_sandbox(folder).root,
+        "checkpoint_dir": folder / CHECKPOINTS_FOLDER,
+        "programs": [],
+    }
+    for name, value in expected.items():
+        if (found := getattr(plan, name)) != value:
+            raise CheckpointError(
+                f"its plan was changed: {name} is {str(found)[:_SHOWN]!r} and has to be {str(value)!r}"
+            )
 
 
 def run_plan(

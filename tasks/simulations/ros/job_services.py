@@ -1,8 +1,6 @@
-"""Requests that a job's own programs make to its job worker, over a socket in the job's folders: cancel, and its tags.
+"""ROS services of a job, and its ROS 2 domain."""
 
-One line of JSON comes, and one goes back. Only this user's processes are answered, one at a time.
-"""
-
+import hashlib
 import json
 import logging
 import os
@@ -10,7 +8,7 @@ import socket
 import struct
 import subprocess
 import threading
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -154,3 +152,33 @@ def _answer_to(connection: socket.socket, arn: str, service: Service) -> dict[st
     except (ValueError, RecursionError) as error:
         return _told(f"a question is one line of JSON: {type(error).__name__}")
     return answer(asked, arn, service)
+
+
+DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
+DOMAINS = range(1, 102)
+"""All domains whose ports Linux leaves free (ROS 2's documentation, "The ROS_DOMAIN_ID"), without the default, 0."""
+
+
+@contextmanager
+def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
+    """Holds a domain that no other running job of this machine has; yields its number.
+
+    What holds it is the name of a socket. It belongs to the machine, whatever user runs jobs there, or to the container
+    that they run in, as the ports of a domain do; and it is free again when its holder dies.
+
+    Args:
+        job: the job's ARN. The same job has the same domain again where it can, and jobs on two machines of a network,
+            which hear each other too, most likely have different ones.
+        holders: what names of sockets begin with; only those with the same beginning keep out of each other's way.
+    """
+    first = int.from_bytes(hashlib.sha256(job.encode()).digest()[:8], "big") % len(DOMAINS)
+    for domain in (*DOMAINS[first:], *DOMAINS[:first]):
+        with socket.socket(socket.AF_UNIX) as holder:
+            try:
+                holder.bind(f"\0{holders}-{domain}")
+            except OSError:
+                continue
+            yield domain
+            return
+    _logger.warning("%s gets ROS 2 domain %d, which another job has too: none is free", job, DOMAINS[first])
+    yield DOMAINS[first]

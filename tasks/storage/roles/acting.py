@@ -1,22 +1,60 @@
-"""The object store as a role has it."""
+"""The object store as a role has it, confined to its places where no server does that."""
 
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
-from ....schemas.roles import Role, find_role
+from ....schemas.roles import Role, find_role, is_within
 from ....schemas.settings import Settings
-from ....schemas.wire.errors import CredentialsRefusedError
-from ..base import ObjectStore
+from ....schemas.wire.errors import CredentialsRefusedError, StorageAccessDeniedError
+from ..base import ObjectStore, Result, StoreOver
 from ..directory import DirectoryStore
 from ..opening import s3_endpoint
-from .confined_store import ConfinedStore
-from .keys import Keys, ReadBlock
-from .reading import read_roles_file
+from .reading import Keys, ReadBlock, read_roles_file
 
-if TYPE_CHECKING:  # only who uses S3 waits for its import
+if TYPE_CHECKING:
     from boto3 import Session
+
+
+class ConfinedStore(StoreOver):
+    """An `ObjectStore` that refuses all that a role may not do, with `StorageAccessDeniedError`.
+
+    Args:
+        store: the store behind it.
+        role: what may be read and written.
+        arn: the ARN of the request, for messages.
+    """
+
+    def __init__(self, store: ObjectStore, role: Role, arn: str) -> None:
+        super().__init__(store)
+        self._places = {"read": (*role.read, *role.write), "write": role.write}
+        self._arn = arn
+
+    def do(
+        self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
+    ) -> Result:
+        """Calls the store behind this one for what is in the role's places."""
+        for key in keys:
+            if not is_within(self._places[access], bucket, key):
+                raise self._denied(f"{access} {bucket}/{key}", access)
+        return call()
+
+    def ensure_bucket(self, bucket: str) -> None:
+        """See `ObjectStore`; some of the bucket has to be the role's to write to."""
+        if not any(place.startswith(f"{bucket}/") for place in self._places["write"]):
+            raise self._denied(f"make the bucket {bucket}", "write")
+        self.behind.ensure_bucket(bucket)
+
+    def local_path(self, bucket: str, key: str) -> Path | None:
+        """See `ObjectStore`; `None` for what the role may not read."""
+        return self.behind.local_path(bucket, key) if is_within(self._places["read"], bucket, key) else None
+
+    def _denied(self, what: str, member: str) -> StorageAccessDeniedError:
+        return StorageAccessDeniedError(
+            f"role {self._arn} may not {what}; `{member}` of the roles file has no such place"
+        )
 
 
 def _no_blocks(slug: str, name: str) -> None:

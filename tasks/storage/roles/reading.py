@@ -1,9 +1,13 @@
-"""Reading the roles file."""
+"""The roles file: its credentials at one moment, and the S3 policy of each role."""
 
 import json
 import stat
 import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -61,3 +65,56 @@ def _problem(error: ValidationError) -> str:
         known = tuple(Role.model_fields if len(path) > 1 else RolesFile.model_fields)
         return f"{place} is not known{nearest(str(path[-1]), known)}; known are {', '.join(known)}"
     return f"{place}: {first['msg'].removeprefix('Value error, ')}" if place else first["msg"]
+
+
+ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
+"""The content of a block of Prefect, with its secrets, by its type's slug and its name; `None`: there is none."""
+
+
+@dataclass(frozen=True)
+class Keys:
+    """Credentials as they are now."""
+
+    access_key_id: str
+    secret_access_key: str = field(repr=False)
+    session_token: str | None = field(default=None, repr=False)
+    expires_at: datetime | None = None
+    """When they run out; `None`: they do not, or it is not said when."""
+
+
+_READ = ("s3:GetObject",)
+_WRITE = ("s3:GetObject", "s3:PutObject", "s3:DeleteObject", "s3:AbortMultipartUpload")
+_ARN = "arn:aws:s3:::"
+
+
+def policy_of(role: Role) -> str:
+    """The policy, as JSON: objects in the role's places, and lists of their keys."""
+    statements: list[dict[str, Any]] = []
+    for places, actions in ((role.read, _READ), (role.write, _WRITE)):
+        if places:
+            resources = [f"{_ARN}{place}" for place in places]
+            statements.append({"Effect": "Allow", "Action": list(actions), "Resource": resources})
+    for bucket, prefixes in _listed(role).items():
+        statements.append(
+            {
+                "Effect": "Allow",
+                "Action": ["s3:ListBucket"],
+                "Resource": [f"{_ARN}{bucket}"],
+                "Condition": {"StringLike": {"s3:prefix": prefixes}},
+            }
+        )
+    return json.dumps({"Version": "2012-10-17", "Statement": statements})
+
+
+def _listed(role: Role) -> dict[str, list[str]]:
+    """The prefixes that may be listed, by bucket."""
+    found: dict[str, list[str]] = {}
+    for place in (*role.read, *role.write):
+        bucket, _, prefix = place.partition("/")
+        found.setdefault(bucket, []).append(prefix)
+    return found
+
+
+def buckets_of(role: Role) -> set[str]:
+    """The buckets of a role's places."""
+    return {place.partition("/")[0] for place in (*role.read, *role.write)}

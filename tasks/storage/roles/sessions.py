@@ -14,8 +14,7 @@ from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableE
 from ..aws_sessions import new_session
 from ..opening import own_session
 from ..s3.failures import from_client_error
-from .keys import Keys, ReadBlock
-from .policies import policy_of
+from .reading import Keys, ReadBlock, policy_of
 
 _SESSION_NAME = "robomaker"
 

@@ -33,10 +33,22 @@ from ....schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ..aws_sessions import new_session
-from ..base import ObjectInfo, Stopped, Tell, UnfinishedUpload, never, put_each, refuse_stopped, tell_none
+from ..base import (
+    WORKERS,
+    WORKERS_FOR_SMALL,
+    ObjectInfo,
+    Stopped,
+    Tell,
+    UnfinishedUpload,
+    check_bucket,
+    check_key,
+    check_prefix,
+    never,
+    put_each,
+    refuse_stopped,
+    tell_none,
+)
 from ..checksums import compare, crc32_of, has_content, measure
-from ..naming import check_bucket, check_key, check_prefix
-from ..parallel import WORKERS, WORKERS_FOR_SMALL
 from .failures import s3_failures
 from .parts import PartedUploads
 from .quick_puts import QuickPuts

@@ -1,18 +1,20 @@
 """Writes and reads world bundles: a folder per world, addressed by the hash of its content."""
 
 import hashlib
+import re
 import shutil
 import tempfile
 from collections.abc import Mapping
+from itertools import chain, count
 from pathlib import Path
+from typing import NamedTuple
 
 from ....schemas.worlds.appearance import DAY, appearance_named, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import World
-from ..doors.leaves import leaf_outlines
+from ..doors.parts import leaf_outlines
 from ..geometry.occupancy import map_files, occupancy_grid
-from ..materials.sky import SKY, sky_png
-from ..materials.textures import texture_png, texture_size_m
+from ..materials.textures import SKY, sky_png, texture_png, texture_size_m
 from ..model.description import description_text
 from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces
 from ..pictures.plan_svg import floorplan_svg
@@ -101,3 +103,37 @@ def _files(world: World) -> dict[str, bytes]:
 def _textures(world: World) -> dict[str, bytes]:
     pictures = {name: texture_png(name) for name in surfaces(world) if texture_size_m(name) is not None}
     return {f"{TEXTURES_FOLDER}/{name}.png": picture for name, picture in {**pictures, SKY: sky_png()}.items()}
+
+
+NAMES_FILE = "names.json"
+
+_PLAIN = re.compile(r"[A-Za-z0-9_]+")
+_NAMED = re.compile(r'\sname="([^"]+)"')
+_ATTRIBUTE = re.compile(r'(\s(\w+)=")([^"]*)(?=")')
+
+
+class PlainModel(NamedTuple):
+    """A model with plain names."""
+
+    mjcf: str
+    names: Mapping[str, str]
+    """Names in `world.json` and the other files, by plain name; only those that differ."""
+
+
+def with_plain_names(mjcf: str) -> PlainModel:
+    """Writes `_` for what else there is in names, wherever they are named; two never become one.
+
+    Args:
+        mjcf: the text of a model.
+    """
+    names = dict.fromkeys(_NAMED.findall(mjcf))
+    plain = {name: name for name in names if _PLAIN.fullmatch(name)}
+    taken = set(plain)
+    for name in names:
+        if name not in plain:
+            short = re.sub(r"[^A-Za-z0-9_]", "_", name)
+            numbered = (f"{short}_{number}" for number in count(2))
+            plain[name] = next(each for each in chain([short], numbered) if each not in taken)
+            taken.add(plain[name])
+    text = _ATTRIBUTE.sub(lambda at: at[1] + (at[3] if at[2] == "file" else plain.get(at[3], at[3])), mjcf)
+    return PlainModel(text, {new: name for name, new in plain.items() if new != name})

@@ -1,20 +1,119 @@
 """All that decorates a world: meshes and geoms of MJCF, from the world and its seeds alone."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from random import Random
 
-from ....schemas.worlds.world import Wall, World
-from ..ornaments.forms import Shapes
-from ..ornaments.ornaments import Mesh, Ornament, mesh_path
-from .ceilings import ceilings
-from .curtains import curtains
-from .faces import faces, windows_in
-from .furnishings import furnishings
-from .lights import lamp_shades
+from ....schemas.worlds.world import Furniture, Wall, World, bounds
+from ..furniture.catalogue import styles_of
+from ..geometry.boxes import Box, pose_of
+from ..geometry.parts import CHROME, Color, Span, rgb
+from ..ornaments.ornaments import Mesh, Ornament, color_look, mesh_path
+from ..ornaments.shapes import Shapes
+from .faces import Face, faces, windows_in
+from .lights import ceilings, lamp_shades, skirting
 from .on_tops import things_on_tops
-from .openings import pierced_wall, window_frames
-from .trims import skirting
+from .on_walls import things_on_walls
+from .openings import curtains, pierced_wall, window_frames
+
+_COUNTERS = ("DishWashers", "Storage", "WashingMachinesAndDryers")
+_COUNTER_MOST_M = 0.95
+_UPPER: Span = (1.45, 2.15)
+_UPPER_DEEP_M = 0.34
+
+_RUGS = (
+    (rgb("6d2f2c"), rgb("a98f6b")), (rgb("35465c"), rgb("b9b09c")), (rgb("8a8478"), rgb("cfc7b6")),
+    (rgb("4f5f4c"), rgb("b3a98b")), (rgb("a5673f"), rgb("d8bf98")),
+)  # fmt: skip
+_RUG_M = 0.006
+_BORDER_M = 0.12
+
+
+def furnishings(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
+    """All of it, and what hangs on walls where there is room left."""
+    yield from _rugs(world, dice)
+    yield from _upper_cabinets(world, faces)
+    yield from things_on_walls(world, faces, shapes, dice)
+
+
+def _rugs(world: World, dice: Random) -> Iterator[Ornament]:
+    """One below each coffee table and one below the foot of each bed."""
+    rooms = {room.name: room for room in world.floorplan.rooms}
+    for item in world.furniture:
+        if item.model_type not in ("CoffeeTables", "Beds"):
+            continue
+        pose = pose_of(item)
+        if item.model_type == "Beds":
+            box = pose.box(-0.1, item.depth_m / 2 + 0.45, -item.width_m / 2 - 0.45, item.width_m / 2 + 0.45)
+        else:
+            deep, wide = item.depth_m / 2 + 0.6, max(1.0, item.width_m / 2 + 0.45)
+            box = pose.box(-deep, deep, -wide, wide)
+        x0, y0, x1, y1 = bounds(rooms[item.room].polygon)
+        box = _within(box, (x0 + 0.2, y0 + 0.2, x1 - 0.2, y1 - 0.2))
+        rim, middle = dice.choice(_RUGS)
+        if len(rooms[item.room].polygon) != 4 or min(box[2] - box[0], box[3] - box[1]) < 0.8:
+            continue
+        inner = (box[0] + _BORDER_M, box[1] + _BORDER_M, box[2] - _BORDER_M, box[3] - _BORDER_M)
+        yield _flat(f"rug_{item.id}", box, _RUG_M, rim)
+        yield _flat(f"rug_{item.id}_middle", inner, _RUG_M + 0.002, middle)
+
+
+def _within(box: Box, room: Box) -> Box:
+    return max(box[0], room[0]), max(box[1], room[1]), min(box[2], room[2]), min(box[3], room[3])
+
+
+def _flat(name: str, box: Box, top: float, color: Color) -> Ornament:
+    center = ((box[0] + box[2]) / 2, (box[1] + box[3]) / 2, top / 2)
+    return Ornament(name, "box", center, ((box[2] - box[0]) / 2, (box[3] - box[1]) / 2, top / 2), color_look(color))
+
+
+def _upper_cabinets(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
+    """Over each counter whose wall has no window there, in the colour of the room's counters."""
+    kitchens = {room.name for room in world.floorplan.rooms if room.type == "Kitchen"}
+    colors = {item.room: _counter_color(item) for item in world.furniture if item.model_type == "Storage"}
+    for item in world.furniture:
+        is_counter = item.model_type in _COUNTERS and item.height_m <= _COUNTER_MOST_M
+        if item.room not in kitchens or not is_counter or item.room not in colors:
+            continue
+        face = _behind(item, faces)
+        if face is None:
+            continue
+        middle = item.x if face.along_x else item.y
+        span = (middle - item.width_m / 2, middle + item.width_m / 2)
+        windows = [sides for _, sides in face.windows]
+        above = _UPPER[1] < world.floorplan.ceiling_height_m - 0.1
+        if above and all(high + 0.12 <= span[0] or span[1] <= low - 0.12 for low, high in windows):
+            yield from _cabinet(f"cabinet_{item.id}", face, span, colors[item.room])
+
+
+def _counter_color(item: Furniture) -> Color:
+    style = next((style for style in styles_of("Storage") if style.name == item.style), styles_of("Storage")[0])
+    return style.main
+
+
+def _behind(item: Furniture, faces: Sequence[Face]) -> Face | None:
+    """The face of the wall that a piece has its back to."""
+    x0, y0, x1, y1 = pose_of(item).box(-item.depth_m / 2 - 0.1, 0.0, -0.05, 0.05)
+    for face in faces:
+        along, across = ((x0, x1), (y0, y1)) if face.along_x else ((y0, y1), (x0, x1))
+        reaches = face.span[0] <= along[0] and along[1] <= face.span[1]
+        if face.room.name == item.room and reaches and across[0] <= face.at <= across[1]:
+            return face
+    return None
+
+
+def _cabinet(name: str, face: Face, span: Span, color: Color) -> Iterator[Ornament]:
+    yield face.bar(f"{name}_body", span, (0.0, _UPPER_DEEP_M - 0.02), _UPPER, color)
+    doors = 2 if span[1] - span[0] > 0.7 else 1
+    wide = (span[1] - span[0]) / doors
+    front = (_UPPER_DEEP_M - 0.02, _UPPER_DEEP_M)
+    for index in range(doors):
+        door = (span[0] + index * wide + 0.004, span[0] + (index + 1) * wide - 0.004)
+        yield face.bar(f"{name}_door_{index}", door, front, (_UPPER[0] + 0.004, _UPPER[1] - 0.004), color)
+        at = door[1] - 0.05 if index == 0 else door[0] + 0.05
+        handle = (_UPPER_DEEP_M, _UPPER_DEEP_M + 0.012)
+        yield face.bar(f"{name}_handle_{index}", (at - 0.006, at + 0.006), handle, (1.5, 1.64), CHROME)
+
 
 Sides = Callable[[Wall, World], tuple[str, str]]
 """Surfaces of a wall's right and left face."""

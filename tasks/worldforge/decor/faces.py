@@ -1,11 +1,10 @@
 """Faces of walls as rooms see them, and the openings in them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from ....schemas.worlds.polygons import bounds, contains
-from ....schemas.worlds.world import Room, Wall, Window, World
-from ..geometry.boxes import Box
+from ....schemas.worlds.world import Room, Wall, Window, World, bounds, contains
+from ..geometry.boxes import Box, box_of, hits
 from ..geometry.parts import Color, Span, Vector
 from ..ornaments.ornaments import ALONG_X, ALONG_Y, CYLINDER_QUAT, Ornament, color_look
 
@@ -118,3 +117,19 @@ def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
         if same and low - _SAME_M <= span[0] and span[1] <= high + _SAME_M:
             found.append((number, span))
     return sorted(found, key=lambda each: each[1])
+
+
+Standing = tuple[Box, float]
+"""Box that a piece covers, and its height, in metres."""
+
+
+def covered(world: World, room: str) -> list[Standing]:
+    """The pieces of a room that stand on its floor."""
+    return [
+        (box_of(item), item.height_m) for item in world.furniture if item.room == room and not item.movable
+    ]  # fmt: skip
+
+
+def free_height(spot: Box, standing: Sequence[Standing]) -> float:
+    """Height of the highest piece that stands in a spot; 0 where none does."""
+    return max((height for box, height in standing if hits(spot, (box,))), default=0.0)

@@ -3,16 +3,16 @@
 MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from math import hypot
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Room, World
+from ....schemas.worlds.world import Room, World, bounds
 from ..geometry.parts import Vector, rgb
 from ..interiors.placement import room_rects
-from ..ornaments.ornaments import Mesh, Ornament, numbers, turned
-from .faces import faces
+from ..materials.materials import surface_finish, surface_name
+from ..ornaments.ornaments import Mesh, Ornament, joined, numbers, sheet, turned
+from .faces import Face, faces
 
 MOST_LAMPS = 6
 """Beside the headlight and the sun."""
@@ -108,3 +108,56 @@ def material_lines() -> Iterator[str]:
     """The materials of ceilings and lamp shades, which shine, by day."""
     for name, color, shine in (("ceiling", rgb("f5f2ed"), _DAY.ceiling), (LAMP_SHADE, rgb("fbf3df"), _DAY.shades)):
         yield f'    <material name="{name}" rgba="{numbers(*color)}" emission="{shine:g}" specular="0"/>'
+
+
+CEILING = "ceiling"
+"""Their material."""
+
+_RIM_M = 0.05
+_CELL_M = 0.8
+_BELOW_M = 0.004
+
+
+def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
+    """A shallow tray, open at the top, over each rectangle of a room: renderers leave out faces that look away."""
+    for index, room in enumerate(world.floorplan.rooms):
+        for number, (x0, y0, x1, y1) in enumerate(room_rects(room).tolist()):
+            name = f"ceiling_{index}_{number}"
+            wide, deep = x1 - x0, y1 - y0
+            cells = max(1, round(wide / _CELL_M)), max(1, round(deep / _CELL_M))
+            up = (0.0, 0.0, _RIM_M)
+            tray = joined(
+                [
+                    sheet((0.0, deep, 0.0), (wide, 0.0, 0.0), (0.0, -deep, 0.0), cells),
+                    sheet((0.0, 0.0, 0.0), (wide, 0.0, 0.0), up, (1, 1)),
+                    sheet((wide, 0.0, 0.0), (0.0, deep, 0.0), up, (1, 1)),
+                    sheet((wide, deep, 0.0), (-wide, 0.0, 0.0), up, (1, 1)),
+                    sheet((0.0, deep, 0.0), (0.0, -deep, 0.0), up, (1, 1)),
+                ]
+            )
+            # A little below the walls' upper ends, which would shine through.
+            place = (x0, y0, world.floorplan.ceiling_height_m - _BELOW_M)
+            yield Ornament(name, "mesh", place, (), f'material="{CEILING}"', mesh=name), Mesh(*tray)
+
+
+SKIRTED = ("plain", "stripes", "trellis", "sprigs", "panels")
+"""Patterns of walls that have skirting; tiles, bricks and stones go down to the floor."""
+
+_HEIGHT_M = 0.08
+_THICK_M = 0.012
+_CASING_M = 0.06
+_COLOR = rgb("f3f1ec")
+
+
+def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
+    """A board along each face of a wall; walls end at ways between rooms, so boards do."""
+    ends = {end for passage in world.floorplan.passages if passage.door for end in (passage.start, passage.end)}
+    for number, face in enumerate(faces):
+        if surface_finish(surface_name("wall", face.room)).pattern not in SKIRTED:
+            continue
+        low, high = face.span
+        first, last = sorted((face.wall.start, face.wall.end))
+        # Casings of doors stand beside the doorway, as far out as the board.
+        low, high = low + _CASING_M * (first in ends), high - _CASING_M * (last in ends)
+        if high - low > 0.02:
+            yield face.bar(f"skirting_{number}", (low, high), (0.0, _THICK_M), (0.0, _HEIGHT_M), _COLOR)

@@ -10,8 +10,8 @@ from ..furniture.catalogue import parts_of
 from ..furniture.solids import turn
 from ..geometry.boxes import Box, box_of, hits
 from ..geometry.parts import Part
-from ..ornaments.forms import Shapes
 from ..ornaments.ornaments import Ornament
+from ..ornaments.shapes import Shapes
 from ..ornaments.things import THINGS, footprint_m, placed
 
 _KITCHEN = (

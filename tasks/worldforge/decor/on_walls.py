@@ -8,12 +8,10 @@ from random import Random
 from ....schemas.worlds.world import Room, RoomType, World
 from ..geometry.boxes import hits
 from ..geometry.parts import CHROME, MIRROR, WHITE, Color, Span, Vector, rgb
-from ..ornaments.books import book_row
-from ..ornaments.forms import Shapes
 from ..ornaments.ornaments import Ornament, color_look
-from ..ornaments.things import footprint_m, placed
-from .boxes import Standing, covered
-from .faces import Face
+from ..ornaments.shapes import Shapes
+from ..ornaments.things import book_row, footprint_m, placed
+from .faces import Face, Standing, covered
 
 _FRAMES = (rgb("3a332d"), rgb("c89f6d"), rgb("f2efe8"))
 _MOUNT = rgb("f6f3ec")

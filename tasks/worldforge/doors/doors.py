@@ -13,11 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ....schemas.worlds.polygons import bounds, contains
-from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Room, RoomType
+from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Room, RoomType, bounds, contains
 from ..geometry.boxes import Box, strip
 from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_corners
-from .leaves import HANDLE_M, leaf_outlines, lintel_over, open_box
+from .parts import HANDLE_M, leaf_outlines, lintel_over, open_box
 
 THICKNESS_M = 0.04
 """Thickness of the leaf, in metres."""

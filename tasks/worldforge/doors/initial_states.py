@@ -4,13 +4,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ....schemas.templates.body import INTERIOR_PATH, WorldTemplateBody
-from ....schemas.templates.doorways import InteriorDoorwaySet
-from ....schemas.templates.targets import DoorwayTarget, TemplateTargetSet
+from ....schemas.templates.body import (
+    INTERIOR_PATH,
+    DoorwayTarget,
+    InteriorDoorwaySet,
+    TemplateTargetSet,
+    WorldTemplateBody,
+)
 from ....schemas.worlds.world import Floorplan, Passage, Preference, Room
 from .doors import hang_doors
-from .leaves import FULLY_OPEN_PERCENT
-from .parts import FINISHES, FORMS
+from .parts import FINISHES, FORMS, FULLY_OPEN_PERCENT
 
 _RANKS = 4
 

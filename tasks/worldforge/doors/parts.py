@@ -3,10 +3,12 @@
 A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from math import cos, sin
 
-from ....schemas.worlds.world import Door, Passage, Wall
+from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Wall, bounds
 from ..furniture.solids import Solid
+from ..geometry.boxes import Box
 from ..geometry.parts import CHROME, WHITE, Color, Part, Span, box, rgb
 
 FORMS = ("flush", "panelled", "glazed", "boarded")
@@ -136,3 +138,137 @@ def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]
             center = (along, across, height) if along_x else (across, along, height)
             size = (length, _CASING_THICK_M, up[1] - up[0]) if along_x else (_CASING_THICK_M, length, up[1] - up[0])
             yield Solid(f"doorframe_{number}_{name}_{side}", "box", center, size, "z", 0.0, color, False)
+
+
+FULLY_OPEN_PERCENT = 100.0
+
+HANDLE_M = 0.06
+"""How far handles stand off the leaf."""
+
+
+def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
+    """The piece of wall over a doorway."""
+    ends = {passage.start, passage.end}
+    return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
+
+
+def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
+    """The leaf's outline on the floor, counter-clockwise.
+
+    Args:
+        door: the door.
+        angle_rad: how far it is open; None: as it is at first.
+    """
+    yaw = door.yaw_at(door.open_angle_rad if angle_rad is None else angle_rad)
+    u, v = cos(yaw), sin(yaw)
+    across = -door.swing * door.thickness_m
+    corners = [(0.0, 0.0), (door.leaf_width_m, 0.0), (door.leaf_width_m, across), (0.0, across)]
+    points = [(door.hinge[0] + x * u - y * v, door.hinge[1] + x * v + y * u) for x, y in corners]
+    return points if door.swing < 0 else points[::-1]
+
+
+def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Point]]:
+    """The outlines of all leaves, as obstacles for a map.
+
+    Args:
+        plan: the plan.
+        fully_open: as far open as they go, not as they are at first.
+    """
+    doors = [passage.door for passage in plan.passages if passage.door]
+    return [leaf_corners(door, door.max_angle_rad if fully_open else None) for door in doors]
+
+
+def swept_box(door: Door) -> Box:
+    """The box around everything the leaf and its handles pass, from closed to fully open."""
+    return _local_box(door, (-HANDLE_M, 0.0), (door.leaf_width_m, door.leaf_width_m))
+
+
+def open_box(door: Door) -> Box:
+    """The box around the fully open leaf."""
+    return _local_box(door, (0.0, 0.0), (door.thickness_m, door.leaf_width_m))
+
+
+def _local_box(door: Door, one: Point, other: Point) -> Box:
+    """A box between two points given from the hinge along the closed leaf and into the room."""
+    # Walls run along axes.
+    along = (float(round(cos(door.closed_yaw))), float(round(sin(door.closed_yaw))))
+    into = (-door.swing * along[1], door.swing * along[0])
+    (x, y), points = door.hinge, (one, other)
+    first, last = ((x + a * along[0] + b * into[0], y + a * along[1] + b * into[1]) for a, b in points)
+    return bounds((first, last))
+
+
+_FRICTION_NM = 0.4
+"""Keeps the leaf where it is; a robot of 3 kg that pushes with 7 N moves it from 6 cm off the hinges on."""
+_DAMPING_NMS = 0.8
+
+WriteGeom = Callable[[Solid, str], str]
+"""From a solid and its physics to a line of MJCF."""
+
+
+def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
+    """A door's parts in the world, as it is at first.
+
+    Args:
+        door: the door.
+        closed_frame: in the leaf's own frame instead.
+    """
+    yaw = 0.0 if closed_frame else door.yaw_at(door.open_angle_rad)
+    (x0, y0), c, s = ((0.0, 0.0) if closed_frame else door.hinge), cos(yaw), sin(yaw)
+    for part in door_parts(door):
+        x, y, z = part.center
+        center = (x0 + c * x - s * y, y0 + s * x + c * y, z)
+        yield Solid(f"{door.id}.{part.name}", part.shape, center, part.size, part.axis, yaw, part.color, part.solid)
+
+
+def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
+    """All doors as they are at first, and their frames, as far as they are below a height."""
+    doors = [passage.door for passage in plan.passages if passage.door]
+    for solid in (*doorframe_solids(plan), *(solid for door in doors for solid in door_solids(door))):
+        low = solid.center[2] - solid.size[2] / 2
+        height = min(solid.size[2], top_m - low)
+        if height > 0:
+            center = (solid.center[0], solid.center[1], low + height / 2)
+            yield solid._replace(center=center, size=(solid.size[0], solid.size[1], height))
+
+
+def doorframe_solids(plan: Floorplan) -> Iterator[Solid]:
+    """The frames of all doors."""
+    for number, passage in enumerate(plan.passages):
+        if passage.door:
+            yield from frame_solids(number, passage, lintel_over(plan, passage))
+
+
+def door_lines(plan: Floorplan, write: WriteGeom, *, solid_only: bool = False) -> Iterator[str]:
+    """The MJCF of all doors: bodies on hinges, and their frames.
+
+    The joint's position is how far the leaf is open: 0 is closed.
+
+    Args:
+        plan: the plan.
+        write: writes a geom.
+        solid_only: whether what is for the eye only is left out.
+    """
+    for solid in doorframe_solids(plan):
+        if solid.solid or not solid_only:
+            yield write(solid, "")
+    for passage in plan.passages:
+        if passage.door:
+            yield from _body(passage.door, write, solid_only)
+
+
+def _body(door: Door, write: WriteGeom, solid_only: bool) -> Iterator[str]:
+    angle = round(door.open_angle_rad, 4)
+    x, y = door.hinge
+    yield f'    <body name="{door.id}" pos="{x:g} {y:g} 0" euler="0 0 {door.yaw_at(angle):.6g}">'
+    yield (
+        f'      <joint name="{door.id}" type="hinge" axis="0 0 {door.swing}" range="0 {door.max_angle_rad:g}" '
+        f'ref="{angle:g}" damping="{_DAMPING_NMS:g}" frictionloss="{_FRICTION_NM:g}"/>'
+    )
+    form = door.style.partition(" ")[0]
+    leaf_kg = MASS_KG.get(form, MASS_KG[FORMS[0]])
+    for solid in door_solids(door, closed_frame=True):
+        mass = leaf_kg if solid.name.endswith(".leaf") else HANDLE_KG
+        if solid.solid or not solid_only:
+            yield "  " + write(solid, f'mass="{mass:g}"')
+    yield "    </body>"

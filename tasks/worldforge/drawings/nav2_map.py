@@ -16,8 +16,8 @@ from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point, RoomType
 from ..floorplans.partition import Corners, extent, turns
-from .outline import outline_of, room_units
 from .shapes import Drawing, Shape
+from .squaring import outline_of, room_units
 
 Cells = NDArray[np.bool_]
 

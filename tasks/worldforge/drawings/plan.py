@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Floorplan, Point, Preference, Room, RoomType
+from ....schemas.worlds.world import Floorplan, Point, Preference, Room, RoomType, bounds
 from ..doors.doors import hang_doors
+from ..floorplans.connections import AREA_TOLERANCE
 from ..floorplans.floorplan import (
     Spot,
     Spots,
@@ -20,12 +20,10 @@ from ..floorplans.floorplan import (
     placed_window,
     spots_in,
 )
-from ..floorplans.floors import AREA_TOLERANCE
 from ..floorplans.partition import UNITS_PER_M, Corners, extent
 from ..floorplans.walls import Pane, Piece, Walls, windows_along
 from .fitting import DrawnWay, FittedWay, fit_way, fit_window
-from .outline import floor_cells, outline_of, overlap
-from .squaring import Squared, outline_area, square, units_area
+from .squaring import Squared, floor_cells, outline_area, outline_of, overlap, square, units_area
 
 
 class DrawnRoom(NamedTuple):

@@ -21,16 +21,14 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from ..bundle.bundle import MODEL_FILE, PREVIEW_FILE
-from ..bundle.plain_names import NAMES_FILE, with_plain_names
+from ..bundle.bundle import MODEL_FILE, NAMES_FILE, PREVIEW_FILE, with_plain_names
 from ..bundle.robot_map import MAP_FILES, write_robot_map
 from ..pictures.preview import render_preview
 from .export_readme import readme
 from .export_scene import Scene, read_scene
 from .glb import scene_glb
 from .ros_packages import SHARED_MODELS, WORLDS, package_files
-from .sdf_models import SharedModels
-from .sdf_world import sdf_world
+from .sdf_models import SharedModels, sdf_world
 from .usd import scene_usd
 
 _TOP = "aws_robomaker_worldforge_pkgs"

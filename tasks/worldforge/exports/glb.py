@@ -22,9 +22,8 @@ with held_signals():
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
 
-from .export_meshes import Mesh, capsule_mesh, compiled_mesh, unit_mesh
+from .export_meshes import Mesh, capsule_mesh, compiled_mesh, is_pictured, linear, picture_coordinates, unit_mesh
 from .export_scene import Matrix, Scene, Shape, Vector, material_png, read_scene, texture_name
-from .export_surfaces import is_pictured, linear, picture_coordinates
 
 _TO_Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 _ROUGHNESS = 0.85

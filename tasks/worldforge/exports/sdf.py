@@ -13,9 +13,8 @@ from pathlib import PurePosixPath
 
 import numpy as np
 
-from .export_meshes import compiled_mesh, obj_text, unit_mesh
+from .export_meshes import compiled_mesh, drawn_mesh, is_pictured, obj_text, picture_coordinates, unit_mesh
 from .export_scene import Inertia, Joint, Matrix, Scene, Shape, Thing, Vector, texture_file
-from .export_surfaces import drawn_mesh, is_pictured, picture_coordinates
 
 SDF_VERSION = "1.6"
 

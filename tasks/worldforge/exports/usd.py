@@ -12,10 +12,9 @@ from math import degrees, radians
 
 import numpy as np
 
+from .export_meshes import drawn_mesh, is_pictured, picture_coordinates
 from .export_scene import UNLIMITED_RAD, Inertia, Joint, Matrix, Scene, Shape, Thing, Vector
-from .export_surfaces import drawn_mesh, is_pictured, picture_coordinates
-from .usd_materials import Looks
-from .usd_text import Prim, PrimNames, integers, number, numbers, quaternion, quoted, vectors
+from .usd_text import Looks, Prim, PrimNames, integers, number, numbers, quaternion, quoted, vectors
 
 _HEAD = """\
 #usda 1.0

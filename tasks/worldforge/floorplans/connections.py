@@ -4,8 +4,19 @@ from random import Random
 from typing import NamedTuple
 
 from ....schemas.worlds.world import PassageKind, RoomType
-from .brief import DOOR_CLEARANCE, DOOR_WIDTH, THROUGHNESS, Brief, affinity, clear_span, door_capacity, opening_fits
-from .partition import Contact, Partition, area, contacts
+from .brief import (
+    DOOR_CLEARANCE,
+    DOOR_WIDTH,
+    EXTERIOR_WALL,
+    INTERIOR_WALL,
+    THROUGHNESS,
+    Brief,
+    affinity,
+    clear_span,
+    door_capacity,
+    opening_fits,
+)
+from .partition import Contact, Corners, Partition, area, contacts, extent, slenderness
 
 _MAX_WAYS_PER_ROOM = 4
 _OPEN_PLAN: frozenset[RoomType] = frozenset({"Dining", "Hallway", "Kitchen", "Living"})
@@ -147,3 +158,58 @@ def _shifts(number: int, free: int, dice: Random) -> list[int]:
         shift = dice.randint(0, min(free, _NEAR_CORNER))
         return [shift if dice.random() < 0.5 else free - shift]
     return sorted(dice.randint(0, free) for _ in range(number))
+
+
+AREA_TOLERANCE = 0.05
+"""Share of the desired area by which a floor may be off."""
+
+
+def inside_walls(plan: Partition) -> Partition:
+    """The plan with every room's corners on the faces of its walls.
+
+    Where a wall is taken away for an opening, the strip below it belongs to no room.
+    """
+    rooms = tuple(_inset(plan, corners) for corners in plan.rooms)
+    return plan._replace(rooms=rooms, arms=tuple(map(_arm, rooms)))
+
+
+def floor_areas(plan: Partition) -> list[float]:
+    """Area of each room's floor, in square units."""
+    return [area(corners) for corners in inside_walls(plan).rooms]
+
+
+def floor_ratios(plan: Partition) -> list[float]:
+    """Length over width of each room's floor."""
+    inside = inside_walls(plan)
+    return [slenderness(inside, room) for room in range(len(inside.rooms))]
+
+
+def _inset(plan: Partition, corners: Corners) -> Corners:
+    """Corners moved into the room, which lies to the left of every edge, by half the walls there."""
+    moved: list[tuple[int, int]] = []
+    for index, (x, y) in enumerate(corners):
+        before, after = corners[index - 1], corners[(index + 1) % len(corners)]
+        across, along = (before, after) if before[0] == x else (after, before)
+        # One edge at the corner is upright, from or to `across`; the other is level.
+        up = (y > across[1]) == (across is before)
+        right = (x > along[0]) == (along is before)
+        inward = -1 if up else 1, 1 if right else -1
+        moved.append((x + inward[0] * _half_wall(x, plan.width), y + inward[1] * _half_wall(y, plan.height)))
+    return tuple(moved)
+
+
+def _half_wall(at: int, limit: int) -> int:
+    return (EXTERIOR_WALL if at in (0, limit) else INTERIOR_WALL) // 2
+
+
+def _arm(corners: Corners) -> int:
+    """Narrowest width of a rectangle, or of an L."""
+    box = extent(corners)
+    if len(corners) == 4:
+        return min(box.x1 - box.x0, box.y1 - box.y0)
+    x = next((x for x, _ in corners if box.x0 < x < box.x1), box.x0)
+    y = next((y for _, y in corners if box.y0 < y < box.y1), box.y0)
+    # The corner of the box that is none of the room's lies in the pocket.
+    west = not {(box.x0, box.y0), (box.x0, box.y1)} <= {*corners}
+    south = not {(box.x0, box.y0), (box.x1, box.y0)} <= {*corners}
+    return min(box.x1 - x if west else x - box.x0, box.y1 - y if south else y - box.y0)

@@ -11,8 +11,7 @@ from ....schemas.templates.body import TemplateFloorplan, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, RoomType, Wall, Window
 from ..doors.doors import hang_doors
 from .brief import EXTERIOR_WALL, brief, length_over_width
-from .connections import Way, connect
-from .floors import floor_areas, floor_ratios
+from .connections import Way, connect, floor_areas, floor_ratios
 from .partition import UNITS_PER_M, Corners, Partition, area, extent, outline
 from .partition_search import find_partition
 from .preferences import preference_report

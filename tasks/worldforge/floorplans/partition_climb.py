@@ -28,7 +28,7 @@ from .brief import (
     doors_in,
     shared_spans,
 )
-from .floors import AREA_TOLERANCE, floor_areas, inside_walls
+from .connections import AREA_TOLERANCE, floor_areas, inside_walls
 from .partition import POCKETS, SIDE_BY_SIDE, STACKED, UNITS_PER_M, Partition, area, extent, partition, slenderness
 
 MAX_CLIMBS = 40

@@ -1,16 +1,253 @@
 """The choice of a partition: one of the best plans for a brief, bent a little, another one for other dice."""
 
+from functools import lru_cache
+from itertools import product
 from math import exp, sqrt
 from random import Random
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from .brief import EXTERIOR_WALL, Brief
+from .brief import EXTERIOR_WALL, INTERIOR_WALL, RATIO_TOLERANCE, Brief
 from .partition import UNITS_PER_M, Corners, Partition
 from .partition_climb import climb_to_partition
-from .partition_costs import as_partition
-from .partition_setbacks import setback_shortlist
-from .partition_shortlist import Shortlist, shortlist
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, as_partition
+from .partition_shortlist import AREA_MARGIN, SETTLINGS, Shortlist, best_first, gaussian, shortlist
+
+LEAST_SETBACK = 8
+"""Rooms are stretched rather than set back by less, in units."""
+
+RATIO_MARGIN = 0.9 * RATIO_TOLERANCE
+"""Largest deviation of the logarithm of a ratio that is tried; rounding to units comes on top."""
+
+_BENT_AREA = 0.015
+_BENT_RATIO = 0.03
+
+_SET_BACK = 0.3
+_EMPTY_SHARE = 1.5
+_EXTRA_OUTLINE = 2.0
+_ENCLOSED = 20.0
+"""Cost of an outline that is no rectangle, of its empty share, of outer walls beyond those of the rectangle, and of a
+yard that has no open side."""
+
+_JUDGED = 2400
+_REFINED = 160
+_STEPS = (0.08, 0.04, 0.02)
+_USUAL_WALLS = 2.6
+_BEGINNINGS = 40_000
+"""About how many trees are put together: with rooms turned in all ways, or each tree in others than its neighbours."""
+
+_LEAST_TURNS = 4
+
+
+class Setbacks(NamedTuple):
+    """Trees with the numbers that give rooms their sides; one column per plan."""
+
+    trees: Trees
+    lying: Flags
+    """Whether a room's longer side lies along x: (room, plan)."""
+    areas: Floats
+    """Logarithm of each floor's area over its preferred area."""
+    ratios: Floats
+    """Logarithm of each floor's ratio over the one it may have."""
+    walls: Floats
+    """Length that walls add to the sides of floors, in units: (axis, room, plan)."""
+
+    def take(self, columns: NDArray[np.intp]) -> "Setbacks":
+        """Some of the plans, in the order given."""
+        return Setbacks(
+            self.trees.take(columns),
+            self.lying[:, columns],
+            self.areas[:, columns],
+            self.ratios[:, columns],
+            self.walls[:, :, columns],
+        )
+
+    def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
+        """Puts all of them together."""
+        return self.laid(evaluator, exact=exact)[0]
+
+    def laid(self, evaluator: BatchEvaluator, *, exact: bool = False) -> tuple[Cuts, Flags]:
+        """Puts all of them together, and marks those with a yard that has no open side."""
+        areas = evaluator.areas * np.exp(self.areas)
+        longer = np.sqrt(areas * np.exp(np.maximum(evaluator.ratios + self.ratios, 0.0)))
+        shorter = areas / longer
+        sides = np.array([np.where(self.lying, longer, shorter), np.where(self.lying, shorter, longer)]) + self.walls
+        return put_together(self.trees, np.rint(sides) if exact else sides)
+
+    def settled(self, evaluator: BatchEvaluator) -> "Setbacks":
+        """The same with the walls that rooms have where they lie."""
+        found = self
+        for _ in range(SETTLINGS):
+            cuts = found.cut(evaluator)
+            limits = cuts.high.max(axis=1)[:, None]
+            outer = (cuts.low == 0).astype(float) + (cuts.high >= limits)
+            found = found._replace(walls=INTERIOR_WALL + outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2))
+        return found
+
+    def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
+        """All of them cut exactly, and what they are like."""
+        cuts, enclosed = self.laid(evaluator, exact=True)
+        nature = evaluator.evaluate(cuts)
+        cost = np.round(nature.cost + outline_cost(cuts, enclosed), 6)
+        return cuts, Nature(cost, nature.valid & ~enclosed & ~has_small_steps(cuts), nature.misses)
+
+    def varied(self, dice: Random) -> "Setbacks":
+        """Each but the last with its sides a little longer and shorter."""
+        rooms, plans = self.areas.shape
+        shifts = gaussian(dice, 2 * rooms, plans)
+        areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
+        ratios = np.clip(self.ratios + _BENT_RATIO * shifts[rooms:], -RATIO_MARGIN, RATIO_MARGIN)
+        return self._replace(areas=areas, ratios=ratios)
+
+    def rough_cost(self, evaluator: BatchEvaluator) -> Floats:
+        """Cost of the shapes of rooms and outlines."""
+        cuts, enclosed = self.laid(evaluator)
+        return evaluator.shapes(cuts) + outline_cost(cuts, enclosed)
+
+
+def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
+    """Lays rooms of given sides together as the trees say.
+
+    Args:
+        trees: the cuts.
+        sides: extents of the rooms: (axis, room, plan), in units.
+
+    Returns:
+        Where rooms lie, and which plans have a yard without an open side.
+    """
+    _, rooms, plans = sides.shape
+    columns = np.arange(plans)
+    first, second = trees.first * plans + columns, trees.second * plans + columns
+    sizes = np.empty((2, 2 * rooms - 1, plans))
+    sizes[:, :rooms] = sides
+    flat = sizes.reshape(2, -1)
+    along = np.array([trees.sideways, ~trees.sideways])
+    for step in range(rooms - 2, -1, -1):
+        one, other = flat[:, first[step]], flat[:, second[step]]
+        sizes[:, rooms + step] = np.where(along[:, step], one + other, np.maximum(one, other))
+    low, granted = np.zeros_like(sizes), sizes.copy()
+    starts, ends = np.ones(sizes.shape, bool), np.ones(sizes.shape, bool)
+    enclosed = np.zeros(plans, bool)
+    flat_low, flat_granted = low.reshape(2, -1), granted.reshape(2, -1)
+    flat_starts, flat_ends = starts.reshape(2, -1), ends.reshape(2, -1)
+    for step in range(rooms - 1):
+        node = rooms + step
+        ways, begin, whole = along[:, step], low[:, node], granted[:, node]
+        open_start, open_end = starts[:, node], ends[:, node]
+        more = whole - sizes[:, node]
+        # The longer of two in a row is stretched where both have to be a little longer together.
+        first_more = np.where(flat[:, first[step]] >= flat[:, second[step]], more, 0.0)
+        at = begin
+        for child, extra, is_first in ((first[step], first_more, True), (second[step], more - first_more, False)):
+            size = flat[:, child]
+            slack = whole - size
+            back = ~ways & (slack >= LEAST_SETBACK)
+            given = np.where(ways, size + extra, np.where(back, size, whole))
+            enclosed |= (back & ~open_start & ~open_end).any(axis=0)
+            flat_granted[:, child] = given
+            flat_low[:, child] = np.where(ways, at, begin + np.where(back & ~open_end, slack, 0.0))
+            flat_starts[:, child] = np.where(ways, open_start & is_first, open_start | (back & ~open_end))
+            flat_ends[:, child] = np.where(ways, open_end & (not is_first), open_end)
+            at = at + np.where(ways, given, 0.0)
+    return Cuts(low[:, :rooms], low[:, :rooms] + granted[:, :rooms]), enclosed
+
+
+def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
+    """Cost of outlines that are not rectangles."""
+    sides = cuts.high - cuts.low
+    whole = cuts.high.max(axis=1)
+    empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)
+    outline = 2 * sides.sum(axis=(0, 1)) - 2 * _shared(cuts)
+    extra = outline / (2 * whole.sum(axis=0)) - 1
+    cost = _SET_BACK * (empty > 1e-6) + _EMPTY_SHARE * empty + _EXTRA_OUTLINE * np.maximum(extra, 0.0)
+    return cost + _ENCLOSED * enclosed
+
+
+def _shared(cuts: Cuts) -> Floats:
+    """Length of all borders that two rooms share, per plan."""
+    rooms = cuts.low.shape[1]
+    one, other = np.triu_indices(rooms, 1)
+    overlap = np.minimum(cuts.high[:, one], cuts.high[:, other]) - np.maximum(cuts.low[:, one], cuts.low[:, other])
+    touching = (np.abs(overlap[::-1]) < 1e-6) & (overlap > 0)
+    return np.where(touching, overlap, 0.0).sum(axis=(0, 1))
+
+
+def has_small_steps(cuts: Cuts) -> Flags:
+    """Mask of the plans whose outline has a step between two rooms that is smaller than a setback may be."""
+    low, high = cuts
+    one, other = (slice(None), slice(None), None), (slice(None), None, slice(None))
+    found = np.zeros(low.shape[2], bool)
+    meets = np.minimum(high[one], high[other]) > np.maximum(low[one], low[other])
+    for touches, beside in ((high[one] == low[other], high - 0.5), (low[one] == high[other], low + 0.5)):
+        for step, beyond in ((high[other] - high[one], high + 0.5), (low[one] - low[other], low - 0.5)):
+            # The step runs along one axis, and the rooms touch along the other.
+            small = touches & meets[::-1] & ((step > 0) & (step < LEAST_SETBACK))[::-1]
+            empty = np.array([_empty(cuts, beside[0], beyond[1]), _empty(cuts, beyond[0], beside[1])])
+            found |= (small & empty[:, :, None]).any(axis=(0, 1, 2))
+    return found
+
+
+def _empty(cuts: Cuts, x: Floats, y: Floats) -> Flags:
+    """Mask of the spots outside every room: (spot, plan)."""
+    spots = np.array([x, y])[:, :, None]
+    inside = (cuts.low[:, None] < spots) & (spots < cuts.high[:, None])
+    return ~np.any(np.all(inside, axis=0), axis=1)
+
+
+@lru_cache(maxsize=64)
+def setback_shortlist(brief: Brief) -> Shortlist:
+    """The best plans of at least two rectangular rooms; empty when there is none."""
+    evaluator = BatchEvaluator(brief)
+    every = _beginnings(len(evaluator.areas))
+    best = np.argsort(np.round(every.rough_cost(evaluator), 6), kind="stable")[:_JUDGED]
+    some = every.take(best).settled(evaluator)
+    _, nature = some.judged(evaluator)
+    refined = _refined(evaluator, some.take(np.argsort(nature.cost, kind="stable")[:_REFINED]))
+    return best_first(evaluator, refined, every.trees.plans)
+
+
+def _beginnings(rooms: int) -> Setbacks:
+    """All trees with rooms turned either way."""
+    trees = all_trees(rooms)
+    turns = np.array([*product((False, True), repeat=rooms)])
+    each = min(len(turns), max(_LEAST_TURNS, _BEGINNINGS // trees.plans))
+    columns = np.tile(np.arange(trees.plans), each)
+    # Odd steps share no factor with the number of turns, so they meet all of them.
+    chosen = (27 * columns + 11 * np.repeat(np.arange(each), trees.plans)) % len(turns)
+    lying = turns[chosen].T
+    nothing = np.zeros(lying.shape)
+    return Setbacks(trees.take(columns), lying, nothing, nothing, np.full((2, *lying.shape), _USUAL_WALLS))
+
+
+def _refined(evaluator: BatchEvaluator, start: Setbacks) -> Setbacks:
+    """Bends ratios and areas, within their margins, one at a time, as long as it makes the shapes better."""
+    found = start
+    for step in _STEPS:
+        cost = found.rough_cost(evaluator)
+        for number in range(len(evaluator.areas)):
+            for shift in (step, -step):
+                ratios = found.ratios.copy()
+                ratios[number] = np.clip(ratios[number] + shift, -RATIO_MARGIN, RATIO_MARGIN)
+                found, cost = _better(evaluator, found, cost, found._replace(ratios=ratios))
+                areas = found.areas.copy()
+                areas[number] = np.clip(areas[number] + shift, -AREA_MARGIN, AREA_MARGIN)
+                found, cost = _better(evaluator, found, cost, found._replace(areas=areas))
+        found = found.settled(evaluator)
+    return found
+
+
+def _better(evaluator: BatchEvaluator, found: Setbacks, cost: Floats, tried: Setbacks) -> tuple[Setbacks, Floats]:
+    """Keeps the cheaper of the plans found and tried, column by column, with its cost."""
+    costs = tried.rough_cost(evaluator)
+    # Rounded: another machine's last digit has to make no difference.
+    better = np.round(costs - cost, 6) < 0
+    ratios, areas = (
+        np.where(better, new, old) for new, old in ((tried.ratios, found.ratios), (tried.areas, found.areas))
+    )
+    return found._replace(ratios=ratios, areas=areas), np.where(better, costs, cost)
+
 
 _CHOICE_TEMPERATURE = 0.4
 _CHOICE_MARGIN = 2.0

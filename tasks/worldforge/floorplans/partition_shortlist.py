@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .brief import Brief
-from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, cut
-from .partition_trees import Trees, all_trees
+from .partition_costs import BatchEvaluator, Cuts, Flags, Floats, Nature, Trees, all_trees, cut
 
 AREA_MARGIN = 0.03
 """Largest deviation of the logarithm of a floor's area from its preference; rounding to units comes on top."""

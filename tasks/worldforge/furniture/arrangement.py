@@ -3,10 +3,10 @@
 from typing import Literal
 
 from ....schemas.worlds.world import RoomType
+from .catalogue import KITCHEN_RUN as KITCHEN_RUN
 from .catalogue import RULES as RULES
-from .rules import KITCHEN_RUN as KITCHEN_RUN
-from .rules import SEATS
-from .rules import Rule as Rule
+from .catalogue import SEATS
+from .catalogue import Rule as Rule
 
 Density = Literal["Sparse", "Moderate", "Dense"]
 

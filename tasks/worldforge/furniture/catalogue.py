@@ -7,11 +7,62 @@ so that readers of `world.json` can rebuild it part by part.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Literal
 
 from ....schemas.worlds.world import Furniture
 from ..geometry.parts import Part, Style, styles
-from . import cabinets, fixtures, loose, soft, tables
-from .rules import KITCHEN_RUN, SEATS, Rule
+from . import cabinets, fixtures, soft, tables
+
+Relation = Literal["beside", "before", "around", "desk", "facing", "gathered", "run", ""]
+Spot = Literal["wall", "corner", "open"]
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """How one kind of furniture is placed.
+
+    Clearances are what people need, from the usual handbooks of ergonomics and kitchen design, metres:
+    0.6 to stand and turn before a piece, 0.75 to pull out a drawer or open a wardrobe and stand before it,
+    0.9 to work at an appliance with its door open or to push a chair back from a desk, 0.75 around a dining
+    table to sit down, 0.5 beside a bed to get up, 0.4 between a sofa and its table for the legs.
+    """
+
+    spot: Spot = "wall"
+    """Spot for a piece that is placed on its own."""
+    prefer: Literal["middle", "corner", "any"] = "any"
+    """Preferred part of a wall."""
+    front_m: float = 0.0
+    """Free space before it, in metres: to get up, to open it, to work at it."""
+    beside_m: float = 0.0
+    """Free space on both sides, in metres; on one side of a bed for one."""
+    around_m: float = 0.0
+    """Free space on every side of a piece in the open, in metres."""
+    relation: Relation = ""
+    """How it stands to the kinds in `near`, tried before `spot`."""
+    near: tuple[str, ...] = ()
+    """Kinds it belongs to."""
+    bound: bool = False
+    """Whether it makes no sense away from those kinds where the room has one."""
+    seat_m: float = 0.0
+    """How far a chair will stand before it, so that the place must not be at a door."""
+    gap_m: float = 0.0
+    """Distance for `before` and `gathered`."""
+    hides_window: bool = False
+    """Whether it never stands before a window, however low it is."""
+    counts: tuple[int, int, int] = (1, 1, 1)
+    """Pieces wanted at first in sparse, moderate and dense rooms."""
+    limit: int = 1
+    """At most so many per 30 m2."""
+    one_a_room: bool = False
+    """Whether larger rooms get no more of them: a hall is not watched from ten screens."""
+
+
+KITCHEN_RUN = ("Fridges", "Ovens", "DishWashers", "Storage", "WashingMachinesAndDryers")
+"""Kinds of furniture in a kitchen's line."""
+
+SEATS = ("Sofas", "LivingRoomChairs")
+"""Seats of a living room."""
+
 
 Builder = Callable[[Style], list[Part]]
 
@@ -257,23 +308,23 @@ CATALOGUE: dict[str, Kind] = {
     ),
     # Of more than one size, since grippers open 60 to 120 mm.
     "Ball": Kind(
-        loose.ball,
+        soft.ball,
         styles("ball", (0.18, 0.18, 0.18), "terracotta", "navy", "mustard")
         + styles("small-ball", (0.066, 0.066, 0.066), "terracotta", "mustard"),
     ),
-    "Book": Kind(loose.book, styles("book", (0.16, 0.23, 0.035), "terracotta", "navy", "sage", "mustard")),
-    "Carton": Kind(loose.carton, styles("carton", (0.4, 0.3, 0.26), "oak")),
-    "Clothes": Kind(loose.clothes, styles("pullover", (0.3, 0.36, 0.07), "navy", "terracotta", "sage", "mustard")),
+    "Book": Kind(soft.book, styles("book", (0.16, 0.23, 0.035), "terracotta", "navy", "sage", "mustard")),
+    "Carton": Kind(soft.carton, styles("carton", (0.4, 0.3, 0.26), "oak")),
+    "Clothes": Kind(soft.clothes, styles("pullover", (0.3, 0.36, 0.07), "navy", "terracotta", "sage", "mustard")),
     "Cup": Kind(
-        loose.cup,
+        soft.cup,
         styles("mug", (0.085, 0.085, 0.095), "white", "navy", "terracotta")
         + styles("tumbler", (0.072, 0.072, 0.12), "white", "sage")
         + styles("espresso", (0.062, 0.062, 0.06), "white", "walnut"),
     ),
-    "Plate": Kind(loose.plate, styles("dinner", (0.26, 0.26, 0.022), "white", "sage")),
-    "Shoe": Kind(loose.shoe, styles("trainer", (0.1, 0.28, 0.11), "white", "navy", "walnut")),
+    "Plate": Kind(soft.plate, styles("dinner", (0.26, 0.26, 0.022), "white", "sage")),
+    "Shoe": Kind(soft.shoe, styles("trainer", (0.1, 0.28, 0.11), "white", "navy", "walnut")),
     "ToyBlock": Kind(
-        loose.toy_block,
+        soft.toy_block,
         styles("block", (0.09, 0.09, 0.09), "terracotta", "mustard", "navy", "sage")
         + styles("small-block", (0.05, 0.05, 0.05), "terracotta", "mustard", "navy", "sage"),
     ),

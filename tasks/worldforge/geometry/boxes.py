@@ -6,8 +6,7 @@ Plain tuples: rooms hold dozens of rectangles, not thousands, and arrays would c
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Furniture, Point
+from ....schemas.worlds.world import Furniture, Point, bounds
 
 Box = tuple[float, float, float, float]
 """West, south, east, north, metres."""

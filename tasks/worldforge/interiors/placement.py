@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.worlds.polygons import bounds, contains
-from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall
-from ..doors.leaves import open_box, swept_box
+from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall, bounds, contains
+from ..doors.parts import open_box, swept_box
 from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over, strip
 from ..geometry.occupancy import wall_corners
 from .ways import Ways

@@ -28,26 +28,24 @@ from collections.abc import Iterator
 from math import cos, hypot, radians, sin, tan
 
 from ....schemas.worlds.appearance import APPEARANCES, DAY
-from ....schemas.worlds.polygons import bounds, contains
-from ....schemas.worlds.world import Furniture, Room, Wall, World
+from ....schemas.worlds.world import Furniture, Room, Wall, World, bounds, contains
 from ..decor.decor import Decoration, decorate
 from ..decor.faces import WINDOW_HEAD_M as WINDOW_HEAD_M
 from ..decor.faces import WINDOW_SILL_M as WINDOW_SILL_M
 from ..decor.faces import walls_of_windows, windows_in
 from ..decor.lights import light_lines, material_lines, reach_m
 from ..decor.openings import LAID, wall_halves
-from ..doors.model import door_lines
+from ..doors.parts import door_lines
 from ..furniture.catalogue import styles_of
 from ..furniture.solids import Solid, solids_of
 from ..geometry.parts import Axis
 from ..interiors.placement import room_rects
 from ..materials.materials import FLOORS, surface_finish, surface_name
-from ..materials.sky import LAYOUT, SKY
-from ..materials.textures import texture_size_m
-from ..ornaments.forms import Shapes
+from ..materials.textures import LAYOUT, SKY, texture_size_m
 from ..ornaments.ornaments import ALONG_X, ALONG_Y, CYLINDER_QUAT, VISUAL
 from ..ornaments.ornaments import numbers as _numbers
-from ..ornaments.shaped import shaped
+from ..ornaments.shapes import Shapes
+from ..ornaments.things import shaped
 
 TEXTURES_FOLDER = "textures"
 """Folder of a textured model's pictures, beside the model."""

@@ -4,9 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from random import Random
 
-from ..geometry.parts import CERAMIC, CHROME, STEEL, WHITE, Color, Vector, rgb
-from .forms import Shapes
+from ....schemas.worlds.world import Furniture
+from ..furniture.catalogue import parts_of
+from ..furniture.solids import Solid, solids_of, turn
+from ..geometry.parts import CERAMIC, CHROME, STEEL, WHITE, Color, Part, Vector, rgb
 from .ornaments import Ornament
+from .shapes import Shapes, form_of
 
 _LEAF, _DARK_LEAF, _CLAY = rgb("5f8a56"), rgb("47714a"), rgb("b5694a")
 _CLOTH = (rgb("d8d2c4"), rgb("7f9aa8"), rgb("b98a7a"), rgb("8fa58b"), rgb("c9b079"))
@@ -103,3 +106,53 @@ def placed(
         center = (spot[0], spot[1], spot[2] + piece.up + piece.size[2] / 2)
         numbered, color = name if index == 0 else f"{name}_{index}", dice.choice(piece.colors)
         yield shapes.drawn(numbered, piece.form, piece.size, center, color, yaw + piece.turn)
+
+
+_THICK_M = (0.026, 0.034, 0.042)
+_HEIGHTS = (0.8, 0.9, 1.0)
+_STEP_M = 0.02
+"""Step between heights of books, in metres: few sizes are few meshes."""
+_DEEP_M = 0.12
+
+
+def book_row(
+    name: str, foot: Vector, yaw: float, size: Vector, shapes: Shapes, dice: Random
+) -> Iterator[Ornament]:  # fmt: skip
+    """Books that fill a box.
+
+    Args:
+        name: of the row; books are numbered.
+        foot: middle of the box's lower side.
+        yaw: where their backs face.
+        size: depth, width and height of the box; all books are as deep.
+        shapes: gathers their meshes.
+        dice: how thick, how high, and of which colour they are.
+    """
+    _, wide, tall = size
+    c, s = turn(yaw)
+    at, number = -wide / 2, 0
+    while (thick := dice.choice(_THICK_M)) and at + thick <= wide / 2:
+        high = max(_STEP_M, int(tall * dice.choice(_HEIGHTS) / _STEP_M) * _STEP_M)
+        x, y = -0.01 * dice.randrange(2), at + thick / 2
+        center = (foot[0] + c * x - s * y, foot[1] + s * x + c * y, foot[2] + high / 2)
+        size = (_DEEP_M, thick - 0.002, high)
+        yield shapes.drawn(f"{name}_{number}", "block", size, center, dice.choice(SPINES), yaw)
+        at, number = at + thick, number + 1
+
+
+def shaped(item: Furniture, shapes: Shapes) -> Iterator[tuple[Solid, list[Ornament]]]:
+    """A piece's parts, each with what is drawn in its place; nothing: it is drawn as it is."""
+    for part, solid in zip(parts_of(item), solids_of(item), strict=True):
+        if item.model_type == "Bookcases" and part.name.startswith("books-"):
+            yield solid, list(_books(item, part, solid, shapes))
+            continue
+        form = form_of(item.model_type, part)
+        name = f"{solid.name}_seen" if part.solid else solid.name
+        yield solid, [shapes.drawn(name, form, part.size, solid.center, part.color, item.yaw)] if form else []
+
+
+def _books(item: Furniture, part: Part, solid: Solid, shapes: Shapes) -> Iterator[Ornament]:
+    dice = Random(f"{item.id} {item.style} {part.name}")  # noqa: S311 (chance, not secrecy)
+    x, y, z = solid.center
+    name = f"book_{item.id}_{part.name.removeprefix('books-').replace('-', '_')}"
+    return book_row(name, (x, y, z - part.size[2] / 2), item.yaw, part.size, shapes, dice)

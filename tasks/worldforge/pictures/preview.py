@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as PilImage
 
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Wall, Window, World
+from ....schemas.worlds.world import Wall, Window, World, bounds
 from ..decor.faces import walls_of_windows
-from ..doors.model import cut_door_solids
+from ..doors.parts import cut_door_solids
 from ..furniture.solids import Solid, solids_of, turn
 from ..geometry.boxes import strip
 from ..geometry.parts import Color, Vector, rgb
@@ -21,9 +20,7 @@ from ..interiors.placement import room_rects
 from ..materials.materials import surface_name
 from ..materials.textures import sample
 from ..model.mjcf import wall_faces
-from .preview_light import Block, LightMap
-from .preview_palette import Palette
-from .preview_raster import Image, Raster, View
+from .preview_raster import Block, Image, LightMap, Palette, Raster, View
 
 WIDTH, HEIGHT = 960, 720
 """Size of the picture in pixels."""

@@ -4,15 +4,18 @@ Only sums, products, comparisons and square roots touch the pixels: these are ex
 every processor, so that equal scenes give equal pictures everywhere.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from math import ceil, cos, floor, radians, sin
+from math import ceil, cos, floor, radians, sin, sqrt
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
-from ..geometry.parts import Vector
+from ..geometry.parts import Axis, Color, Vector, rgb
+from ..materials.textures import mean_color, texture_size_m
 
 LEVELS = 16
 """Shades of a curved surface: it takes that many colour numbers, darkest first."""
@@ -210,3 +213,139 @@ def _levels(x: Image, y: Image, z: Image | float) -> NDArray[np.int32]:
     """Shade numbers for unit normals."""
     facing = x * LIGHT[0] + y * LIGHT[1] + z * LIGHT[2]
     return np.clip((facing * 0.5 + 0.5) * LEVELS, 0, LEVELS - 1).astype(np.int32)
+
+
+GROUND = rgb("eeece6")[:3]
+"""Colour number 0: what lies around the building."""
+
+
+class Palette:
+    """Colour numbers, each with its red, green, blue as it looks in full light.
+
+    Attributes:
+        patterned: surfaces that are to be filled with their patterns, and the share of light on them: `z`
+            floors, `x` and `y` walls by the direction in which they run.
+    """
+
+    def __init__(self) -> None:
+        self._colors: list[tuple[float, float, float]] = [GROUND]
+        self._in_shade: list[int] = []
+        self.patterned: list[tuple[str, Axis, float]] = []
+        self._patterns: dict[int, int] = {}
+
+    def add(self, color: Color, shade: float = 1.0) -> int:
+        """A colour, darkened or not; returns its number."""
+        red, green, blue, _ = color
+        self._colors.append((red * shade, green * shade, blue * shade))
+        return len(self._colors) - 1
+
+    def add_side(self, color: Color, normal: tuple[float, float]) -> int:
+        """An upright face; one that is turned from the light takes no shadow besides."""
+        facing = normal[0] * LIGHT[0] + normal[1] * LIGHT[1]
+        number = self.add(color, _side_share(normal))
+        if facing <= 0:
+            self._in_shade.append(number)
+        return number
+
+    def add_curved(self, color: Color) -> int:
+        """A curved surface: one number per shade, of which the darkest, the first, is returned."""
+        first = len(self._colors)
+        for level in range(LEVELS):
+            self.add(color, 0.62 + 0.42 * (level + 0.5) / LEVELS)
+        return first
+
+    def add_floor(self, name: str) -> int:
+        """A floor by its name in the MJCF."""
+        number = self.add((*mean_color(name), 1.0))
+        self._fill(number, name, "z", 1.0)
+        return number
+
+    def add_wall(self, name: str, normal: tuple[float, float]) -> int:
+        """An upright face of a wall by its name in the MJCF."""
+        number = self.add_side((*mean_color(name), 1.0), normal)
+        if texture_size_m(name) is not None:
+            self._fill(number, name, "x" if normal[0] == 0 else "y", _side_share(normal))
+        return number
+
+    def _fill(self, number: int, name: str, axis: Axis, share: float) -> None:
+        pattern = (name, axis, share)
+        if pattern not in self.patterned:
+            self.patterned.append(pattern)
+        self._patterns[number] = self.patterned.index(pattern) + 1
+
+    def patterns(self) -> NDArray[np.uint8]:
+        """Patterns by colour number: 0 for none, else one more than the index in `patterned`."""
+        table = np.zeros(len(self._colors), np.uint8)
+        table[list(self._patterns)] = list(self._patterns.values())
+        return table
+
+    def sunny(self) -> NDArray[np.float32]:
+        """1 for colours that shadows fall on, 0 for those turned from the light."""
+        sunny = np.ones(len(self._colors), np.float32)
+        sunny[self._in_shade] = 0
+        return sunny
+
+    def table(self) -> NDArray[np.uint8]:
+        """Red, green and blue by colour number, 0 to 255."""
+        return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
+
+
+def _side_share(normal: tuple[float, float]) -> float:
+    """How bright an upright face is."""
+    return 0.8 + 0.16 * (normal[0] * LIGHT[0] + normal[1] * LIGHT[1])
+
+
+_CELL_M = 0.03
+_MARGIN_M = 1.5
+
+Block = tuple[float, float, float, float, float]
+"""West, south, east, north, height."""
+
+
+@dataclass(frozen=True)
+class LightMap:
+    """Per cell of the ground: how high the shade reaches, and how much stands around."""
+
+    origin: tuple[float, float]
+    shade: Image
+    """Everything below this height lies in the sun's shadow, metres."""
+    crowd: Image
+    """Mean height of the surroundings, metres."""
+
+    @classmethod
+    def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
+        """Casts shadows of blocks that stand on the ground."""
+        x0, y0 = extent[0] - _MARGIN_M, extent[1] - _MARGIN_M
+        shape = (ceil((extent[3] + _MARGIN_M - y0) / _CELL_M), ceil((extent[2] + _MARGIN_M - x0) / _CELL_M))
+        heights = np.zeros(shape, np.float32)
+        for west, south, east, north, height in blocks:
+            rows = slice(max(0, floor((south - y0) / _CELL_M + 0.5)), max(0, floor((north - y0) / _CELL_M + 0.5)))
+            columns = slice(max(0, floor((west - x0) / _CELL_M + 0.5)), max(0, floor((east - x0) / _CELL_M + 0.5)))
+            np.maximum(heights[rows, columns], np.float32(height), out=heights[rows, columns])
+        crowd = ndimage.uniform_filter(heights, 11, mode="nearest") + ndimage.uniform_filter(
+            heights, 27, mode="nearest"
+        )
+        shade = ndimage.uniform_filter(_cast(heights), 5)
+        return cls((x0, y0), np.asarray(shade, np.float32), np.asarray(crowd, np.float32) / 2)
+
+    def brightness(self, x: Image, y: Image, z: Image, sunny: Image) -> Image:
+        """How bright the light is at places of the scene, 0 to 1; shadows fall where `sunny` is 1."""
+        rows = np.clip(((y - self.origin[1]) / _CELL_M).astype(np.int32), 0, self.shade.shape[0] - 1)
+        columns = np.clip(((x - self.origin[0]) / _CELL_M).astype(np.int32), 0, self.shade.shape[1] - 1)
+        cells = rows * self.shade.shape[1] + columns
+        sunless = np.clip((np.take(self.shade, cells) - z - 0.02) * 3, 0, 1) * sunny
+        hemmed_in = np.clip((np.take(self.crowd, cells) - z) * 0.38, 0, 0.3)
+        return (1 - 0.27 * sunless) * (1 - hemmed_in)
+
+
+def _cast(heights: Image) -> Image:
+    """Height of the shadow over every cell: the highest block towards the light, less the light's slope."""
+    reach = sqrt(LIGHT[0] ** 2 + LIGHT[1] ** 2)
+    drop = LIGHT[2] / reach * _CELL_M
+    shade = np.zeros_like(heights)
+    for step in range(1, ceil(2.1 / drop)):
+        right, up = round(step * LIGHT[0] / reach), round(step * LIGHT[1] / reach)
+        moved = heights[max(up, 0) or None :, : right or None] if right < 0 else heights[max(up, 0) :, right:]
+        target = shade[: shade.shape[0] - max(up, 0), max(-right, 0) :] if right < 0 else shade[: -up or None, :-right]
+        np.maximum(target, moved - np.float32(step * drop), out=target)
+    return shade

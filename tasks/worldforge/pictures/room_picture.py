@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ....schemas.worlds.polygons import contains
-from ....schemas.worlds.world import Room, Window, World
+from ....schemas.worlds.world import Room, Window, World, contains
 from ..interiors.placement import room_rects
 from ..materials.materials import surface_finish
 from ..materials.textures import sample

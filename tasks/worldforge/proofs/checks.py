@@ -11,14 +11,21 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ....schemas.worlds.checks import PreferenceCount, RoomMeasures, RoomWay, WorldChecks
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Floorplan, Passage, Room, World
-from ..doors.leaves import FULLY_OPEN_PERCENT, leaf_outlines
+from ....schemas.worlds.world import (
+    Floorplan,
+    Passage,
+    PreferenceCount,
+    Room,
+    RoomMeasures,
+    RoomWay,
+    World,
+    WorldChecks,
+    bounds,
+)
+from ..doors.parts import FULLY_OPEN_PERCENT, leaf_outlines
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
 from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M, SETTLE_S
-from .overlaps import find_overlaps
-from .settling import drift_m, measure_stability
+from .overlaps import drift_m, find_overlaps, measure_stability
 
 _WALL_FLOOR_M = 0.4
 """A wall that begins above this leaves a way below it."""

@@ -6,8 +6,7 @@ Needs nothing but the measurements that `world.json` holds; `checks` takes them.
 from collections.abc import Iterator
 from typing import Literal, NamedTuple
 
-from ....schemas.worlds.checks import RoomMeasures, StabilityChecks, WorldChecks
-from ....schemas.worlds.world import World
+from ....schemas.worlds.world import RoomMeasures, StabilityChecks, World, WorldChecks
 
 MAX_PENETRATION_M = 0.005
 MIN_CELLS = 5

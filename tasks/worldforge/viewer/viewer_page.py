@@ -5,6 +5,7 @@ Everything is in the page: the GLB, three.js, which draws it, and what people st
 
 import base64
 import io
+import re
 import zipfile
 from functools import cache
 from pathlib import Path
@@ -13,12 +14,14 @@ from typing import Any
 from markupsafe import Markup
 from trimesh import resources
 
-from ....schemas.worlds.polygons import bounds
-from ....schemas.worlds.world import Room, World
-from ..bundle.bundle import read_world
+from ....schemas.worlds.world import Room, World, bounds
+from ..bundle.bundle import PLAN_FILE, PREVIEW_FILE, read_world
 from ..exports.glb import world_glb
+from ..pictures.plan_svg import floorplan_svg
+from ..pictures.preview import render_preview
+from ..pictures.room_picture import room_picture
 from ..proofs.guarantees import violations
-from .page_files import json_island, page
+from .contact_sheet import json_island, page
 
 _SCRIPTS = ("viewer_gl.js", "viewer.js")
 _BEFORE, _AFTER = "<script>", "var camera,controls,scene,renderer"
@@ -103,3 +106,32 @@ def _bounds(world: World) -> tuple[list[float], list[float]]:
     wall = max(wall.thickness_m for wall in world.floorplan.walls) / 2
     low = [west - wall, 0.0, -north - wall]
     return low, [east + wall, world.floorplan.ceiling_height_m, wall - south]
+
+
+def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
+    """Writes the pictures; those that are there already are replaced.
+
+    Args:
+        world: the world.
+        bundle: its bundle, whose preview is taken if there is one.
+        folder: where to; made if need be.
+
+    Returns:
+        The files: the plan, the view from above, then one for each room in the plan's order.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    plan, preview = folder / PLAN_FILE, folder / PREVIEW_FILE
+    plan.write_text(floorplan_svg(world), encoding="utf-8")
+    preview.write_bytes(preview_png(world, bundle))
+    written = [plan, preview]
+    for number, room in enumerate(world.floorplan.rooms, 1):
+        path = folder / f"room-{number}-{re.sub(r'[^A-Za-z0-9_-]+', '_', room.name)}.png"
+        path.write_bytes(room_picture(world, room.name))
+        written.append(path)
+    return written
+
+
+def preview_png(world: World, bundle: Path) -> bytes:
+    """The world from above: the bundle's picture, or a new one where it was left out."""
+    stored = bundle / PREVIEW_FILE
+    return stored.read_bytes() if stored.is_file() else render_preview(world)

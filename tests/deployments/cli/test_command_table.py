@@ -9,8 +9,7 @@ import sys
 
 import pytest
 
-from prefect_robomaker.deployments.cli.command_table import COMMANDS, Command, find_commands, find_groups
-from prefect_robomaker.deployments.cli.grammar import build_parser
+from prefect_robomaker.deployments.cli.grammar import COMMANDS, Command, build_parser, find_commands, find_groups
 
 
 def every_command() -> list[Command]:

@@ -14,8 +14,11 @@ from prefect_robomaker.deployments.console.console import Console
 from prefect_robomaker.deployments.endpoint.application import Endpoint
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
-from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument, StoredBatchPolicy
-from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import (
+    SimulationJobBatchDocument,
+    SimulationJobDocument,
+    StoredBatchPolicy,
+)
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish

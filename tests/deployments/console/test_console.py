@@ -11,9 +11,9 @@ import pytest
 from helpers.night_records import make_job, make_night, store_night
 from helpers.small_flat import BODY
 
-from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
+from prefect_robomaker.deployments.endpoint.application import LOGGER, write_access_log
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.deployments.spec_runs.standing import Standing, write_standing
+from prefect_robomaker.deployments.spec_runs.spec_runs import Standing, write_standing
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.service.service import Service
@@ -169,7 +169,7 @@ def test_a_key_that_only_reads_has_no_buttons_and_may_not_act(
 
 
 def test_acts_are_in_the_audit_log(visitor: Visitor, store_job: StoreJob, tmp_path: Any, service: Service) -> None:
-    from prefect_robomaker.deployments.endpoint.calling.audit_log import AuditLog
+    from prefect_robomaker.deployments.endpoint.calling.access_keys import AuditLog
 
     job = store_job("Running")
     with AuditLog(tmp_path / "audit", service.clock) as audit_log:

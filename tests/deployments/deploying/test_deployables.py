@@ -10,10 +10,11 @@ from helpers.paths import REPOSITORY
 from prefect_robomaker.deployments.deploying.deployables import (
     Deployable,
     deployment_name,
+    missing_objects,
+    needs_of,
     operation_deployables,
     spec_deployable,
 )
-from prefect_robomaker.deployments.deploying.needs import missing_objects, needs_of
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.operations.registry import registry

@@ -1,6 +1,6 @@
 """Schemas of forms: what is optional is shown at once, and the default of a choice is chosen."""
 
-from prefect_robomaker.deployments.deploying.forms import form_schema
+from prefect_robomaker.deployments.deploying.registration import form_schema
 from prefect_robomaker.flows.operations import CreateRobot, CreateSimulationJob, StartSimulationJobBatch
 
 

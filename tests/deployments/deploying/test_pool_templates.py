@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.deployments.deploying.pool_templates import TYPES, pool_template
+from prefect_robomaker.deployments.deploying.job_variables import TYPES, pool_template
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 
 

@@ -6,7 +6,7 @@ import logging
 import pytest
 from helpers.asgi import Client
 
-from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
+from prefect_robomaker.deployments.endpoint.application import LOGGER, write_access_log
 from prefect_robomaker.deployments.log_lines import log_formatter
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 

@@ -7,7 +7,7 @@ from prefect_robomaker.deployments.endpoint.messages import (
     SerializationException,
     UnknownOperationException,
 )
-from prefect_robomaker.deployments.endpoint.routes import Router
+from prefect_robomaker.deployments.endpoint.wire import Router
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
 
 ARN = "arn:aws:robomaker:us-east-1:000000000000:world/generation-1/world-1"

@@ -19,8 +19,7 @@ from botocore.credentials import Credentials
 from helpers.endpoint_here import endpoint_here
 from helpers.endpoint_server import exchange, http_request
 
-from prefect_robomaker.deployments.endpoint.access_log import LOGGER, write_access_log
-from prefect_robomaker.deployments.endpoint.application import Endpoint
+from prefect_robomaker.deployments.endpoint.application import LOGGER, Endpoint, write_access_log
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
 from prefect_robomaker.deployments.endpoint.server import listening, run_server
 from prefect_robomaker.schemas.wire.errors import ConfigurationError

@@ -15,7 +15,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from helpers.endpoint_here import ServeHere
 
-from prefect_robomaker.deployments.endpoint.tls import TlsFiles
+from prefect_robomaker.deployments.endpoint.server import TlsFiles
 from prefect_robomaker.deployments.service_model.installation import data_path
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 

@@ -7,8 +7,8 @@ import pytest
 from helpers.prefect_server import server_settings
 from prefect.client.orchestration import PrefectClient
 
-from prefect_robomaker.deployments.prefect_server.beside import beside
 from prefect_robomaker.deployments.prefect_server.secret import auth_string
+from prefect_robomaker.deployments.prefect_server.server_process import beside
 
 
 def test_a_job_may_write_to_the_server_and_ends_with_it(prefect_server: str, caplog: pytest.LogCaptureFixture) -> None:

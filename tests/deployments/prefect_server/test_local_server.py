@@ -16,7 +16,7 @@ from helpers.ports import free_port
 from helpers.prefect_server import server_settings
 from helpers.processes import started, wait_for
 
-from prefect_robomaker.deployments.prefect_server import local_server, server_health
+from prefect_robomaker.deployments.prefect_server import local_server, outage
 from prefect_robomaker.deployments.prefect_server.local_server import (
     LocalServerError,
     client_variables,
@@ -154,7 +154,7 @@ def test_a_server_that_is_busy_is_waited_for_and_not_started_anew(
         os.kill(small_server, signal.SIGSTOP)
         going_on.start()
         with monkeypatch.context() as impatient:
-            impatient.setattr(server_health, "_TIMEOUT_S", 1.0)
+            impatient.setattr(outage, "_TIMEOUT_S", 1.0)
             assert ensure_server(settings, environ) == url
         going_on.join()
         assert server_status(settings, NOTHING) == before, "the same process"

@@ -2,7 +2,7 @@
 
 from itertools import count
 
-from prefect_robomaker.deployments.prefect_server.one_time_tokens import OneTimeTokens
+from prefect_robomaker.deployments.prefect_server.login_page import OneTimeTokens
 
 
 def test_a_token_works_once() -> None:

@@ -18,9 +18,8 @@ from prefect.client.base import PrefectHttpxAsyncClient
 from prefect.settings import PREFECT_CLIENT_MAX_RETRIES, temporary_settings
 
 from prefect_robomaker.deployments.prefect_server import outage as outage_module
-from prefect_robomaker.deployments.prefect_server.outage import DEAD_PATIENCE_S, Outage
+from prefect_robomaker.deployments.prefect_server.outage import BUSY_PATIENCE_S, DEAD_PATIENCE_S, Health, Outage
 from prefect_robomaker.deployments.prefect_server.patient_requests import PrefectServerAwayError, patient_requests
-from prefect_robomaker.deployments.prefect_server.server_health import BUSY_PATIENCE_S, Health
 
 LOCAL = "http://127.0.0.1:4200/api"
 

@@ -204,7 +204,7 @@ def form(browser: Browser, prefect_server: str) -> Iterator[Any]:
     """Opens the form of an operation's deployment."""
     from prefect.client.orchestration import get_client
 
-    from prefect_robomaker.deployments.deploying.forms import form_schema
+    from prefect_robomaker.deployments.deploying.registration import form_schema
 
     made: list[Any] = []
 

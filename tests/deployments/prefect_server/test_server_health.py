@@ -4,8 +4,8 @@ import socket
 
 import pytest
 
-from prefect_robomaker.deployments.prefect_server import server_health
-from prefect_robomaker.deployments.prefect_server.server_health import Health, health_of, wait_while_busy
+from prefect_robomaker.deployments.prefect_server import outage
+from prefect_robomaker.deployments.prefect_server.outage import Health, health_of, wait_while_busy
 
 
 def test_a_server_that_answers_is_healthy(prefect_server: str) -> None:
@@ -13,7 +13,7 @@ def test_a_server_that_answers_is_healthy(prefect_server: str) -> None:
 
 
 def test_a_program_that_listens_and_is_silent_is_busy(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(server_health, "_TIMEOUT_S", 0.2)
+    monkeypatch.setattr(outage, "_TIMEOUT_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         assert health_of(f"http://127.0.0.1:{silent.getsockname()[1]}/api") is Health.BUSY
 

@@ -12,10 +12,14 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.robot_door.door import DoorSettings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.fleet.ddi.feedback import Attributes, Execution, Feedback, Finished, OrderEnd
 from prefect_robomaker.tasks.fleet.ddi.reports import (
+    Attributes,
     AttributesSent,
     CancelFeedback,
+    Execution,
+    Feedback,
+    Finished,
+    OrderEnd,
     OrderFeedback,
     OrderFetched,
     RobotsSeen,

@@ -8,8 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.robot_door.answers import DoorRefusal
-from prefect_robomaker.deployments.robot_door.downloads import CHUNK_BYTES, reader_of_files
-from prefect_robomaker.deployments.robot_door.ranges import part_of
+from prefect_robomaker.deployments.robot_door.downloads import CHUNK_BYTES, part_of, reader_of_files
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
 

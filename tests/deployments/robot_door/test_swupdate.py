@@ -18,12 +18,9 @@ from helpers.swupdate_robot import SwupdateRobot, needs_swupdate, swupdate_robot
 from helpers.tcp_proxy import TcpProxy, tcp_proxy
 
 from prefect_robomaker.deployments.robot_door.door import RobotDoor
-from prefect_robomaker.tasks.fleet.ddi.feedback import OrderEnd
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
-from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderFeedback, OrderFetched, RobotReport
-from prefect_robomaker.tasks.fleet.swu.description import Release
-from prefect_robomaker.tasks.fleet.swu.signing import SigningKey, new_signing_key
-from prefect_robomaker.tasks.fleet.swu.wrapping import wrap
+from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderEnd, OrderFeedback, OrderFetched, RobotReport
+from prefect_robomaker.tasks.fleet.swu import Release, SigningKey, new_signing_key, wrap
 
 from .conftest import server
 

@@ -19,8 +19,8 @@ from helpers.processes import wait_for
 from tuf.api.exceptions import DownloadHTTPError
 from tuf.ngclient import FetcherInterface, Updater
 
-from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
-from prefect_robomaker.tasks.fleet.known_robots import enrollable
+from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
+from prefect_robomaker.tasks.fleet.records import enrollable
 from prefect_robomaker.tasks.fleet.trust.ceremonies import renew_root
 from prefect_robomaker.tasks.fleet.trust.enrolment import offer
 from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of

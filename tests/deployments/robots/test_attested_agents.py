@@ -13,7 +13,7 @@ from helpers.processes import wait_for
 from helpers.tested_batches import Batches
 from helpers.tuf_repository import bundle
 
-from prefect_robomaker.tasks.fleet.known_robots import enrollable
+from prefect_robomaker.tasks.fleet.records import enrollable
 from prefect_robomaker.tasks.fleet.trust import deployments
 from prefect_robomaker.tasks.fleet.trust.ceremonies import AttestedChange, renew_root
 from prefect_robomaker.tasks.fleet.trust.enrolment import offer

@@ -14,7 +14,7 @@ from helpers.polling_robot import PollingRobot, artifact_of, carried_out
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.fleets import RobotDocument
-from prefect_robomaker.tasks.fleet.known_robots import enrol
+from prefect_robomaker.tasks.fleet.records import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 ALL_AT_ONCE = {"concurrentDeploymentPercentage": 100, "failureThresholdPercentage": 100}

@@ -8,10 +8,16 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.spec_runs.spec_runs import MOST_AT_ONCE, SpecRuns
-from prefect_robomaker.deployments.spec_runs.standing import Standing, StandingFile, StepStanding, read_standing
+from prefect_robomaker.deployments.spec_runs.spec_runs import (
+    MOST_AT_ONCE,
+    SpecRuns,
+    Standing,
+    StandingFile,
+    StepStanding,
+    read_standing,
+)
 from prefect_robomaker.schemas.reports.progress import Note, StepEnded, StepProgress, StepStarted
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.errors import ThrottlingException
 from prefect_robomaker.tasks.nights import taking_up

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.deployments.web_guard.decision import Refusal, is_loopback_host, refusal
+from prefect_robomaker.deployments.foreign_pages import Refusal, is_loopback_host, refusal
 
 OWN = "127.0.0.1:4200"
 NAVIGATION = {"sec-fetch-mode": "navigate", "sec-fetch-dest": "document"}

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from prefect_robomaker.deployments.web_guard.guard import Guard
+from prefect_robomaker.deployments.foreign_pages import Guard
 
 OWN = (b"host", b"127.0.0.1:4200")
 FOREIGN = (b"origin", b"http://evil.example")

@@ -13,7 +13,7 @@ from helpers.clusters import Cluster, cluster_of
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

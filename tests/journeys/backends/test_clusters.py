@@ -12,8 +12,7 @@ import pytest
 from helpers.clusters import Cluster, of_home
 from helpers.processes import started, wait_for
 
-from prefect_robomaker.tasks.backends.backend import BackendError, JobWorkers
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import BackendError, JobWorkers, open_backend
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

@@ -17,10 +17,10 @@ from helpers.processes import wait_for
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobBatchDocument
 from prefect_robomaker.tasks.backends.backend import BackendError
 from prefect_robomaker.tasks.inspection.reports import simulation_jobs
-from prefect_robomaker.tasks.jobs.awaited_jobs import WorkerWait
+from prefect_robomaker.tasks.jobs.batch_workers import WorkerWait
 from prefect_robomaker.tasks.machine.machine_slots import jobs_that_wait
 from prefect_robomaker.tasks.machine.slot_files import Holder, SlotFiles
 from prefect_robomaker.tasks.operations.registry import call, registry

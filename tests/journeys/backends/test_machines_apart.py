@@ -17,7 +17,7 @@ from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

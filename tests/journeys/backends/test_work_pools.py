@@ -20,7 +20,7 @@ from helpers.processes import alive, wait_for, working_below
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.backends import pool_runs
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

@@ -13,8 +13,7 @@ from helpers.small_flat import ROLE
 
 from prefect_robomaker.flows.lookup import find_flow, find_perform_flow, perform
 from prefect_robomaker.flows.pipelines import run_spec
-from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.flow_ends import RunNotSucceeded, answer_of

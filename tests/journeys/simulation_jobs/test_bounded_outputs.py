@@ -12,16 +12,15 @@ import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
-from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.schemas.runs.programs import StopReason
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, TransferStoppedError
-from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
+from prefect_robomaker.tasks.execution.job_leases import run_under_lease
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
+from prefect_robomaker.tasks.simulations.outputs.output_places import UploadEnd
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
-from prefect_robomaker.tasks.simulations.outputs.upload_ends import UploadEnd
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]

@@ -13,7 +13,7 @@ import pytest
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
-from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.schemas.runs.programs import StopReason
 from prefect_robomaker.tasks.backends.backend import Backend
 from prefect_robomaker.tasks.inspection.reports import report_of_job
 from prefect_robomaker.tasks.jobs.batch_workers import BatchWorker

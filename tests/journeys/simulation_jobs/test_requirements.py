@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Spe
 from prefect_robomaker.tasks.inspection.preflight import check_preconditions
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.inputs.world_rooms import rooms_of_world
+from prefect_robomaker.tasks.simulations.inputs.bundles import rooms_of_world
 
 pytestmark = pytest.mark.usefixtures("known_worlds")
 Drive = Callable[..., tuple[dict[str, Any], RunResult | None]]

@@ -16,8 +16,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Sto
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.limits.logs import STDOUT_LOG
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage import pack_tar_gz, read_manifest
 
 Order = Callable[..., dict[str, Any]]

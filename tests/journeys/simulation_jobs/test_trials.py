@@ -15,7 +15,7 @@ from helpers.processes import wait_for, working_below
 from helpers.swing_fixtures import outputs_of
 
 from prefect_robomaker.schemas.runs.plan import RunResult
-from prefect_robomaker.schemas.runs.stops import StopReason
+from prefect_robomaker.schemas.runs.programs import StopReason
 from prefect_robomaker.schemas.runs.trial_rows import TrialsSummary
 from prefect_robomaker.schemas.runs.trials import TrialCounts
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, InvalidParameterException
@@ -23,8 +23,7 @@ from prefect_robomaker.tasks.inspection.replays import reproduce_run, verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.operations.simulation_jobs import perform_simulation_job
-from prefect_robomaker.tasks.service.service import Progress, Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Progress, Service, Timing
 
 Simulate = Callable[..., dict[str, Any]]
 Row = dict[str, Any]

@@ -15,8 +15,7 @@ from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, StorageUnavailableError
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage import read_manifest
 
 Order = Callable[..., dict[str, Any]]

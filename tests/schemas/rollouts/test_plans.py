@@ -5,10 +5,16 @@ import json
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from prefect_robomaker.schemas.rollouts.events import Failed, Offered, RolloutEvent, Stopped, Succeeded
 from prefect_robomaker.schemas.rollouts.plan import PlannedRobot, RolloutPlan
-from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import (
+    Failed,
+    Offered,
+    RobotDeploymentState,
+    Rollout,
+    RolloutEvent,
+    Stopped,
+    Succeeded,
+)
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 ROBOTS = (PlannedRobot(arn="a"), PlannedRobot(arn="b", unfit_code="MissingRobotArchitecture"))

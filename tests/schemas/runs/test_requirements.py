@@ -5,12 +5,13 @@ import pytest
 
 from prefect_robomaker.schemas.operations.registry import check_request, parse_request
 from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
-from prefect_robomaker.schemas.runs.requested_requirements import requirements_of, unknown_room
 from prefect_robomaker.schemas.runs.requirements import (
     ClearanceRequirement,
     GoalRequirement,
     TimeLimitRequirement,
     parse_requirements,
+    requirements_of,
+    unknown_room,
 )
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.wire.base import STORED

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.operations.registry import parse_request
 from prefect_robomaker.schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
-from prefect_robomaker.schemas.runs.requested_trials import TRIALS_VARIABLE, planned_trials, trials_of
 from prefect_robomaker.schemas.runs.trial_rows import plan_of_trial
-from prefect_robomaker.schemas.runs.trials import Trial, Trials
+from prefect_robomaker.schemas.runs.trials import TRIALS_VARIABLE, Trial, Trials, planned_trials, trials_of
 from prefect_robomaker.schemas.wire.common import MAX_SEED
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.specs.bounded_search import TooMuchWorkError, bounded_search
+from prefect_robomaker.schemas.specs.references import TooMuchWorkError, bounded_search
 
 JOBS = {"drive": {"jobs": [{"arn": f"arn:{i}", "seed": i, "tags": {"room": "kitchen"}} for i in range(1000)]}}
 
@@ -29,7 +29,7 @@ def search(expression: str, scope: Any) -> Any:
 )
 def test_what_doubles_ends_soon(doubled: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also sooner than it has to: as much as is allowed takes a second."""
-    monkeypatch.setattr("prefect_robomaker.schemas.specs.bounded_search.MAX_WORK", 100_000)
+    monkeypatch.setattr("prefect_robomaker.schemas.specs.references.MAX_WORK", 100_000)
     with pytest.raises(TooMuchWorkError):
         search(doubled, JOBS)
 

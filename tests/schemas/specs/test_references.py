@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.operations.world_generation_jobs import DescribeWorldGenerationJobResponse
-from prefect_robomaker.schemas.specs.reference_kinds import (
+from prefect_robomaker.schemas.specs.reference_typing import (
     ANYTHING,
     BOOLEAN,
     NUMBER,
@@ -21,9 +21,9 @@ from prefect_robomaker.schemas.specs.reference_kinds import (
     Record,
     Structure,
     fits,
+    infer,
     kind_of_value,
 )
-from prefect_robomaker.schemas.specs.reference_typing import infer
 from prefect_robomaker.schemas.specs.references import ReferenceMistake, parse_template
 
 KINDS: dict[str, Kind] = {"worlds": Structure(DescribeWorldGenerationJobResponse), "index": WHOLE_NUMBER}

@@ -9,9 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.wire.arns import Kind, ResourceArn, application_arn, resource_arn
+from prefect_robomaker.schemas.wire.arns import (
+    IdPrefix,
+    Kind,
+    ResourceArn,
+    application_arn,
+    new_id,
+    resource_arn,
+    world_id,
+)
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.schemas.wire.ids import IdPrefix, new_id, world_id
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.registry import OPERATIONS
-from prefect_robomaker.schemas.wire.deprecations import deprecated_uses
+from prefect_robomaker.schemas.wire.operation_shape import deprecated_uses
 
 
 def job(**config: Any) -> dict[str, Any]:

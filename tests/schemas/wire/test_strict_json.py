@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from prefect_robomaker.schemas.wire import strict_json
+from prefect_robomaker.schemas.wire import json_values
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.schemas.wire.strict_json import MAX_VALUES, load_strict
+from prefect_robomaker.schemas.wire.json_values import MAX_VALUES, load_strict
 
 MANY = 10 * 1024 * 1024
 
@@ -16,7 +16,7 @@ MANY = 10 * 1024 * 1024
 )
 def test_a_document_of_too_many_values_is_not_even_read(document: object, monkeypatch: pytest.MonkeyPatch) -> None:
     text = json.dumps(document)
-    monkeypatch.setattr(strict_json.json, "loads", None)
+    monkeypatch.setattr(json_values.json, "loads", None)
     with pytest.raises(
         InvalidParameterException, match=rf"the body: some \d+ values; at most {MAX_VALUES} would be right"
     ):

@@ -9,7 +9,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 
 _OPEN = """
 import sys
@@ -19,7 +19,7 @@ for module in pkgutil.iter_modules([sys.argv[1]]):
     if module.name.startswith("__editable__"):
         __import__(module.name).install()
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.backends.opening import open_backend
+from prefect_robomaker.tasks.backends.backend import open_backend
 try:
     open_backend(sys.argv[2])
 except ConfigurationError as error:

@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.backends.pool_places import Places
+from prefect_robomaker.tasks.backends.pool_runs import Places
 
 
 def test_each_machine_gets_one() -> None:

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.backends.backend import BackendError
+from prefect_robomaker.tasks.backends.cluster_workers import FIRST_PAUSE_S, LONGEST_PAUSE_S, STEADY_S, Staffing
 from prefect_robomaker.tasks.backends.node import Ended
-from prefect_robomaker.tasks.backends.staffing import FIRST_PAUSE_S, LONGEST_PAUSE_S, STEADY_S, Staffing
 
 WRONG = Ended("first", 2, "robomaker: the catalog of this machine does not have the batch\n")
 KILLED = Ended("first", -9, "")

@@ -10,10 +10,9 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.tasks.backends import pool_places
-from prefect_robomaker.tasks.backends.backend import BackendError
-from prefect_robomaker.tasks.backends.opening import open_backend
-from prefect_robomaker.tasks.backends.pool_places import Places
+from prefect_robomaker.tasks.backends import pool_runs
+from prefect_robomaker.tasks.backends.backend import BackendError, open_backend
+from prefect_robomaker.tasks.backends.pool_runs import Places
 from prefect_robomaker.tasks.backends.work_pools import WorkPool, backend_at
 
 
@@ -184,7 +183,7 @@ def test_one_that_ends_early_is_replaced_after_a_while(
         """As if minutes had passed once the event is set."""
         return missing(places, alive, room, now + (600.0 if pauses_over.is_set() else 0.0))
 
-    monkeypatch.setattr(pool_places, "_FIRST_PAUSE_S", 60.0)
+    monkeypatch.setattr(pool_runs, "_FIRST_PAUSE_S", 60.0)
     monkeypatch.setattr(Places, "missing", counted)
     lab = Lab(client, "kubernetes")
     with quick(lab.name, 1).job_workers(batch, 1) as workers:

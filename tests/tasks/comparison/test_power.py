@@ -5,8 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.comparison.power import mcnemar_pairs_needed, mcnemar_power, worlds_needed
-from prefect_robomaker.tasks.comparison.statistics import mcnemar_p_value, sign_flip_p_value
+from prefect_robomaker.tasks.comparison.statistics import (
+    mcnemar_p_value,
+    mcnemar_pairs_needed,
+    mcnemar_power,
+    sign_flip_p_value,
+    worlds_needed,
+)
 
 
 @pytest.mark.parametrize(

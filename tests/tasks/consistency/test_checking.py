@@ -11,7 +11,7 @@ from helpers.small_flat import ROLE
 
 from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
-from prefect_robomaker.schemas.reports.consistency import ConsistencyReport, Problem
+from prefect_robomaker.schemas.reports.retention import ConsistencyReport, Problem
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource

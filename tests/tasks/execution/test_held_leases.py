@@ -16,9 +16,7 @@ from prefect_robomaker.tasks.execution.held_leases import (
     owners_of,
     role_of,
 )
-from prefect_robomaker.tasks.execution.job_leases import Lease
-from prefect_robomaker.tasks.execution.one_worker_per_job import run_under_lease
-from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS, Lease, run_under_lease
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.operations.simulation_jobs import store_job
 from prefect_robomaker.tasks.service.service import Service

@@ -9,12 +9,10 @@ from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.documents.base import Changes
 from prefect_robomaker.schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
-from prefect_robomaker.tasks.execution.job_leases import Lease
-from prefect_robomaker.tasks.execution.one_worker_per_job import run_if_unclaimed, run_under_lease
+from prefect_robomaker.tasks.execution.job_leases import Lease, run_if_unclaimed, run_under_lease
 from prefect_robomaker.tasks.jobs.job_runs import JobRun
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 KIND = "world-generation-job"
 

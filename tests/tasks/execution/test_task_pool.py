@@ -8,8 +8,7 @@ import pytest
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
 from prefect_robomaker.tasks.execution.task_pool import run_tasks
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 AS_EACH_AND_AS_ONE = pytest.mark.parametrize("summary", [None, lambda: "so it went"], ids=["each", "one"])
 JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/batch-0000"

@@ -8,7 +8,7 @@ from prefect.client.orchestration import get_client
 from prefect.context import FlowRunContext
 from prefect.states import Cancelling
 
-from prefect_robomaker.tasks.execution.task_runs import as_task, directly, show_note, shown_as, step_runner
+from prefect_robomaker.tasks.execution.task_pool import as_task, directly, show_note, shown_as, step_runner
 
 
 def _state() -> tuple[str, str | None, str | None]:

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 from helpers.fleet_calls import Fleets
 
-from prefect_robomaker.schemas.rollouts.artifacts import Artifact
+from prefect_robomaker.schemas.rollouts.plan import Artifact
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.fleet.artifacts import prepare
-from prefect_robomaker.tasks.fleet.signing_keys import certificate_path, signing_key
+from prefect_robomaker.tasks.fleet.artifacts import certificate_path, prepare, signing_key
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.applications import find_application
 

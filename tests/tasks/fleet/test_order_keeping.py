@@ -6,9 +6,9 @@ from helpers.kept_orders import ARTIFACT, LAUNCH, Table, open_rollout, order
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
-from prefect_robomaker.tasks.fleet.ddi.documents import order_document
-from prefect_robomaker.tasks.fleet.ddi.feedback import Execution, Feedback, Finished
-from prefect_robomaker.tasks.fleet.translation import SaidBefore
+from prefect_robomaker.tasks.fleet.ddi.open_orders import order_document
+from prefect_robomaker.tasks.fleet.ddi.reports import Execution, Feedback, Finished
+from prefect_robomaker.tasks.fleet.order_keeping import SaidBefore
 
 
 def test_orders_are_opened_given_up_and_closed_as_the_rollout_says() -> None:

@@ -10,9 +10,8 @@ from helpers.kept_orders import Table, open_rollout, order
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
-from prefect_robomaker.tasks.fleet.bundle_files import BundleFiles
-from prefect_robomaker.tasks.fleet.order_watch import BUSY_S, IDLE_S, OrderWatch, ReadRollouts
-from prefect_robomaker.tasks.fleet.stored_rollouts import OpenRollout
+from prefect_robomaker.tasks.fleet.kept_rollouts import OpenRollout
+from prefect_robomaker.tasks.fleet.order_watch import BUSY_S, IDLE_S, BundleFiles, OrderWatch, ReadRollouts
 from prefect_robomaker.tasks.service.service import Service
 
 

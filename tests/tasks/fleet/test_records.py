@@ -11,8 +11,7 @@ from prefect_robomaker.schemas.wire.errors import (
     ThrottlingException,
 )
 from prefect_robomaker.tasks.fleet.records import fleet_held, last_deployment, robots_of
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 
 @pytest.fixture

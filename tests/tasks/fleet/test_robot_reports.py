@@ -9,7 +9,7 @@ from helpers.kept_orders import open_rollout, order
 from helpers.robot_orders import TOKEN
 
 from prefect_robomaker.schemas.documents.fleets import RobotDocument
-from prefect_robomaker.schemas.rollouts.events import Failed, Progressed, Report, Succeeded
+from prefect_robomaker.schemas.rollouts.rollout import Failed, Progressed, Report, Succeeded
 from prefect_robomaker.schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,
@@ -17,11 +17,19 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from prefect_robomaker.tasks.fleet.ddi.feedback import Attributes, Execution, Feedback, Finished
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.reports import AttributesSent, OrderFeedback, OrderFetched, RobotsSeen
-from prefect_robomaker.tasks.fleet.known_robots import KnownRobots, enrol
+from prefect_robomaker.tasks.fleet.ddi.reports import (
+    Attributes,
+    AttributesSent,
+    Execution,
+    Feedback,
+    Finished,
+    OrderFeedback,
+    OrderFetched,
+    RobotsSeen,
+)
 from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
+from prefect_robomaker.tasks.fleet.records import KnownRobots, enrol
 from prefect_robomaker.tasks.fleet.robot_reports import PROGRESS_EVERY_S, RobotReports
 from prefect_robomaker.tasks.service.service import Service
 

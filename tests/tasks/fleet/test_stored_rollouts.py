@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import Yard, deployable, good, silent, slow
 
-from prefect_robomaker.schemas.rollouts.events import Failed, Progressed
+from prefect_robomaker.schemas.rollouts.rollout import Failed, Progressed
 from prefect_robomaker.tasks.catalog import Catalog
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts, served_rollouts
+from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts, served_rollouts
 from prefect_robomaker.tasks.service.service import Service
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import (
+from prefect_robomaker.schemas.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,
@@ -13,10 +13,16 @@ from prefect_robomaker.schemas.rollouts.events import (
     Report,
     Succeeded,
 )
-from prefect_robomaker.tasks.fleet.agent.failure_codes import NUMBERS
-from prefect_robomaker.tasks.fleet.ddi.feedback import Execution, Feedback, Finished
-from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderFeedback, OrderFetched
-from prefect_robomaker.tasks.fleet.translation import SaidBefore, event_of, heard
+from prefect_robomaker.tasks.fleet.agent.errors import NUMBERS
+from prefect_robomaker.tasks.fleet.ddi.reports import (
+    CancelFeedback,
+    Execution,
+    Feedback,
+    Finished,
+    OrderFeedback,
+    OrderFetched,
+)
+from prefect_robomaker.tasks.fleet.order_keeping import SaidBefore, event_of, heard
 
 ROBOT = "arn:robot"
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.inspection.commits import commit_of
+from prefect_robomaker.tasks.inspection.run_records import commit_of
 
 
 def git(folder: Path, *words: str) -> str:

@@ -10,7 +10,7 @@ from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf, Simulati
 from prefect_robomaker.schemas.reports.report import ReportedJob
 from prefect_robomaker.schemas.reports.run_record import StepRecord
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.inspection.job_inputs import inputs_of_request, with_inputs
+from prefect_robomaker.tasks.inspection.job_outputs import inputs_of_request, with_inputs
 from prefect_robomaker.tasks.inspection.reports import jobs_of
 from prefect_robomaker.tasks.service.service import Service
 

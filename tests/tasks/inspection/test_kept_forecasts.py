@@ -9,7 +9,7 @@ from prefect_robomaker.schemas.reports.run_record import StepRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.model import CheckedSpec
-from prefect_robomaker.tasks.inspection.kept_forecasts import check_forecast, find_forecast, keep_forecast
+from prefect_robomaker.tasks.inspection.forecasting import check_forecast, find_forecast, keep_forecast
 
 NOW = datetime(2026, 3, 1, tzinfo=UTC)
 TEXT = """\

@@ -19,14 +19,12 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageAccessDeniedError,
     StorageError,
 )
-from prefect_robomaker.tasks.backends.backend import BackendError
-from prefect_robomaker.tasks.backends.opening import open_backend
-from prefect_robomaker.tasks.inspection.kept_forecasts import keep_forecast
+from prefect_robomaker.tasks.backends.backend import BackendError, open_backend
+from prefect_robomaker.tasks.inspection.forecasting import keep_forecast
 from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions
-from prefect_robomaker.tasks.operations.applications.records import update_application
+from prefect_robomaker.tasks.operations.applications import update_application
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 SUITE = {"name": "General"}

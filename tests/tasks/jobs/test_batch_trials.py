@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.runs.trials import TrialCounts
-from prefect_robomaker.tasks.jobs.batch_trials import BatchTrials
+from prefect_robomaker.tasks.jobs.batch_workers import BatchTrials
 from prefect_robomaker.tasks.service.service import Service
 
 BATCH = "arn:aws:robomaker:us-east-1:000000000000:simulation-job-batch/batch-1"

@@ -6,12 +6,12 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 
-from prefect_robomaker.schemas.rollouts.artifacts import Artifact
+from prefect_robomaker.schemas.rollouts.plan import Artifact
 from prefect_robomaker.schemas.wire.errors import ConcurrentDeploymentException
 from prefect_robomaker.tasks.catalog import Catalog
-from prefect_robomaker.tasks.execution.retry_limit import MAX_LOST_WORKERS
+from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS
 from prefect_robomaker.tasks.fleet.control.decisions import approve, pause, resume
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
+from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
 from prefect_robomaker.tasks.service.service import Service
 
 BOTH = ("X86_64", "ARM64")

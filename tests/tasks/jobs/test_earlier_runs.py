@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
 from prefect_robomaker.tasks.jobs import job_runs
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.containers.outputs import OUTPUT
+from prefect_robomaker.tasks.simulations.containers.cleanup import OUTPUT
 from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
 from prefect_robomaker.tasks.storage import read_manifest
 

@@ -15,8 +15,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageUnavailableError,
 )
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import publish, read_manifest
 from prefect_robomaker.tasks.storage.folders import regular_files

@@ -15,8 +15,7 @@ from helpers.swing_fixtures import outputs_of
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.jobs.job_runs import launcher, perform_job
 from prefect_robomaker.tasks.operations.registry import call
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 Swing = Callable[..., dict[str, Any]]
 SLOW = {"SLEEP_S": "0.01", "TIME_LIMIT_S": "6", "ROBOMAKER_CHECKPOINT_EVERY_S": "1"}

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageFullError
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 from prefect_robomaker.tasks.storage import read_manifest
 
 Simulate = Callable[..., dict[str, Any]]

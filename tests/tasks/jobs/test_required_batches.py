@@ -9,18 +9,19 @@ from helpers.fleet_calls import LAUNCH
 from helpers.tested_batches import Batches, courier, etag
 
 from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
-from prefect_robomaker.schemas.rollouts.artifacts import Delivery
+from prefect_robomaker.schemas.rollouts.plan import Delivery
 from prefect_robomaker.schemas.wire.errors import (
     DeploymentError,
     InvalidParameterException,
     ResourceNotFoundException,
 )
-from prefect_robomaker.tasks.fleet.attestations.attestation_keys import attestation_key, known_public_key
-from prefect_robomaker.tasks.fleet.attestations.checks import DeploymentCheck, check_deployment
+from prefect_robomaker.tasks.fleet.attestations.envelopes import attestation_key, known_public_key
 from prefect_robomaker.tasks.fleet.attestations.required_batches import (
     LONGEST_WAIT,
+    DeploymentCheck,
     attestations_of,
     check_delivered,
+    check_deployment,
     envelope_key,
 )
 from prefect_robomaker.tasks.operations.registry import call

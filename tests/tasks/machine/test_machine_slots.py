@@ -12,11 +12,10 @@ from contextlib import ExitStack
 import pytest
 from helpers.processes import started, wait_for
 
-from prefect_robomaker.schemas.runs.machine_waits import Scarce
+from prefect_robomaker.schemas.runs.programs import Scarce
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.machine.machine_slots import MachineSlots, Turn, jobs_that_wait
-from prefect_robomaker.tasks.machine.slot_files import SlotFiles
-from prefect_robomaker.tasks.machine.waiter_files import WaiterFiles
+from prefect_robomaker.tasks.machine.slot_files import SlotFiles, WaiterFiles
 
 GB = 10**9
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.machine.measuring import available_memory_bytes
+from prefect_robomaker.tasks.machine.free_room import available_memory_bytes
 
 GIB = 1 << 30
 

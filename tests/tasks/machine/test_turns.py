@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.machine import turns
-from prefect_robomaker.tasks.machine.waiter_files import WaiterRecord
+from prefect_robomaker.tasks.machine import slot_files
+from prefect_robomaker.tasks.machine.slot_files import WaiterRecord
 
 
 @dataclass(frozen=True)
@@ -26,7 +26,7 @@ def may_begin(ticket: str, waiters: Sequence[Waiter], running: Mapping[str | Non
         each.ticket: WaiterRecord(pid=1, name="a job", batch=each.batch, priority=each.priority, since_s=each.since_s)
         for each in waiters
     }
-    return turns.may_begin(ticket, records, running, free)
+    return slot_files.may_begin(ticket, records, running, free)
 
 
 BATCHES = st.sampled_from(["a", "b", "c", None])

@@ -5,8 +5,8 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.runs.machine_waits import Scarce, noticed
-from prefect_robomaker.tasks.machine.wait_times import WaitTimes
+from prefect_robomaker.schemas.runs.programs import Scarce, noticed
+from prefect_robomaker.tasks.machine.machine_slots import WaitTimes
 
 SEEN = st.lists(st.tuples(st.sampled_from(["slots", "memory", "disk", None]), st.floats(0.0, 100.0)), min_size=1)
 

@@ -12,8 +12,7 @@ import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.job_owners import NeededEnvironment
-from prefect_robomaker.schemas.reports.run_record import Interruption
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Interruption, Order
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.inspection.run_records import RECORD_NAME
 from prefect_robomaker.tasks.nights import taking_up
@@ -26,7 +25,7 @@ LIVING = """
 import sys
 from pathlib import Path
 from prefect_robomaker.schemas.reports.run_record import Interruption
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
 run = OpenRun.begin(Path(sys.argv[1]), Order.model_validate_json(sys.stdin.readline()))

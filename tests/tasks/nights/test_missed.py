@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.schemas.missed_nights import MissedNight, NightSchedule
+from prefect_robomaker.schemas.reports.history import MissedNight, NightSchedule
 from prefect_robomaker.tasks.nights.missed import PAUSED, DueRun, has_run, judged, message_of_missed
 
 DUE = datetime(2026, 11, 27, 2, tzinfo=UTC)

@@ -6,9 +6,9 @@ import pytest
 from helpers.receivers import Webhook
 
 from prefect_robomaker.schemas.reports.progress import Note, ProgressEvent, StepProgress
-from prefect_robomaker.schemas.runs.machine_waits import Wait
+from prefect_robomaker.schemas.runs.programs import Wait
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.notifications.long_waits import LongWaits
+from prefect_robomaker.tasks.notifications.notices import LongWaits
 
 WAITS = Note("drive-1 waits: 52 MB are free on the disk of ROBOMAKER_HOME")
 

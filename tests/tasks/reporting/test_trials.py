@@ -10,8 +10,8 @@ from prefect_robomaker.schemas.runs.plan import Requirement, RunResult
 from prefect_robomaker.schemas.runs.trial_rows import TrialRow
 from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.reporting import render_report, summarize
-from prefect_robomaker.tasks.reporting.trials import MOST_SHOWN
-from prefect_robomaker.tasks.results.intervals import wilson_interval
+from prefect_robomaker.tasks.reporting.worlds import MOST_SHOWN
+from prefect_robomaker.tasks.results.rates import wilson_interval
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
 START = datetime(2026, 3, 2, 9, 30, tzinfo=UTC)

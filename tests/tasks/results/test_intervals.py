@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binomtest
 
-from prefect_robomaker.tasks.results.intervals import wilson_interval
+from prefect_robomaker.tasks.results.rates import wilson_interval
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 1), (1, 1), (3, 4), (0, 10), (8, 10), (10, 10), (497, 1000)])

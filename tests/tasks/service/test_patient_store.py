@@ -11,8 +11,7 @@ import pytest
 from prefect_robomaker.schemas.documents.worlds import StoredPlace, WorldDocument
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.service.patience import Patience
-from prefect_robomaker.tasks.service.patient_store import PatientStore, at_once, patiently
+from prefect_robomaker.tasks.service.patience import Patience, PatientStore, at_once, patiently
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import world_bundle
 from prefect_robomaker.tasks.storage import ObjectStore, publish, read_manifest

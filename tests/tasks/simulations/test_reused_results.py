@@ -9,8 +9,7 @@ import pytest
 from helpers.roles import roles_file
 from helpers.swing_fixtures import ROLE, upload_swinger
 
-from prefect_robomaker.schemas.documents.simulation_job_batches import SimulationJobBatchDocument
-from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobDocument
+from prefect_robomaker.schemas.documents.simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import TransferStoppedError
+from prefect_robomaker.tasks.storage.checksums import copy_with_holes, digest_of
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
-from prefect_robomaker.tasks.storage.holes import copy_with_holes, digest_of
 
 KIB = 1024
 

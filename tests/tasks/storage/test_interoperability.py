@@ -9,7 +9,7 @@ import pytest
 from helpers.s3_server import S3Server
 from minio import Minio
 
-from prefect_robomaker.schemas.runs.manifest import Manifest
+from prefect_robomaker.schemas.runs.provenance import Manifest
 from prefect_robomaker.tasks.storage import publish
 from prefect_robomaker.tasks.storage.folders import regular_files
 from prefect_robomaker.tasks.storage.s3 import S3Store

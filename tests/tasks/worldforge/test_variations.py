@@ -11,9 +11,8 @@ from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
-from prefect_robomaker.tasks.worldforge.generator import generate_world
+from prefect_robomaker.tasks.worldforge.generator import Move, Wanted, generate_world, vary
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
-from prefect_robomaker.tasks.worldforge.variations import Move, Wanted, vary
 
 
 @pytest.fixture(scope="module")

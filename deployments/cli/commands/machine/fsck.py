@@ -10,11 +10,11 @@ from collections import Counter
 from typing import TYPE_CHECKING
 
 from ...arguments import add_output
-from ...inputs.service import open_service
+from ...inputs.options import open_service
 from ...output.answers import print_either
 
 if TYPE_CHECKING:
-    from .....schemas.reports.consistency import ConsistencyReport, Finding
+    from .....schemas.reports.retention import ConsistencyReport, Finding
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +65,7 @@ def _lines(finding: "Finding") -> list[str]:
 
 
 def _conclusion(report: "ConsistencyReport") -> str:
-    from .....schemas.reports.consistency import LOSSES
+    from .....schemas.reports.retention import LOSSES
 
     left = report.open_findings
     mended = sum(finding.mended for finding in report.findings)

@@ -31,8 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Calls the operation and prints its response."""
     from .....schemas.operations.registry import OPERATIONS
     from .....schemas.settings import Settings
-    from ...inputs.operations import operation_name
-    from ...inputs.requests import read_request
+    from ...inputs.specifications import operation_name, read_request
     from ...job import order
 
     operation = operation_name(arguments.operation)
@@ -63,7 +62,7 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
     import time
 
     from .....tasks.machine.machine_slots import jobs_that_wait
-    from ...output.durations import duration
+    from ...output.answers import duration
 
     for record in jobs_that_wait(settings):
         if record.batch == arn or (record.batch is None and record.name == arn.rpartition("/")[2]):
@@ -73,7 +72,7 @@ def _tell_waits(arn: str, settings: "Settings") -> None:
 
 def _tell_owner(arn: str, settings: "Settings") -> None:
     """Says on standard error who carries a job out, and who may go on with it; the service's answer does not."""
-    from .....tasks.jobs.owners.job_standings import standing_of
+    from .....tasks.jobs.job_owners import standing_of
     from .....tasks.service.service import Service
 
     service = Service.open(settings)
@@ -85,7 +84,7 @@ def _tell_owner(arn: str, settings: "Settings") -> None:
 
 
 def _operations_by_group() -> str:
-    from .....schemas.operations.resources import OPERATION_GROUPS
+    from .....schemas.operations.registry import OPERATION_GROUPS
 
     width = max(len(each.name) for group in OPERATION_GROUPS.values() for each in group)
     lines = ["operations:"]

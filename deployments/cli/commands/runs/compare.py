@@ -11,7 +11,7 @@ import os
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_output
-from ...inputs.runs import find_record
+from ...inputs.options import find_record
 from ...output.answers import print_either
 
 

@@ -76,7 +76,7 @@ def _can_ask(arguments: argparse.Namespace) -> bool:
 
 def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
     from .....schemas.reports.retention import RetentionPolicy
-    from ...inputs.time_spans import time_span
+    from ...inputs.options import time_span
 
     if arguments.keep_runs is not None and arguments.keep_runs < 0:
         raise ConfigurationError(f"--keep-runs is {arguments.keep_runs}; it has to be a whole number from 0")
@@ -124,7 +124,7 @@ def _left_behind(settings: "Settings", service: "Service", *, act: bool) -> list
 
 def _kept_outputs(service: "Service") -> list[str]:
     """Says that outputs are on this machine only; they are no garbage."""
-    from .....tasks.jobs.kept_outputs import find_kept
+    from .....tasks.jobs.job_folders import find_kept
 
     if not (kept := find_kept(service)):
         return []

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_open, add_output
-from ...inputs.output_files import output_file
-from ...output.answers import print_either
-from ...output.browser import open_file
+from ...inputs.options import output_file
+from ...output.answers import open_file, print_either
 
 if TYPE_CHECKING:
     from .....tasks.inspection.run_records import FoundRecords

@@ -5,9 +5,8 @@ import os
 import sys
 
 from ...arguments import add_open, add_output
-from ...inputs.output_files import output_file
-from ...inputs.runs import read_record
-from ...output.browser import open_file
+from ...inputs.options import output_file, read_record
+from ...output.answers import open_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from ...arguments import add_output, add_simulation
-from ...inputs.service import open_service
+from ...inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

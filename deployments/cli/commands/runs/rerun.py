@@ -9,8 +9,7 @@ import argparse
 import sys
 
 from ...arguments import add_backend, add_open, add_output, add_report
-from ...inputs.output_files import output_file
-from ...inputs.runs import read_record
+from ...inputs.options import output_file, read_record
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -8,12 +8,12 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ...arguments import add_output
-from ...inputs.service import open_service
+from ...inputs.options import open_service
 from ...output.answers import print_either
 
 if TYPE_CHECKING:
-    from .....schemas.reports.kept_outputs import KeptReport, KeptRun
-    from .....tasks.jobs.kept_outputs import KeptOutputs
+    from .....schemas.reports.retention import KeptReport, KeptRun
+    from .....tasks.jobs.job_folders import KeptOutputs
     from .....tasks.service.service import Service
 
 
@@ -27,8 +27,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Stores them; exit code 3 if some could not be stored, which stay."""
-    from .....schemas.reports.kept_outputs import KeptReport
-    from .....tasks.jobs.kept_outputs import find_kept
+    from .....schemas.reports.retention import KeptReport
+    from .....tasks.jobs.job_folders import find_kept
 
     service = open_service()
     runs = [_seen_to(kept, service, dry_run=arguments.dry_run) for kept in find_kept(service, arguments.job)]
@@ -41,9 +41,9 @@ def _seen_to(kept: "KeptOutputs", service: "Service", *, dry_run: bool) -> "Kept
     """Stores the outputs of one run, unless it is only to look; a problem with one keeps none from the others."""
     from dataclasses import replace
 
-    from .....schemas.reports.kept_outputs import KeptRun
+    from .....schemas.reports.retention import KeptRun
     from .....schemas.wire.errors import RobomakerError
-    from .....tasks.jobs.kept_outputs import store_kept
+    from .....tasks.jobs.job_folders import store_kept
 
     sizes = [path.stat().st_size for path in kept.files()]
     run = KeptRun(

@@ -128,7 +128,7 @@ def _check_usage(arguments: argparse.Namespace) -> None:
 def _schedule(arguments: argparse.Namespace) -> "CronSchedule | None":
     if not arguments.schedule:
         return None
-    from ....deploying.schedules import cron_schedule
+    from ....deploying.registration import cron_schedule
 
     return cron_schedule(arguments.schedule, **({"timezone": arguments.timezone} if arguments.timezone else {}))
 
@@ -171,7 +171,7 @@ def _warnings(specs: "Sequence[CheckedSpec]", settings: "Settings") -> list[str]
     """Warns of objects that the specifications name and that this machine's object store lacks."""
     from .....schemas.wire.errors import StorageError
     from .....tasks.storage import open_store
-    from ....deploying.needs import missing_objects, needs_of
+    from ....deploying.deployables import missing_objects, needs_of
 
     needs = [need for spec in specs for need in needs_of(spec)]
     if not any(need.uri.startswith("s3://") for need in needs):

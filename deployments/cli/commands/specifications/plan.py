@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_output, add_spec
-from ...inputs.service import open_service
+from ...inputs.options import open_service
 from ...output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
@@ -82,8 +82,7 @@ def _lines(
     parts: "dict[str, list[PlannedPart]]",
     forecast: "Forecast | None",
 ) -> Iterator[str]:
-    from ...output.forecast import forecast_lines
-    from ...output.reuse import reuse_lines, reuse_total
+    from ...output.forecast import forecast_lines, reuse_lines, reuse_total
     from ...planning import after, counted
 
     yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
@@ -105,7 +104,7 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
     from ...output.progress import watcher
     from ...pipelines import settings_of
     from ...prefect_server import use_server
-    from ...probing.machines import Machines
+    from ...probes import Machines
     from ...signals import interrupted_by_signals
 
     settings = settings_of(arguments)
@@ -115,7 +114,7 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
     use_server(settings)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
-        from ...probing.forecasts import probe
+        from ...probes import probe
 
         return probe(spec, settings, machines, listener, arguments.spec)
 

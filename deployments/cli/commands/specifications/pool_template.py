@@ -29,7 +29,7 @@ def execute(arguments: argparse.Namespace) -> int:
     environment = environment_of_words(arguments.env)
     if arguments.type != "process":  # Prefect's server has the templates of the other types
         use_server(Settings.from_environment(os.environ))
-    from ....deploying.pool_templates import pool_template
+    from ....deploying.job_variables import pool_template
 
     template = pool_template(arguments.type, image=arguments.image, environment=environment)
     sys.stdout.write(json.dumps(template, indent=2) + "\n")

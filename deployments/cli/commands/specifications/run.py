@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_open, add_output, add_report, add_spec
-from ...inputs.output_files import output_file
+from ...inputs.options import output_file
 
 if TYPE_CHECKING:
     from .....schemas.settings import Settings
@@ -51,7 +51,7 @@ def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> Non
     from .....schemas.wire.errors import RobomakerError
     from .....tasks.inspection.reuse_plans import plan_reuse
     from .....tasks.service.service import Service
-    from ...output.reuse import why_nothing
+    from ...output.forecast import why_nothing
 
     try:
         line = why_nothing(plan_reuse(spec, Service.open(settings)))

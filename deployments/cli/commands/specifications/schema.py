@@ -19,7 +19,7 @@ def execute(arguments: argparse.Namespace) -> int:
         sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
         return 0
     from .....schemas.operations.registry import operation_shape
-    from ...inputs.operations import operation_name
+    from ...inputs.specifications import operation_name
 
     schema = operation_shape(operation_name(arguments.operation)).request.model_json_schema()
     sys.stdout.write(json.dumps(schema, indent=2) + "\n")

@@ -10,7 +10,7 @@ from typing import Any
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output
-from ...output.problems import print_problems
+from ...output.answers import print_problems
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -11,9 +11,7 @@ from typing import Any, Callable
 from ..deployment import Version
 from ..errors import disk_failure
 from ..settings import Home, Options
-from .launching import environment, launch_command
-from .leftovers import kill_leftovers
-from .sandbox import Sandbox
+from .launching import Sandbox, environment, kill_leftovers, launch_command
 
 _LONGEST_PAUSE_S = 60.0
 _STEADY_S = 60.0

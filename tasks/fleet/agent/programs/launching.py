@@ -3,17 +3,147 @@
 from __future__ import annotations
 
 import os
+import pwd
 import shlex
 import shutil
+import signal
+import subprocess
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Callable
+from typing import Any, Callable
 
 from ..deployment import Launch, Version
-from ..errors import StepFailed
-from ..settings import Home
-from .leftovers import HOME_VARIABLE, VERSION_VARIABLE
+from ..errors import AgentError, StepFailed
+from ..settings import Home, Options
+
+KINDS = ("bwrap", "setpriv", "none")
+_PROBE_TIMEOUT_S = 20.0
+
+
+@dataclass(frozen=True)
+class Sandbox:
+    """How programs are started."""
+
+    kind: str
+    home: Home
+    rights: Mapping[str, Any] = field(default_factory=dict)
+    """Arguments of `subprocess.Popen` that give them their user."""
+
+    user_id: int | None = None
+
+    def wrap(self, command: Sequence[str], data: Path) -> list[str]:
+        """The command in the sandbox.
+
+        Args:
+            command: the program and its arguments.
+            data: the folder that it may write to.
+        """
+        if self.kind == "setpriv":
+            return ["setpriv", "--no-new-privs", "--", *command]
+        if self.kind == "bwrap":
+            return [*self._bubble(data), "--", *command]
+        return list(command)
+
+    def _bubble(self, data: Path) -> list[str]:
+        words = ["bwrap", "--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--bind", "/tmp", "/tmp"]  # noqa: S108
+        home = str(self.home.folder)
+        words += ["--ro-bind", home, home, "--bind", str(data), str(data), "--die-with-parent"]
+        for secret in (self.home.connection_file, self.home.folder / "journal.json"):
+            if secret.exists():
+                words += ["--ro-bind", "/dev/null", str(secret)]
+        return words
+
+    def data_folder(self, application: str) -> Path:
+        """The folder where an application keeps what outlives its versions; it belongs to its user.
+
+        Raises:
+            OSError: it cannot be made.
+        """
+        folder = self.home.folder / "data" / application
+        folder.mkdir(parents=True, exist_ok=True)
+        if self.user_id is not None:
+            os.chown(folder, self.user_id, -1)
+        return folder
+
+
+def find_sandbox(home: Home, options: Options) -> Sandbox:
+    """The sandbox that the options ask for, tried with a program that does nothing.
+
+    Raises:
+        AgentError: there is no such user or sandbox, or it does not work here.
+    """
+    rights, user_id = _rights(options.user)
+    if options.sandbox != "auto" and options.sandbox not in KINDS:
+        raise AgentError(f"--sandbox: {options.sandbox!r} is not right; auto, {', '.join(KINDS)} are")
+    for kind in KINDS if options.sandbox == "auto" else (options.sandbox,):
+        sandbox = Sandbox(kind, home, rights, user_id)
+        if _works(sandbox):
+            return sandbox
+    raise AgentError(f"--sandbox {options.sandbox}: it does not work here; auto takes what does")
+
+
+def _rights(user: str | None) -> tuple[dict[str, Any], int | None]:
+    if user is None:
+        return {}, None
+    try:
+        entry = pwd.getpwnam(user)
+    except KeyError:
+        raise AgentError(f"--user: there is no user {user!r} on this robot") from None
+    if os.geteuid() == entry.pw_uid:
+        return {}, None
+    if os.geteuid() != 0:
+        raise AgentError(f"--user {user}: only root can start programs as another user")
+    groups = os.getgrouplist(user, entry.pw_gid)
+    return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": groups}, entry.pw_uid
+
+
+def _works(sandbox: Sandbox) -> bool:
+    if sandbox.kind == "none":
+        return True
+    if shutil.which(sandbox.kind) is None:
+        return False
+    try:
+        words = sandbox.wrap(["true"], sandbox.home.logs)
+        quiet = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        return subprocess.run(words, check=False, timeout=_PROBE_TIMEOUT_S, **quiet, **sandbox.rights).returncode == 0
+    except (OSError, subprocess.SubprocessError):
+        return False
+
+
+HOME_VARIABLE = "ROBOMAKER_AGENT_HOME"
+"""Every program that an agent starts has its home in this variable."""
+
+VERSION_VARIABLE = "ROBOMAKER_AGENT_VERSION"
+"""Programs of an application have the folder of their version in this one."""
+
+
+def kill_leftovers(home: Path, version: str | None = None) -> int:
+    """Kills processes that an agent of this home has started, and what they have started.
+
+    Args:
+        home: the agent's.
+        version: only those of a version's application, by its folder.
+
+    Returns:
+        How many there were.
+    """
+    marks = [f"{HOME_VARIABLE}={home}".encode()]
+    if version is not None:
+        marks.append(f"{VERSION_VARIABLE}={version}".encode())
+    killed = 0
+    for entry in os.scandir("/proc"):
+        if not entry.name.isdigit() or int(entry.name) == os.getpid():
+            continue
+        with suppress(OSError):  # it has ended, or is not ours
+            variables = Path(entry.path, "environ").read_bytes().split(b"\0")
+            if all(mark in variables for mark in marks):
+                os.kill(int(entry.name), signal.SIGKILL)
+                killed += 1
+    return killed
+
 
 TAG_PREFIX = "AWS_ROBOMAKER_ROBOT_TAG_KEY_"
 

@@ -10,8 +10,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Callable
 
-from ..child.answers import events_of
-from ..child.forking import Child
+from ..child.forking import Child, events_of
 from ..states import Event, Failed, Passed, Phase
 
 _SHOWN_BYTES = 300

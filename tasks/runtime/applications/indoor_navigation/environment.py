@@ -10,9 +10,8 @@ from pathlib import Path
 from .....schemas.runs.variables import number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
-from ...episode.context import SimulationContext
+from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.results import EnvironmentReport
-from ...episode.resumable import ResumableEnvironment
 from ...rendering.views import FOLLOW
 from ...robots.lookup import find_robot
 from ...robots.robot import CONTROL_TIMESTEP_S, Robot

@@ -7,8 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .level_scan import LevelScan
-from .upright import Fan
+from .level_scan import Fan, LevelScan
 
 PROXIMITY_ANGLES_RAD = np.linspace(-np.pi / 3, np.pi / 3, 15)
 PROXIMITY_RANGE_MAX_M = 0.8

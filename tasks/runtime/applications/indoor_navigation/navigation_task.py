@@ -21,12 +21,11 @@ from numpy.typing import NDArray
 
 from .....schemas.worlds.world import World
 from ...episode.results import EnvironmentReport
-from ...recording.recorder import Recorder
-from ...robots.bases import bind_base, take_home_pose
+from ...recording.recording import Recorder
+from ...robots.drives import bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
-from .collisions import CollisionMonitor
-from .mission import Mission
+from .mission import CollisionMonitor, Mission
 from .occupancy_map import OccupancyMap
 from .scene import ScenePhysics
 from .scene_markers import ContactMarkers

@@ -11,17 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....schemas.worlds.world import Room
-from ...episode.resumable import KeepsAttributes
+from ...episode.context import KeepsAttributes
 from ...recording import messages as ros
-from ...recording.foxglove import WORLD_TOPIC
+from ...recording.companions import WORLD_TOPIC
 from ...recording.links import Links
-from ...recording.recorder import Recorder
-from ...recording.scan_series import ScanSeries
-from ...recording.state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, StateSeries
+from ...recording.recording import Recorder
+from ...recording.state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, ScanSeries, StateSeries
 from ...robots.robot import Lidar, Robot
 from .occupancy_map import OccupancyMap
-from .scene_markers import goal_markers
-from .scene_shapes import occupancy_grid, robot_markers, world_markers
+from .scene_markers import goal_markers, occupancy_grid, robot_markers, world_markers
 
 MAP_FRAME = "map"
 _ROUNDING_S = 1e-6

@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from ...episode.resumable import KeepsAttributes
+from ...episode.context import KeepsAttributes
 from ..indoor_navigation import lidar
 from .planner import GridPlanner
 

@@ -11,7 +11,7 @@ import numpy as np
 from .....schemas.runs.robot_yaml import DifferentialDriveModel, RobotModel, VelocityDriveModel
 from ..drives import DifferentialDrive, PlanarDrive, RawDrive
 from ..robot import Drive, Limits
-from .problems import alternatives, invalid
+from .mapping import alternatives, invalid
 
 _logger = logging.getLogger(__name__)
 

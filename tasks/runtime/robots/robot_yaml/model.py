@@ -1,9 +1,12 @@
-"""Makes the model of a robot from its file and its mapping."""
+"""The model of a robot that has a `robot.yaml`: its MJCF or URDF, with what the file adds."""
 
-# MuJoCo has no type stubs.
+# MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
-from collections.abc import Iterable
+import logging
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +16,147 @@ import numpy as np
 
 from .....schemas.runs.robot_yaml import AddedActuator, RobotModel
 from ..robot import add_camera, add_imu
-from .model_files import load_model
-from .problems import alternatives, invalid
+from .mapping import alternatives, invalid
+
+_logger = logging.getLogger(__name__)
+
+_MESHES = frozenset({".stl", ".obj", ".msh"})
+_MOST_SHOWN = 1000  # characters of names in an error
+_PACKAGE = "package://"
+_SETTINGS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
+
+
+def rewrite_urdf(robot: ET.Element, path: Path, root: Path) -> str:
+    """Gives files their places and sets the importer's options that the file does not set itself.
+
+    Args:
+        robot: the document; changed in place.
+        path: where it was read from.
+        root: folder that all files have to be in.
+
+    Returns:
+        The text for MuJoCo.
+
+    Raises:
+        LaunchError: a file is missing, outside the folder, or of a form that MuJoCo does not read.
+    """
+    for link in robot.iter("link"):
+        for part in [*link.findall("visual"), *link.findall("collision")]:
+            for mesh in part.iter("mesh"):
+                name = mesh.get("filename", "")
+                if Path(name).suffix.lower() in _MESHES:
+                    mesh.set("filename", str(_find(name, path, root)))
+                elif part.tag == "visual":
+                    _logger.warning("%s: %s is not shown: MuJoCo reads .stl, .obj and .msh meshes", path.name, name)
+                    link.remove(part)
+                    break
+                else:
+                    raise invalid(path, f"the mesh {name!r} cannot be read; MuJoCo reads .stl, .obj and .msh")
+    extension = robot.find("mujoco")
+    extension = ET.SubElement(robot, "mujoco") if extension is None else extension
+    compiler = extension.find("compiler")
+    compiler = ET.SubElement(extension, "compiler") if compiler is None else compiler
+    for key, value in _SETTINGS.items():
+        if key not in compiler.attrib:
+            compiler.set(key, value)
+    compiler.attrib.pop("meshdir", None)
+    return ET.tostring(robot, encoding="unicode")
+
+
+def _find(name: str, path: Path, root: Path) -> Path:
+    """Finds a mesh file: `package://<package>/…` is in the folder of that name, or in the folder of `robot.yaml`."""
+    if name.startswith(_PACKAGE):
+        package, _, rest = name.removeprefix(_PACKAGE).partition("/")
+        places = [root / package / rest, *(folder / rest for folder in _folders_between(path.parent, root))]
+    else:
+        plain = name.removeprefix("file://")
+        if Path(plain).is_absolute():
+            raise invalid(path, f"the file {name!r} is absolute; write {_PACKAGE}<package>/… or a relative name")
+        places = [path.parent / plain]
+    for place in places:
+        if not place.resolve().is_relative_to(root.resolve()):
+            raise invalid(path, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
+        with suppress(OSError):  # a name that is too long
+            if place.is_file():
+                return place.resolve()
+    raise invalid(path, f"there is no file {name!r}; looked for {', '.join(map(str, places))[:_MOST_SHOWN]}")
+
+
+def _folders_between(folder: Path, root: Path) -> list[Path]:
+    """The folder and those above it, up to the root."""
+    folders = [folder, *folder.parents]
+    return folders[: folders.index(root) + 1] if root in folders else [folder]
+
+
+_TEXTURE_TAGS = frozenset({"texture"})
+_MODEL_TAGS = frozenset({"include", "model"})
+_File = tuple[str, Path]
+"""A file as it is named, and where it is."""
+
+
+def load_model(path: Path, root: Path) -> mujoco.MjSpec:
+    """Reads a model file.
+
+    Args:
+        path: the MJCF or URDF.
+        root: folder that it and all files it names have to be in.
+
+    Raises:
+        LaunchError: it is no model, or names files outside the folder.
+    """
+    check_inside(path, path, root, str(path))
+    if not path.is_file():
+        raise invalid(path, "there is no such file; give the robot's MJCF or URDF, relative to the mapping file")
+    element = _parse(path)
+    try:
+        if element.tag == "robot":
+            return mujoco.MjSpec.from_string(rewrite_urdf(element, path, root))
+        for name, file in _files_of(element, path, path.parent):
+            check_inside(path, file, root, name)
+        return mujoco.MjSpec.from_file(str(path))
+    except ValueError as cause:
+        raise invalid(path, f"MuJoCo cannot read it: {' '.join(str(cause).split())}") from cause
+
+
+def check_inside(mentioned_in: Path, file: Path, root: Path, name: str) -> None:
+    """Refuses files that are not in the robot's folder, links followed.
+
+    Raises:
+        LaunchError: it is elsewhere.
+    """
+    if not file.resolve().is_relative_to(root.resolve()):
+        raise invalid(mentioned_in, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
+
+
+def _parse(path: Path) -> ET.Element:
+    try:
+        return ET.parse(path).getroot()  # noqa: S314 the robot's own code runs in this process as well
+    except (ET.ParseError, UnicodeDecodeError, OSError) as cause:
+        raise invalid(path, f"it is no XML: {cause}") from cause
+
+
+def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
+    """Every file that an MJCF names, with those of what it includes; relative names are the main file's."""
+    compilers = list(element.iter("compiler"))
+    meshes, textures = (
+        next((each.get(key) or each.get("assetdir") for each in compilers if each.get(key) or each.get("assetdir")), "")
+        for key in ("meshdir", "texturedir")
+    )
+    for each in element.iter():
+        for key, name in each.attrib.items():
+            if not key.startswith("file") or not name:
+                continue
+            if Path(name).is_absolute() or name.startswith("~"):
+                raise invalid(path, f"the file {name!r} is absolute; files are relative to the model")
+            inside = "" if each.tag in _MODEL_TAGS else textures if each.tag in _TEXTURE_TAGS else meshes
+            file = folder / str(inside) / name
+            yield name, file
+            if each.tag in _MODEL_TAGS and file.suffix == ".xml" and file.is_file():
+                if file.resolve() in seen:
+                    raise invalid(path, f"the file {name!r} includes itself")
+                within = seen | {file.resolve()}
+                yield from _files_of(_parse(file), file, folder if each.tag == "include" else file.parent, within)
+
 
 FREE_JOINT = "base_free_joint"
 FOOTPRINT = "base_footprint_mark"

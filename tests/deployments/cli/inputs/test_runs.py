@@ -4,7 +4,7 @@ import json
 import os
 from pathlib import Path
 
-from prefect_robomaker.deployments.cli.inputs.runs import find_record
+from prefect_robomaker.deployments.cli.inputs.options import find_record
 
 
 def record(runs: Path, name: str, text: str) -> Path:

@@ -1,6 +1,6 @@
 """When a browser is opened."""
 
-from prefect_robomaker.deployments.cli.output.browser import wanted
+from prefect_robomaker.deployments.cli.output.answers import wanted
 
 
 def test_a_browser_opens_only_for_somebody_at_a_desktop(monkeypatch) -> None:

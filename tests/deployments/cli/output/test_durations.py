@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.deployments.cli.output.durations import duration
+from prefect_robomaker.deployments.cli.output.answers import duration
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """Words about results that a run with `--reuse` takes over."""
 
-from prefect_robomaker.deployments.cli.output.reuse import why_nothing
+from prefect_robomaker.deployments.cli.output.forecast import why_nothing
 from prefect_robomaker.tasks.inspection.reuse_plans import NEW_WORLD, NO_SEED, PlannedPart
 
 

@@ -1,6 +1,6 @@
 """Tables about worlds."""
 
-from prefect_robomaker.deployments.cli.output.world_text import _table
+from prefect_robomaker.deployments.cli.output.world_facts import _table
 
 
 def test_columns_of_numbers_are_aligned_to_the_right_also_where_some_are_empty() -> None:

@@ -9,10 +9,8 @@ import pytest
 from helpers.night_records import make_night
 from helpers.small_flat import BODY, ROLE
 
-from prefect_robomaker.deployments.cli.probing import forecasts
-from prefect_robomaker.deployments.cli.probing.forecasts import probe, trials_within
-from prefect_robomaker.deployments.cli.probing.machines import Machines
-from prefect_robomaker.deployments.cli.probing.passes import ProbeFailedError
+from prefect_robomaker.deployments.cli import probes
+from prefect_robomaker.deployments.cli.probes import Machines, ProbeFailedError, probe, trials_within
 from prefect_robomaker.flows.pipelines import run_spec
 from prefect_robomaker.schemas.reports.forecast import Forecast
 from prefect_robomaker.schemas.reports.progress import ProgressEvent
@@ -20,7 +18,7 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.specs.model import CheckedSpec
-from prefect_robomaker.tasks.inspection.kept_forecasts import find_forecast
+from prefect_robomaker.tasks.inspection.forecasting import find_forecast
 from prefect_robomaker.tasks.service.service import Service
 
 Order = Callable[..., dict[str, Any]]
@@ -51,7 +49,7 @@ def test_a_probe_runs_some_of_the_jobs_and_the_run_says_how_far_off_it_was(
     settings: Settings, service: Service, order: Order, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The run finds its names and its token free."""
-    monkeypatch.setattr(forecasts, "_ROUNDS", 1)  # more of them take longer, and show nothing else
+    monkeypatch.setattr(probes, "_ROUNDS", 1)  # more of them take longer, and show nothing else
     source = [{"s3Bucket": "applications", "s3Key": "sleeper.tar.gz"}]
     robot = {"name": "fresh", "sources": source, "robotSoftwareSuite": SUITE}
     waiting = [order({"DURATION_S": "0.01"}, trials={"seeds": 12}) if i == 0 else order() for i in range(4)]
@@ -94,8 +92,8 @@ def test_worlds_and_the_jobs_in_them_are_counted_as_the_whole_run_makes_them(
     settings: Settings, service: Service, prefect_server: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Fewer worlds and one pass: what is counted is the whole run's, whatever the probe made.
-    monkeypatch.setattr(forecasts, "AGAIN_BELOW_S", 0.0)
-    monkeypatch.setattr(forecasts, "_WORLDS_PER_CPU", 1)
+    monkeypatch.setattr(probes, "AGAIN_BELOW_S", 0.0)
+    monkeypatch.setattr(probes, "_WORLDS_PER_CPU", 1)
     count = {"floorplanCount": 20, "interiorCountPerFloorplan": 2}
     drive = {
         "maxJobDurationInSeconds": 60,

@@ -2,7 +2,7 @@
 
 import pytest
 
-from prefect_robomaker.deployments.cli.probing.machines import Machines
+from prefect_robomaker.deployments.cli.probes import Machines
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 

@@ -9,9 +9,8 @@ import httpx
 import pytest
 
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns
-from prefect_robomaker.deployments.spec_runs.standing import Standing, write_standing
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.deployments.spec_runs.spec_runs import SpecRuns, Standing, write_standing
+from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.tasks.service.service import Service
 
 ADMIN = AccessKey("ADMIN", "word", "admin")

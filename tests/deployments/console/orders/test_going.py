@@ -3,7 +3,7 @@
 import pytest
 
 from prefect_robomaker.deployments.console.orders.going import _look
-from prefect_robomaker.deployments.spec_runs.standing import StepStanding
+from prefect_robomaker.deployments.spec_runs.spec_runs import StepStanding
 
 
 @pytest.mark.parametrize(

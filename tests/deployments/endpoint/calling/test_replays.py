@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.deployments.endpoint.calling.replays import Replays, is_repeatable
+from prefect_robomaker.deployments.endpoint.calling.authentication import Replays, is_repeatable
 from prefect_robomaker.deployments.endpoint.messages import InvalidSignatureException
 from prefect_robomaker.schemas.wire.errors import ThrottlingException
 

@@ -5,7 +5,7 @@ from uuid import uuid4
 from prefect.blocks.core import Block
 from pydantic import SecretStr
 
-from prefect_robomaker.tasks.execution.blocks.credential_blocks import read_credential_block
+from prefect_robomaker.tasks.execution.credential_blocks import read_credential_block
 
 
 class NightlyCredentials(Block):

@@ -22,7 +22,7 @@ from prefect.futures import as_completed, wait
 from prefect.states import Cancelled, Completed, Failed
 
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.execution.mapping.runner import ItemFuture, MapTaskRunner, in_words
+from prefect_robomaker.tasks.execution.mapped_runs import ItemFuture, MapTaskRunner, in_words
 
 pytestmark = pytest.mark.usefixtures("prefect_server")
 

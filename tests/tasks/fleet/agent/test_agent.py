@@ -16,7 +16,7 @@ from helpers.processes import wait_for, working_below
 from helpers.tuf_repository import bundle
 from securesystemslib.signer import CryptoSigner
 
-from prefect_robomaker.tasks.fleet.agent.failure_codes import NAMES
+from prefect_robomaker.tasks.fleet.agent.errors import NAMES
 
 from .conftest import deploy
 

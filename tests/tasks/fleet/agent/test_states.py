@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Launch, Order, Version
-from prefect_robomaker.tasks.fleet.agent.failure_codes import NUMBERS
+from prefect_robomaker.tasks.fleet.agent.errors import NUMBERS
 from prefect_robomaker.tasks.fleet.agent.states import (
     BEFORE_SWITCH,
     MAX_RESTARTS,

@@ -24,16 +24,16 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import AttestationError, ConfigurationError, DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.fleet.attestations.attestation_keys import (
+from prefect_robomaker.tasks.fleet.attestations.envelopes import (
     PublicKey,
     attestation_key,
     known_public_key,
     public_key_path,
     read_public_key,
+    verified,
 )
-from prefect_robomaker.tasks.fleet.attestations.envelopes import verified
 from prefect_robomaker.tasks.fleet.attestations.required_batches import signed
-from prefect_robomaker.tasks.fleet.attestations.tested_batches import PassedBatch, StoredBatch, judge
+from prefect_robomaker.tasks.fleet.attestations.statements import PassedBatch, StoredBatch, judge
 from prefect_robomaker.tasks.service.service import Service
 
 ARCHIVES = {"x86": "X86_64", "arm": "ARM64"}

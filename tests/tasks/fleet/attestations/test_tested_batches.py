@@ -8,7 +8,7 @@ from helpers.tested_batches import Batches, courier, etag
 from prefect_robomaker.schemas.documents.simulation_jobs import MadeOf
 from prefect_robomaker.schemas.wire.errors import DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.fleet.attestations.tested_batches import (
+from prefect_robomaker.tasks.fleet.attestations.statements import (
     PassedBatch,
     RunningBatch,
     StoredBatch,

@@ -8,8 +8,8 @@ from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.fleet.control.decisions import approve, pause, reject, resume
-from prefect_robomaker.tasks.fleet.control.tending import EndedRollouts
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
+from prefect_robomaker.tasks.fleet.control.rollbacks import EndedRollouts
+from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
 from prefect_robomaker.tasks.service.service import Service
 
 ALL = {"concurrentDeploymentPercentage": 100, "failureThresholdPercentage": 100}

@@ -8,9 +8,8 @@ from helpers.tested_batches import Batches
 
 from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument, RobotInstallation
 from prefect_robomaker.tasks.fleet.attestations.required_batches import attestations_of
-from prefect_robomaker.tasks.fleet.control.rollbacks import TAG, roll_back
-from prefect_robomaker.tasks.fleet.control.tending import EndedRollouts
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
+from prefect_robomaker.tasks.fleet.control.rollbacks import TAG, EndedRollouts, roll_back
+from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

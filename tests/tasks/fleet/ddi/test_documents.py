@@ -6,8 +6,13 @@ from helpers.robot_orders import robot_order
 from pydantic import ValidationError
 
 from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
-from prefect_robomaker.tasks.fleet.ddi.documents import LAUNCH_KEY, base_document, cancel_document, order_document
-from prefect_robomaker.tasks.fleet.ddi.open_orders import RobotState
+from prefect_robomaker.tasks.fleet.ddi.open_orders import (
+    LAUNCH_KEY,
+    RobotState,
+    base_document,
+    cancel_document,
+    order_document,
+)
 
 URL = "http://127.0.0.1:8057/DEFAULT/controller/v1/robot1"
 IDLE = RobotState(bytes(32), wants_attributes=False)

@@ -10,8 +10,9 @@ from helpers.rollout_robots import CODES, Attempt, Script, watch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import (
+from prefect_robomaker.schemas.rollouts.rollout import (
     Approved,
+    Departure,
     Paused,
     Resumed,
     RobotGone,
@@ -19,7 +20,6 @@ from prefect_robomaker.schemas.rollouts.events import (
     StopCause,
     Stopped,
 )
-from prefect_robomaker.schemas.rollouts.robots import Departure
 from prefect_robomaker.schemas.wire.base import choices
 
 ROBOT_TIMEOUT_S, JOB_TIMEOUT_S, SECONDS = 12, 70, 90

@@ -2,8 +2,8 @@
 
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.events import Approved, Outage, Paused, Resumed, Stopped
-from prefect_robomaker.tasks.fleet.rollout.waits import in_words, waits_for
+from prefect_robomaker.schemas.rollouts.rollout import Approved, Outage, Paused, Resumed, Stopped
+from prefect_robomaker.tasks.fleet.rollout.statuses import in_words, waits_for
 
 UNTIL_1050 = {"startTime": "00:15", "durationInSeconds": 150}  # rollouts begin at 1000 s, which is 00:16:40
 FROM_1200 = {"startTime": "00:20", "durationInSeconds": 600}

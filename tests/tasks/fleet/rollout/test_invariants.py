@@ -8,7 +8,8 @@ from helpers.rollout_ledger import advance, cancellations, plan_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import (
+from prefect_robomaker.schemas.rollouts.plan import RolloutPlan
+from prefect_robomaker.schemas.rollouts.rollout import (
     Approved,
     Canceled,
     CancelRefused,
@@ -20,12 +21,11 @@ from prefect_robomaker.schemas.rollouts.events import (
     Progressed,
     Resumed,
     RobotGone,
+    Rollout,
     RolloutEvent,
     Stopped,
     Succeeded,
 )
-from prefect_robomaker.schemas.rollouts.plan import RolloutPlan
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 

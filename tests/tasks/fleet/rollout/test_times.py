@@ -6,9 +6,8 @@ from helpers.small_rollouts import SmallRollout
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed
-from prefect_robomaker.schemas.rollouts.rollout import Pause, Rollout
-from prefect_robomaker.tasks.fleet.rollout.pauses import MOST_PAUSES, with_pause
+from prefect_robomaker.schemas.rollouts.rollout import Pause, Paused, Resumed, Rollout
+from prefect_robomaker.tasks.fleet.rollout.windows import MOST_PAUSES, with_pause
 
 
 def test_the_first_time_of_each_step_is_kept_for_the_latest_order() -> None:

@@ -11,9 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import BundleError, ConfigurationError, InvalidParameterException
-from prefect_robomaker.tasks.fleet.swu.description import Release, describe
-from prefect_robomaker.tasks.fleet.swu.signing import SigningKey, load_signing_key, new_signing_key
-from prefect_robomaker.tasks.fleet.swu.wrapping import wrap
+from prefect_robomaker.tasks.fleet.swu import Release, SigningKey, describe, load_signing_key, new_signing_key, wrap
 
 RELEASE = Release("app", "3", "/opt/app/versions/3")
 NOW = datetime(2026, 11, 1, tzinfo=UTC)

@@ -17,8 +17,8 @@ from prefect_robomaker.tasks.fleet.trust.ceremonies import (
     renew_root,
     rotate_applications,
 )
-from prefect_robomaker.tasks.fleet.trust.roots import Attested
-from prefect_robomaker.tasks.fleet.trust.standing import standings, warning_of
+from prefect_robomaker.tasks.fleet.trust.metadata import Attested
+from prefect_robomaker.tasks.fleet.trust.upkeep import standings, warning_of
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
 
 BUNDLE = "applications/courier/bundles/old.tar.gz"

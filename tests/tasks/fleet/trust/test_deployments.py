@@ -13,11 +13,11 @@ from helpers.trusting_robots import TrustingRobot
 
 from prefect_robomaker.schemas.wire.errors import DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
-from prefect_robomaker.tasks.fleet.attestations.attestation_keys import attestation_key
+from prefect_robomaker.tasks.fleet.attestations.envelopes import attestation_key
 from prefect_robomaker.tasks.fleet.trust.ceremonies import AttestedChange, renew_root
 from prefect_robomaker.tasks.fleet.trust.deployments import publish
+from prefect_robomaker.tasks.fleet.trust.metadata import EVERY_APPLICATION
 from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of
-from prefect_robomaker.tasks.fleet.trust.roots import EVERY_APPLICATION
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.planning.applications import find_application
 

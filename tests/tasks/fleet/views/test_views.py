@@ -8,13 +8,17 @@ from helpers.deployed_robots import Yard, bad, deployable, good, slow
 from prefect_robomaker.schemas.documents.fleets import RobotInstallation, RobotSighting
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Catalog
-from prefect_robomaker.tasks.fleet.known_robots import enrol
-from prefect_robomaker.tasks.fleet.records import last_deployment
-from prefect_robomaker.tasks.fleet.stored_rollouts import open_rollouts
-from prefect_robomaker.tasks.fleet.views.finding import find_deployment, find_fleet
-from prefect_robomaker.tasks.fleet.views.following import Look, follow
+from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
+from prefect_robomaker.tasks.fleet.records import enrol, last_deployment
 from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path, write_report
-from prefect_robomaker.tasks.fleet.views.standings import deployment_standing, fleet_standing
+from prefect_robomaker.tasks.fleet.views.standings import (
+    Look,
+    deployment_standing,
+    find_deployment,
+    find_fleet,
+    fleet_standing,
+    follow,
+)
 from prefect_robomaker.tasks.fleet.views.tables import robot_rows
 from prefect_robomaker.tasks.jobs.deployment_runs import POLL_S
 from prefect_robomaker.tasks.service.service import Service

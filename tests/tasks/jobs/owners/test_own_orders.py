@@ -14,13 +14,17 @@ from helpers.small_flat import ROLE
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.execution.held_leases import HeldLeases
-from prefect_robomaker.tasks.execution.one_worker_per_job import run_if_unclaimed
-from prefect_robomaker.tasks.jobs.owners.job_standings import left_jobs, needs_elsewhere, standing_of, standings_of
-from prefect_robomaker.tasks.jobs.owners.needed_environments import environment_needed
-from prefect_robomaker.tasks.jobs.owners.own_orders import OwnOrder
+from prefect_robomaker.tasks.execution.job_leases import run_if_unclaimed
+from prefect_robomaker.tasks.jobs.job_owners import (
+    OwnOrder,
+    environment_needed,
+    left_jobs,
+    needs_elsewhere,
+    standing_of,
+    standings_of,
+)
 from prefect_robomaker.tasks.operations.registry import call, registry
-from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.service.timing import Timing
+from prefect_robomaker.tasks.service.service import Service, Timing
 
 KIND = "simulation-job"
 SUITE = {"name": "General"}

@@ -6,8 +6,7 @@ import pytest
 from helpers.browser import NEEDS_BROWSER, Page, browsing
 from helpers.simulated_rollouts import arn_of, report_of, simulate
 
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, Stopped
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.rollouts.rollout import Paused, Resumed, Rollout, Stopped
 from prefect_robomaker.tasks.reporting import write_deployment
 
 pytestmark = NEEDS_BROWSER

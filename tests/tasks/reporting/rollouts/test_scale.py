@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.reporting.rollouts.scale import Scale
+from prefect_robomaker.tasks.reporting.rollouts.chart import Scale
 
 
 def test_ticks_are_round_times() -> None:

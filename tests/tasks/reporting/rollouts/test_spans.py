@@ -8,10 +8,9 @@ from helpers.simulated_rollouts import simulate
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.robots import RobotDeploymentState
+from prefect_robomaker.schemas.rollouts.rollout import RobotDeploymentState
 from prefect_robomaker.tasks.reporting.outcomes import Outcome
-from prefect_robomaker.tasks.reporting.rollouts.scale import Scale
-from prefect_robomaker.tasks.reporting.rollouts.shares import COLUMNS, blocks_of
+from prefect_robomaker.tasks.reporting.rollouts.chart import COLUMNS, Scale, blocks_of
 from prefect_robomaker.tasks.reporting.rollouts.spans import PHASES, end_of, spans_of
 
 

@@ -6,10 +6,8 @@ from html import unescape
 import pytest
 from helpers.simulated_rollouts import BEGAN_S, arn_of, report_of, simulate
 
-from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentConfig
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed, RobotGone, Stopped
-from prefect_robomaker.schemas.rollouts.rollout import Pause, Rollout
-from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
+from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentConfig, MaintenanceWindow
+from prefect_robomaker.schemas.rollouts.rollout import Pause, Paused, Resumed, RobotGone, Rollout, Stopped
 from prefect_robomaker.tasks.reporting import render_deployment
 from prefect_robomaker.tasks.reporting.rollouts.view import MOST_ROWS, RolloutPage, view_rollout
 

@@ -28,10 +28,11 @@ from prefect_robomaker.tasks.runtime.agents.action_log import (
     ActionLog,
     ActionLogError,
     ActionLogHeader,
+    ActionLogWriter,
+    ActionRecorder,
     chunk_of,
     header_of,
 )
-from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionLogWriter, ActionRecorder
 from prefect_robomaker.tasks.runtime.agents.agent_client import ACTION_HEADER
 from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
 

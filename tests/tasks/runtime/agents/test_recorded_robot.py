@@ -12,8 +12,7 @@ from helpers.remote_jobs import ARENA, Job
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RecordedActions, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.provenance import Provenance
-from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog, header_of
-from prefect_robomaker.tasks.runtime.agents.action_log_writer import ActionLogWriter
+from prefect_robomaker.tasks.runtime.agents.action_log import ActionLog, ActionLogWriter, header_of
 from prefect_robomaker.tasks.runtime.agents.agent_client import ACTION_HEADER
 from prefect_robomaker.tasks.runtime.agents.agent_layout import Layout
 from prefect_robomaker.tasks.runtime.replay.replay import read_outputs, why_not_repeatable

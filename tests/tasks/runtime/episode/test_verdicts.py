@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Requirement, Verdict
-from prefect_robomaker.tasks.runtime.episode.verdicts import Parts, TrialParts, decide_verdict
+from prefect_robomaker.tasks.runtime.episode.results import Parts, TrialParts, decide_verdict
 
 MET = Requirement(name="met", satisfied=True, detail="")
 MISSED = Requirement(name="missed", satisfied=False, detail="")

@@ -13,8 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
-from prefect_robomaker.schemas.runs.programs import ComputeLimits, FoundFiles, ProgramPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import ComputeLimits, FoundFiles, ProgramPlan, RunStop
 from prefect_robomaker.tasks.runtime.limits.disk_use import DiskMeter, in_gb
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 

@@ -16,8 +16,8 @@ from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan
 from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
 from prefect_robomaker.tasks.runtime.limits.limits import estimated_bytes
 from prefect_robomaker.tasks.runtime.limits.processes import ProcessState
-from prefect_robomaker.tasks.runtime.supervision.core_assignment import Cores
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.supervision.run_requests import Cores
 
 Plan = Callable[..., RunPlan]
 MakeProgram = Callable[..., ProgramPlan]

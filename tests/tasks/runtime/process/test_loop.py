@@ -20,8 +20,7 @@ from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.attempt import recording_findings
 from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import TOPIC
 
 MODEL = """

@@ -12,8 +12,8 @@ from helpers.paths import BUNDLES
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.runs.programs import ApplicationRole
-from prefect_robomaker.tasks.runtime.episode.driven_path import PATH_FILE, line_of, points_of
-from prefect_robomaker.tasks.runtime.process.path_note import PathNote
+from prefect_robomaker.tasks.runtime.episode.progress import PATH_FILE, line_of, points_of
+from prefect_robomaker.tasks.runtime.process.observers import PathNote
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 FILMED = BUNDLES / "filmed"

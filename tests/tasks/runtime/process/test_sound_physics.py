@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
 from prefect_robomaker.tasks.runtime.episode.results import EnvironmentReport, make_result
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 
 MODEL = """
 <mujoco><option timestep="0.01">{flag}</option>{size}<worldbody>

@@ -17,7 +17,7 @@ from prefect_robomaker.tasks.runtime.recording.camera_frames import find_mount, 
 from prefect_robomaker.tasks.runtime.recording.links import Links
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
-from prefect_robomaker.tasks.runtime.video.recorded_camera_settings import CameraRecording
+from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording
 
 MODEL = """
 <mujoco>

@@ -11,15 +11,8 @@ from hypothesis.extra.numpy import arrays
 from rosbags.typesys import Stores, get_typestore
 
 from prefect_robomaker.tasks.runtime.recording import messages as ros
-from prefect_robomaker.tasks.runtime.recording.cdr import encode
-from prefect_robomaker.tasks.runtime.recording.columns import (
-    RowEncoder,
-    clock,
-    joint_states,
-    odometry,
-    transforms,
-)
-from prefect_robomaker.tasks.runtime.recording.mcap_messages import message_record
+from prefect_robomaker.tasks.runtime.recording.cdr import RowEncoder, clock, encode, joint_states, odometry, transforms
+from prefect_robomaker.tasks.runtime.recording.mcap_file import message_record
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
 

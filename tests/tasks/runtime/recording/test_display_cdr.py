@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from prefect_robomaker.tasks.runtime.recording import display_messages as display
+from prefect_robomaker.tasks.runtime.recording import messages as display
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.cdr import Message, definition, encode, type_hash
 

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.tasks.runtime.process.child import BUILT_IN_ENVIRONMENT
-from prefect_robomaker.tasks.runtime.recording import display_messages as display
+from prefect_robomaker.tasks.runtime.recording import messages as display
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher

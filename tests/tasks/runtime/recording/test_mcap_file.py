@@ -9,8 +9,7 @@ from mcap.reader import NonSeekingReader, make_reader
 from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader, get_chunk_data_stream
 
-from prefect_robomaker.tasks.runtime.recording.mcap_file import McapFile
-from prefect_robomaker.tasks.runtime.recording.mcap_messages import Rows, message_record
+from prefect_robomaker.tasks.runtime.recording.mcap_file import McapFile, Rows, message_record
 
 TIMES_NS = [5, 3, 9, 1, 7, 2, 8, 4, 6, 10]
 

@@ -21,9 +21,8 @@ from rosbags.typesys import Stores, get_typestore
 from ruamel.yaml import YAML
 
 from prefect_robomaker.tasks.runtime.recording import messages as ros
-from prefect_robomaker.tasks.runtime.recording.foxglove import layout
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, RecordingError
+from prefect_robomaker.tasks.runtime.recording.companions import layout
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder, RecordingError
 
 
 def header(time_s: float, frame: str = "odom") -> ros.Header:

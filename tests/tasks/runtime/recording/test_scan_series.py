@@ -7,7 +7,7 @@ from mcap.reader import NonSeekingReader
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.cdr import encode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
-from prefect_robomaker.tasks.runtime.recording.scan_series import ScanSeries
+from prefect_robomaker.tasks.runtime.recording.state_series import ScanSeries
 
 
 def scan(ranges: np.ndarray, time_s: float = 0.0) -> ros.LaserScan:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.rendering.view_culling import MODEL_BORROWED, outside, without_unseen
+from prefect_robomaker.tasks.runtime.rendering.views import MODEL_BORROWED, outside, without_unseen
 
 ASPECT = 4 / 3
 MODEL = mujoco.MjModel.from_xml_string(

@@ -4,10 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.runtime.episode.robot_body import radius_of, robot_body
+from prefect_robomaker.tasks.runtime.episode.physics import radius_of, robot_body
 from prefect_robomaker.tasks.runtime.rendering.views import CameraNameError, choose_view, choose_views, fixed_extent
+from prefect_robomaker.tasks.runtime.video.video import RAYS, ViewRenderer
 from prefect_robomaker.tasks.runtime.video.video_settings import VideoSettings
-from prefect_robomaker.tasks.runtime.video.view_renderer import RAYS, ViewRenderer
 
 ROVER = """
 <body name="rover" pos="{place}" euler="0 0 {heading}">

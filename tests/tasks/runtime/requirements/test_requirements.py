@@ -16,10 +16,10 @@ from helpers.stop_flags import StopFlag
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirements import GoalRequirement
 from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.tasks.runtime.episode.physics import robot_body
 from prefect_robomaker.tasks.runtime.episode.results import make_result
-from prefect_robomaker.tasks.runtime.episode.robot_body import robot_body
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 
 MODEL = """

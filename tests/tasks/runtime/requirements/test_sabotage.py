@@ -22,7 +22,7 @@ from prefect_robomaker.schemas.runs.trial_rows import TRIALS_FILE
 from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import resumable_plan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.runtime.trials.table import read_row
+from prefect_robomaker.tasks.runtime.trials.completion import read_row
 
 _JOBS = "tests/journeys/test_sabotaged_jobs.py"
 _HANGS = "tests/tasks/runtime/supervision/test_unanswered.py"

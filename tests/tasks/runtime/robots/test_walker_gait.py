@@ -5,8 +5,7 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.robots.walker import LEGS
-from prefect_robomaker.tasks.runtime.robots.walker_gait import Angles, GaitSettings, Motion, TrotGait
+from prefect_robomaker.tasks.runtime.robots.walker import LEGS, Angles, GaitSettings, Motion, TrotGait
 
 STILL = Motion(0.0, 0.0, 0.0, 0.0, 0.0)
 SETTINGS = GaitSettings()

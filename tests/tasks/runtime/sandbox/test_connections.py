@@ -13,8 +13,14 @@ import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.tasks.runtime.limits.processes import process_state
-from prefect_robomaker.tasks.runtime.sandbox.connections import Address, Callers, ConnectionEnd, end_of_connection
-from prefect_robomaker.tasks.runtime.sandbox.run_marks import mark_run, marked_runs
+from prefect_robomaker.tasks.runtime.sandbox.connections import (
+    Address,
+    Callers,
+    ConnectionEnd,
+    end_of_connection,
+    mark_run,
+    marked_runs,
+)
 
 JOB = "arn:aws:robomaker:us-east-1:000000000000:simulation-job/sim-1"
 SLEEPS = "import socket, sys, time; s = socket.create_connection(('127.0.0.1', int(sys.argv[1]))); time.sleep(600)"

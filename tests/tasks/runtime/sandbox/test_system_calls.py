@@ -9,13 +9,13 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.runtime.sandbox.system_calls import _MACHINES, _REFUSED
+from prefect_robomaker.tasks.runtime.sandbox.kernel import _MACHINES, _REFUSED
 
 pytestmark = pytest.mark.skipif(os.uname().machine not in _MACHINES, reason="there is no filter for this machine")
 FILTERED = """
 import ctypes, os, subprocess, sys, threading
 from prefect_robomaker.tasks.runtime.sandbox.kernel import forgo_privileges
-from prefect_robomaker.tasks.runtime.sandbox.system_calls import filter_system_calls
+from prefect_robomaker.tasks.runtime.sandbox.kernel import filter_system_calls
 forgo_privileges()
 assert filter_system_calls()
 libc = ctypes.CDLL(None, use_errno=True)

@@ -15,9 +15,8 @@ from helpers.paths import BUNDLES
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.programs import ApplicationRole
+from prefect_robomaker.schemas.runs.programs import ApplicationRole, RunStop
 from prefect_robomaker.schemas.runs.provenance import Provenance
-from prefect_robomaker.schemas.runs.stops import RunStop
 from prefect_robomaker.tasks.runtime.states import checkpoint_files, checkpoints
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher

@@ -14,11 +14,11 @@ from dm_control.rl.control import PhysicsError
 from helpers.paths import REPOSITORY
 from helpers.stop_flags import StopFlag
 
-from prefect_robomaker.schemas.runs.failure_state import FailureState
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ApplicationRole
+from prefect_robomaker.schemas.runs.provenance import FailureState
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
 from prefect_robomaker.tasks.runtime.states.failure_state import FailureRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from prefect_robomaker.tasks.runtime.states.folder_digests import digest_of_folder
+from prefect_robomaker.tasks.runtime.states.imported_code import digest_of_folder
 
 
 def test_files_behind_linked_folders_count(tmp_path: Path) -> None:

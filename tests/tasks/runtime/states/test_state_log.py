@@ -20,9 +20,10 @@ from prefect_robomaker.tasks.runtime.states.state_log import (
     MAGIC,
     StateLog,
     StateLogError,
+    StateLogger,
+    StateLogWriter,
     checksum,
 )
-from prefect_robomaker.tasks.runtime.states.state_log_writer import StateLogger, StateLogWriter
 
 MODEL = """
 <mujoco><worldbody>

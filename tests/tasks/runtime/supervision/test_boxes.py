@@ -8,7 +8,7 @@ from prefect_robomaker.schemas.runs.programs import BoxLevel
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.sandbox.levels import Confinement
-from prefect_robomaker.tasks.runtime.supervision.boxes import plan_box
+from prefect_robomaker.tasks.runtime.supervision.run_requests import plan_box
 
 
 def settings(**variables: str) -> Settings:

@@ -11,10 +11,9 @@ import pytest
 from helpers.run_processes import never, processes_with, wait_until
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import ComputeLimits, ProgramPlan, RunStop
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.limits.capped_logs import MAX_END_BYTES, CappedLog
+from prefect_robomaker.tasks.runtime.limits.logs import MAX_END_BYTES, CappedLog
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]

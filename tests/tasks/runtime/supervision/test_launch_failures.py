@@ -9,8 +9,8 @@ from helpers.run_processes import never
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
-from prefect_robomaker.tasks.runtime.supervision.launch_failures import LaunchWatch
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.runtime.supervision.programs import LaunchWatch
 
 DRIVER = ApplicationPlan(role="robot", name="driver")
 CANNOT = (

@@ -26,7 +26,7 @@ from helpers.run_processes import (
 from mcap.reader import make_reader
 
 from prefect_robomaker.schemas.runs.plan import RunOutcome, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.schemas.wire.errors import LaunchError, LaunchInterruptedError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
 from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, decide_outcome, failure_reason
 

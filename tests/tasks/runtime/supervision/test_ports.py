@@ -9,8 +9,7 @@ from helpers.ports import free_port
 from helpers.run_processes import never
 
 from prefect_robomaker.schemas.runs.plan import RunPlan
-from prefect_robomaker.schemas.runs.programs import PortPlan, ProgramPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import PortPlan, ProgramPlan, RunStop
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 

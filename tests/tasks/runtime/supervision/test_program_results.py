@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import RunResult
-from prefect_robomaker.tasks.runtime.supervision.program_results import ProgramResult, read_program_result
+from prefect_robomaker.tasks.runtime.supervision.finished_outputs import ProgramResult, read_program_result
 
 FACTS: dict[str, Any] = {
     "sim_time_s": 0.0, "wall_time_s": 2.0, "real_time_factor": 0.0, "ended_by": "application", "seed": 1,

@@ -14,8 +14,7 @@ import pytest
 from helpers.run_processes import limit_reached, never, processes_with
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.programs import ProgramPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import ProgramPlan, RunStop
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 Plan = Callable[..., RunPlan]

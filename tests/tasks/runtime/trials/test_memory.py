@@ -9,7 +9,7 @@ from helpers.processes import working_below
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.trials import Trials
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.runtime.trials.journal import journal_path
+from prefect_robomaker.tasks.runtime.trials.completion import journal_path
 
 COUNT = 1500
 MOST_MB, GROWTH_MB = 400, 20

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.runs.plan import Requirement
 from prefect_robomaker.schemas.runs.trial_rows import MAX_FAILING, TrialRow, TrialsSummary
 from prefect_robomaker.schemas.runs.trials import Trials
-from prefect_robomaker.tasks.runtime.trials import table
-from prefect_robomaker.tasks.runtime.trials.journal import TrialJournal, read_journal
-from prefect_robomaker.tasks.runtime.trials.table import read_row, write_table
+from prefect_robomaker.tasks.runtime.trials import completion
+from prefect_robomaker.tasks.runtime.trials.completion import TrialJournal, read_journal, read_row, write_table
 from prefect_robomaker.tasks.runtime.trials.tally import Tally
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
@@ -147,12 +146,12 @@ def test_the_summary_stays_small_however_many_trials_fail() -> None:
 
 
 def test_rows_lie_in_groups(tmp_path: Path) -> None:
-    trials = Trials(seeds=2 * table.ROWS_IN_GROUP + 1)
+    trials = Trials(seeds=2 * completion.ROWS_IN_GROUP + 1)
     rows = [TrialRow(trial=number, seed=number, verdict="PASS") for number in range(trials.count)]
     keep(rows, tmp_path / "trials.jsonl")
     write_table(tmp_path / "trials.jsonl", tmp_path / "trials.parquet", trials, set())
     assert pq.ParquetFile(tmp_path / "trials.parquet").num_row_groups == 3
-    for number in (0, table.ROWS_IN_GROUP - 1, table.ROWS_IN_GROUP, trials.count - 1):
+    for number in (0, completion.ROWS_IN_GROUP - 1, completion.ROWS_IN_GROUP, trials.count - 1):
         assert read_row(tmp_path / "trials.parquet", number) == rows[number]
 
 

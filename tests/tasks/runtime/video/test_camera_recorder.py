@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
-from prefect_robomaker.tasks.runtime.video.recorded_camera_settings import CameraRecording, camera_recording
+from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording, camera_recording
 
 CARTPOLE = REPOSITORY / "deployments" / "specs" / "examples" / "cartpole_bundle"
 MODEL = """

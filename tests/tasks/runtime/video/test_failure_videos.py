@@ -14,7 +14,7 @@ from helpers.paths import BUNDLES
 from PIL import Image
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan
-from prefect_robomaker.schemas.runs.stops import RunStop
+from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.runtime.video.failure_videos import has_failed, record_failure_videos
 

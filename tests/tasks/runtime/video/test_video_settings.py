@@ -3,10 +3,10 @@ import pytest
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
-from prefect_robomaker.tasks.runtime.video.recorded_camera_settings import camera_recording
 from prefect_robomaker.tasks.runtime.video.video_settings import (
     DEFAULTS,
     VideoSettings,
+    camera_recording,
     settings_of,
     video_settings,
 )

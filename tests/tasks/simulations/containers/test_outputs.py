@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.simulations.containers.outputs import NOTES, keep_outputs
+from prefect_robomaker.tasks.simulations.containers.cleanup import NOTES, keep_outputs
 from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
 
 

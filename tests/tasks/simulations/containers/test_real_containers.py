@@ -23,9 +23,8 @@ from prefect_robomaker.tasks.simulations.containers.engines import (
     get_image,
 )
 from prefect_robomaker.tasks.simulations.containers.plans import check_gpu
-from prefect_robomaker.tasks.simulations.environment.folders import remove
+from prefect_robomaker.tasks.simulations.environment.folders import make_shared_memory, remove
 from prefect_robomaker.tasks.simulations.environment.run_environment import container_sandbox
-from prefect_robomaker.tasks.simulations.environment.shared_memory import make_shared_memory
 
 pytestmark = pytest.mark.deep
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.simulations.environment.compute import compute_limits, disk_limit
+from prefect_robomaker.tasks.simulations.environment.run_environment import compute_limits, disk_limit
 
 
 @pytest.mark.parametrize(

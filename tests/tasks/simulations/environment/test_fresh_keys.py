@@ -11,8 +11,11 @@ from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.environment.fresh_keys import fresh_keys
-from prefect_robomaker.tasks.simulations.environment.role_access import store_variables, with_store_variables
+from prefect_robomaker.tasks.simulations.environment.role_access import (
+    fresh_keys,
+    store_variables,
+    with_store_variables,
+)
 from prefect_robomaker.tasks.simulations.environment.run_environment import run_sandbox
 
 REQUEST = {"iamRole": "arn:aws:iam::000000000000:role/JobA"}

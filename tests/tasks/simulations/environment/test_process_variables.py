@@ -6,7 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.simulations.environment.folders import Sandbox
-from prefect_robomaker.tasks.simulations.environment.process_variables import process_variables, service_variables
+from prefect_robomaker.tasks.simulations.environment.run_environment import process_variables, service_variables
 
 ENDPOINT = {"AWS_ENDPOINT_URL_ROBOMAKER": "http://127.0.0.1:8057"}
 

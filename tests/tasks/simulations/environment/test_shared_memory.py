@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.simulations.environment.shared_memory import make_shared_memory, remove_shared_memory
+from prefect_robomaker.tasks.simulations.environment.folders import make_shared_memory, remove_shared_memory
 
 
 @pytest.fixture

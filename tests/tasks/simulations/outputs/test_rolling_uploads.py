@@ -11,7 +11,7 @@ from prefect_robomaker.schemas.wire.globs import Glob
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.environment.folders import Sandbox
 from prefect_robomaker.tasks.simulations.outputs.rolling_uploads import RollingUploads, rolled_files, taken_files
-from prefect_robomaker.tasks.simulations.outputs.upload_configurations import Upload
+from prefect_robomaker.tasks.simulations.outputs.upload_files import Upload
 
 
 @pytest.fixture

@@ -28,8 +28,8 @@ from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.runtime.states.checkpoint_files import write_checkpoint
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.planning.resuming import checkpoint_every_s, plan_to_resume
-from prefect_robomaker.tasks.simulations.ros.domains import own_domain
+from prefect_robomaker.tasks.simulations.planning.run_plans import checkpoint_every_s, plan_to_resume
+from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
 from prefect_robomaker.tasks.storage import read_manifest
 
 Swing = Callable[..., dict[str, Any]]

@@ -13,9 +13,8 @@ from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAccessDeniedError
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import open_roles, read_roles_file
-from prefect_robomaker.tasks.storage.roles.initialisation import initialise, user_name, write_keys
-from prefect_robomaker.tasks.storage.roles.minio_users import MinioUsers
-from prefect_robomaker.tasks.storage.roles.policies import policy_of
+from prefect_robomaker.tasks.storage.roles.initialisation import MinioUsers, initialise, user_name, write_keys
+from prefect_robomaker.tasks.storage.roles.reading import policy_of
 
 
 @pytest.fixture(params=["s3_server", "minio_server"])

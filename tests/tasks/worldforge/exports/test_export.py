@@ -15,8 +15,7 @@ import pytest
 from helpers.written_maps import read_grid
 from PIL import Image
 
-from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world
-from prefect_robomaker.tasks.worldforge.bundle.plain_names import with_plain_names
+from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, with_plain_names
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.exports.export_key import export_key
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import ROBOT_HIGH_M, ROBOT_LOW_M

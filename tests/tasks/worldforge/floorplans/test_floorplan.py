@@ -15,8 +15,7 @@ from prefect_robomaker.schemas.specs.rooms import start_room
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.wire.errors import WorldGenerationError
-from prefect_robomaker.schemas.worlds.polygons import contains
-from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point
+from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Floorplan, Point, contains
 from prefect_robomaker.tasks.worldforge.floorplans import partition_climb
 from prefect_robomaker.tasks.worldforge.floorplans.brief import MIN_SIDES_M
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan

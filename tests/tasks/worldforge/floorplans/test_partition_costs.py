@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.worldforge.floorplans.brief import Brief, shared_spans
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Partition, area, contacts
-from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import BatchEvaluator, as_partition, cut
-from prefect_robomaker.tasks.worldforge.floorplans.partition_trees import all_trees
+from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import BatchEvaluator, all_trees, as_partition, cut
 
 
 def brief(areas: list[float]) -> Brief:

@@ -7,7 +7,7 @@ from random import Random
 import numpy as np
 import pytest
 
-from prefect_robomaker.tasks.worldforge.floorplans.rivals import Pair, forbidden_together
+from prefect_robomaker.tasks.worldforge.floorplans.preferences import Pair, forbidden_together
 
 ROOMS = 6
 MOST_WAYS = 4

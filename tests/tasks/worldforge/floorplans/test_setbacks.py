@@ -9,16 +9,15 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.worldforge.floorplans.brief import Brief
 from prefect_robomaker.tasks.worldforge.floorplans.partition import Partition, area, border, outline
-from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import Cuts, as_partition
-from prefect_robomaker.tasks.worldforge.floorplans.partition_search import find_partition
-from prefect_robomaker.tasks.worldforge.floorplans.partition_setbacks import (
+from prefect_robomaker.tasks.worldforge.floorplans.partition_costs import Cuts, all_trees, as_partition
+from prefect_robomaker.tasks.worldforge.floorplans.partition_search import (
     LEAST_SETBACK,
+    find_partition,
     has_small_steps,
     outline_cost,
     put_together,
     setback_shortlist,
 )
-from prefect_robomaker.tasks.worldforge.floorplans.partition_trees import all_trees
 
 
 def box(x0: int, y0: int, x1: int, y1: int) -> tuple[tuple[int, int], ...]:

@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.schemas.worlds.polygons import contains
-from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Preference, Room
+from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, Preference, Room, contains
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.furniture.arrangement import usual_types
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import LOOSE_TYPES

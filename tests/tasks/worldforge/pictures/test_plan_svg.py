@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.templates.parsing import parse_template_body
 from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Floorplan, Furniture, World
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
-from prefect_robomaker.tasks.worldforge.pictures.plan_labels import place_label, widest_box
-from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg
+from prefect_robomaker.tasks.worldforge.pictures.plan_svg import floorplan_svg, place_label, widest_box
 from prefect_robomaker.tasks.worldforge.pictures.plan_symbols import number, symbol
 
 SVG = "{http://www.w3.org/2000/svg}"

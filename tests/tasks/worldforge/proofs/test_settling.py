@@ -6,7 +6,7 @@ import pytest
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import MAX_DRIFT_M, violations
-from prefect_robomaker.tasks.worldforge.proofs.settling import drift_m, measure_stability
+from prefect_robomaker.tasks.worldforge.proofs.overlaps import drift_m, measure_stability
 
 FLOOR = '<geom type="box" size="3 3 .1" pos="0 0 -.1"/>'
 BOX = '<body name="box" pos="1 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass=".3"/></body>'

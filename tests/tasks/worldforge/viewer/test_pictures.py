@@ -8,8 +8,8 @@ from PIL import Image
 
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.viewer import pictures
-from prefect_robomaker.tasks.worldforge.viewer.pictures import write_pictures
+from prefect_robomaker.tasks.worldforge.viewer import viewer_page
+from prefect_robomaker.tasks.worldforge.viewer.viewer_page import write_pictures
 
 from ..conftest import MakeBody
 
@@ -31,7 +31,7 @@ def test_the_bundles_own_preview_is_taken_and_each_room_has_a_file(
         assert world is flat
         return room.encode()
 
-    monkeypatch.setattr(pictures, "room_picture", drawn)  # what it draws is told by its own tests
+    monkeypatch.setattr(viewer_page, "room_picture", drawn)  # what it draws is told by its own tests
     (tmp_path / "preview.png").write_bytes(b"as it was stored")
     files = write_pictures(flat, tmp_path, tmp_path / "new" / "pictures")
     assert files[1].read_bytes() == b"as it was stored"

@@ -8,7 +8,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -23,13 +23,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......schemas.wire.arns import ResourceArn
     from ......schemas.wire.errors import DeploymentError
     from ......tasks.fleet.attestations.required_batches import signed
-    from ......tasks.fleet.attestations.tested_batches import (
-        BATCH,
-        RunningBatch,
-        StoredBatch,
-        application_of,
-        judge,
-    )
+    from ......tasks.fleet.attestations.statements import BATCH, RunningBatch, StoredBatch, application_of, judge
     from ......tasks.simulations.planning.applications import find_application
 
     ResourceArn.parse(arguments.batch, BATCH)

@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 from ....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the plan."""
     from ......tasks.operations.deployment_jobs import plan_deployment
-    from ....inputs.requests import read_request
+    from ....inputs.specifications import read_request
 
     request = read_request(arguments.input, "CreateDeploymentJob")
     plan = plan_deployment(request, open_service())

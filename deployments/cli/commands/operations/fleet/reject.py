@@ -7,7 +7,7 @@ import argparse
 import sys
 
 from ....arguments import add_deployment, add_who
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -19,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Cancels it."""
     from ......tasks.fleet.control.decisions import reject
-    from ....inputs.people import who
+    from ....inputs.options import who
 
     service = open_service()
     reject(arguments.job, who(arguments.by), service)

@@ -9,8 +9,8 @@ import os
 import sys
 
 from ....arguments import add_open
-from ....inputs.output_files import output_file
-from ....output.browser import open_file
+from ....inputs.options import output_file
+from ....output.answers import open_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -28,8 +28,8 @@ def execute(arguments: argparse.Namespace) -> int:
     out = output_file(arguments.out, "--out")
     settings = Settings.from_environment(os.environ)
 
-    from ......tasks.fleet.views.finding import find_deployment
     from ......tasks.fleet.views.reports import write_report
+    from ......tasks.fleet.views.standings import find_deployment
     from ......tasks.service.service import Service
 
     service = Service.open(settings)

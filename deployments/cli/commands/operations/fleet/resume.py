@@ -7,7 +7,7 @@ import argparse
 import sys
 
 from ....arguments import add_deployment
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -8,7 +8,7 @@ import json
 import sys
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -20,8 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints the fleets."""
-    from ......tasks.fleet.views.finding import find_fleet, fleets
-    from ......tasks.fleet.views.standings import fleet_standing
+    from ......tasks.fleet.views.standings import find_fleet, fleet_standing, fleets
 
     service = open_service()
     found = [find_fleet(arguments.fleet, service)] if arguments.fleet else list(fleets(service))
@@ -32,7 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
     elif not standings:
         sys.stdout.write("There are no fleets; CreateFleet makes one.\n")
     else:
-        from ....output.fleets.text import print_fleets
+        from ....output.fleets_in_words import print_fleets
 
         print_fleets(standings, sys.stdout, everything=arguments.all, now=service.clock())
     return 0

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -23,8 +23,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what came of it; the exit code says the same."""
     from ......schemas.wire.arns import ResourceArn
-    from ......tasks.fleet.attestations.attestation_keys import known_public_key, read_public_key
-    from ......tasks.fleet.attestations.checks import EXIT_CODES, check_deployment
+    from ......tasks.fleet.attestations.envelopes import known_public_key, read_public_key
+    from ......tasks.fleet.attestations.required_batches import EXIT_CODES, check_deployment
     from ......tasks.fleet.records import DEPLOYMENT
 
     ResourceArn.parse(arguments.deployment, DEPLOYMENT)

@@ -10,7 +10,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 if TYPE_CHECKING:
     from ......tasks.catalog import Resource
@@ -24,9 +24,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Shows each look; returns how it ended."""
-    from ......tasks.fleet.views.finding import find_deployment
-    from ......tasks.fleet.views.following import follow
-    from ....output.fleets.watching import fleet_watcher
+    from ......tasks.fleet.views.standings import find_deployment, follow
+    from ....output.live_fleets import fleet_watcher
 
     service = open_service()
     job = find_deployment(arguments.deployment, service)

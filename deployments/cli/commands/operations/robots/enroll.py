@@ -11,7 +11,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, NamedTuple
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 from ....output.answers import print_either
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") -> int:
-    from ......tasks.fleet.known_robots import enrollable
+    from ......tasks.fleet.records import enrollable
     from ......tasks.fleet.trust.enrolment import offer
 
     robot = enrollable(arguments.name, service)
@@ -67,8 +67,8 @@ def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") ->
 
 
 def _enrol_updater(arguments: argparse.Namespace, url: str, service: "Service") -> int:
-    from ......tasks.fleet.known_robots import enrol
-    from ......tasks.fleet.signing_keys import certificate_path, signing_key
+    from ......tasks.fleet.artifacts import certificate_path, signing_key
+    from ......tasks.fleet.records import enrol
 
     signing_key(service)  # before there is a token that would be lost if this failed
     token = enrol(arguments.name, service, secrets.token_bytes, rotate=arguments.rotate)

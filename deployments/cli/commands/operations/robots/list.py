@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 from ....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:

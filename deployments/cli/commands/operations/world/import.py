@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....arguments import add_output
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 if TYPE_CHECKING:
     from ......schemas.templates.drawing_notes import DrawingNotes
@@ -38,8 +38,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worldforge.drawings.importing import READERS, Source, import_world
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
-    from ....output.world_facts import world_facts
-    from ....output.world_text import print_kept
+    from ....output.world_facts import print_kept, world_facts
 
     drawing = Path(arguments.plan)
     beside = Path(arguments.notes) if arguments.notes else drawing.with_suffix(".yaml")
@@ -70,7 +69,7 @@ def _notes(source: "Source", scale: str | None) -> "DrawingNotes":
 
     from ......schemas.templates.drawing_notes import DrawingNotes
     from ......schemas.wire.errors import ConfigurationError
-    from ......tasks.worldforge.drawings.notes import read_notes
+    from ......tasks.worldforge.drawings.shapes import read_notes
 
     notes = read_notes(source.notes) if source.notes else DrawingNotes()
     if scale is None:

@@ -28,11 +28,10 @@ def execute(arguments: argparse.Namespace) -> int:
 
     from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......schemas.wire.errors import ConfigurationError
-    from ......tasks.worldforge.bundle.plain_names import NAMES_FILE
+    from ......tasks.worldforge.bundle.bundle import NAMES_FILE
     from ......tasks.worldforge.proofs.checks import prove
     from ....inputs.worlds import find_world
-    from ....output.world_facts import world_facts
-    from ....output.world_text import print_proofs
+    from ....output.world_facts import print_proofs, world_facts
 
     found = find_world(arguments.world)
     if (found.folder / NAMES_FILE).is_file():

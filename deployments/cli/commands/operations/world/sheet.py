@@ -10,12 +10,11 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ......schemas.documents.world_generation_jobs import WorldFailures, WorldGenerationJobDocument
-from ......schemas.documents.worlds import WorldDocument
+from ......schemas.documents.worlds import WorldDocument, WorldFailures, WorldGenerationJobDocument
 from ......schemas.wire.errors import StorageError
 from ....arguments import add_open, add_output
-from ....inputs.service import open_service
-from ....output import browser
+from ....inputs.options import open_service
+from ....output import answers
 
 if TYPE_CHECKING:
     from ......tasks.catalog import Resource
@@ -37,8 +36,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ....inputs.worlds import output_file
 
     job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
-    from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png
-    from ......tasks.worldforge.viewer.page_files import write_whole
+    from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png, write_whole
 
     service = open_service()
     job = service.catalog.get(arguments.job, kind="world-generation-job")
@@ -48,8 +46,8 @@ def execute(arguments: argparse.Namespace) -> int:
     png = folder / "sheet.png"
     png.write_bytes(sheet_png(sheet))
     _print(sheet, job, {"png": str(png), "html": str(html)}, arguments.output)
-    if browser.wanted(arguments.open):
-        browser.open_file(html)
+    if answers.wanted(arguments.open):
+        answers.open_file(html)
     return 0
 
 

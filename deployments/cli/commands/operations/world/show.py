@@ -21,13 +21,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what there is to say of a world; draws it if a folder for pictures is given."""
     from ....inputs.worlds import find_world
-    from ....output.world_facts import world_facts
-    from ....output.world_text import print_facts
+    from ....output.world_facts import print_facts, world_facts
 
     found = find_world(arguments.world)
     facts: dict[str, Any] = world_facts(found)
     if arguments.pictures:
-        from ......tasks.worldforge.viewer.pictures import write_pictures
+        from ......tasks.worldforge.viewer.viewer_page import write_pictures
 
         facts["pictures"] = [str(path) for path in write_pictures(found.world, found.folder, Path(arguments.pictures))]
     if arguments.output == "json":

@@ -11,10 +11,10 @@ import sys
 from typing import TYPE_CHECKING, get_args
 
 from ....arguments import add_output, add_world
-from ....inputs.service import open_service
+from ....inputs.options import open_service
 
 if TYPE_CHECKING:
-    from ......tasks.worldforge.variations import Move
+    from ......tasks.worldforge.generator import Move
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -51,11 +51,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Makes and stores the world; the exit code says whether its guarantees hold."""
     from ......schemas.exit_codes import OK, VERDICT_FAILED
-    from ......tasks.worldforge.variations import Wanted, vary
+    from ......tasks.worldforge.generator import Wanted, vary
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
-    from ....output.world_facts import world_facts
-    from ....output.world_text import print_kept
+    from ....output.world_facts import print_kept, world_facts
 
     doors = [*((door, 0.0) for door in arguments.shut), *arguments.open]
     _check_once("--shut, --open", [name for name, _ in doors])
@@ -99,7 +98,7 @@ def _opened(text: str) -> tuple[str, float]:
 def _moved(text: str) -> "tuple[str, Move]":
     from math import isfinite
 
-    from ......tasks.worldforge.variations import Move
+    from ......tasks.worldforge.generator import Move
 
     name, _, where = text.partition("=")
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ....arguments import add_open, add_world
-from ....output import browser
+from ....output import answers
 
 if TYPE_CHECKING:
     from ....inputs.worlds import FoundWorld
@@ -33,14 +33,14 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):
         return 0
-    from ......tasks.worldforge.viewer.page_files import write_whole
+    from ......tasks.worldforge.viewer.contact_sheet import write_whole
     from ......tasks.worldforge.viewer.viewer_page import viewer_page
 
     path = Path(arguments.html) if arguments.html else output_file(found.name, "views", ".html")
     write_whole(viewer_page(found.folder, _title(found)), path)
     sys.stdout.write(f"{path}\n")
-    if browser.wanted(arguments.open):
-        browser.open_file(path)
+    if answers.wanted(arguments.open):
+        answers.open_file(path)
     return 0
 
 

@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 
 from prefect_robomaker.deployments.cli import health
 from prefect_robomaker.deployments.cli.version_conflicts import CONFLICTS, Conflict, conflicts_among
-from prefect_robomaker.schemas.run_orders import Order
+from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 

@@ -15,7 +15,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, write_bundle
 from prefect_robomaker.tasks.worldforge.generator import generate_world
-from prefect_robomaker.tasks.worldforge.viewer import pictures
+from prefect_robomaker.tasks.worldforge.viewer import viewer_page
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +73,9 @@ def test_pictures_are_put_where_they_are_wanted(
     robomaker, bundle: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Rooms are drawn in tests/tasks/worldforge/viewer/test_pictures.py, which takes seconds."""
-    monkeypatch.setattr(pictures, "room_picture", lambda world, room: f"{len(world.floorplan.rooms)} {room}".encode())
+    monkeypatch.setattr(
+        viewer_page, "room_picture", lambda world, room: f"{len(world.floorplan.rooms)} {room}".encode()
+    )
     folder = tmp_path / "pictures"
     facts = json.loads(robomaker("world", "show", bundle, "--pictures", folder, "-o", "json").out)
     assert len(facts["pictures"]) == 4

@@ -10,8 +10,8 @@ from helpers.cartpole_spec import PACKAGE, poles
 from helpers.paths import REPOSITORY
 from lxml import etree  # pyright: ignore[reportAttributeAccessIssue] - compiled, without types
 
+from prefect_robomaker.schemas.reports.report import ReportSummary
 from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
-from prefect_robomaker.schemas.reports.summary import ReportSummary
 
 SCHEMA = REPOSITORY / "tests" / "tasks" / "reporting" / "junit.xsd"
 # Passes, fails, breaks: a second is not over, is over, and `math.sqrt` takes no two arguments.

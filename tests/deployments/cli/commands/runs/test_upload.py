@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.documents.simulation_jobs import Outcome, SimulationJobProgress
-from prefect_robomaker.schemas.reports.kept_outputs import KeptReport
+from prefect_robomaker.schemas.reports.retention import KeptReport
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call

@@ -10,19 +10,22 @@ from helpers.simulated_rollouts import BEGAN_S, arn_of, simulate
 from rich.cells import cell_len
 from rich.console import Console
 
-from prefect_robomaker.deployments.cli.output.fleets.lines import HEARTBEAT_S, MOST_LINES, LineWatcher, changes
-from prefect_robomaker.deployments.cli.output.fleets.live import render
-from prefect_robomaker.deployments.cli.output.fleets.text import MOST_ROBOTS, print_fleets
-from prefect_robomaker.deployments.cli.output.fleets.watching import fleet_watcher
+from prefect_robomaker.deployments.cli.output.fleets_in_words import (
+    HEARTBEAT_S,
+    MOST_LINES,
+    MOST_ROBOTS,
+    LineWatcher,
+    changes,
+    print_fleets,
+)
+from prefect_robomaker.deployments.cli.output.live_fleets import fleet_watcher, render
 from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument
-from prefect_robomaker.schemas.rollouts.events import Paused, Resumed
-from prefect_robomaker.schemas.rollouts.rollout import Rollback, Rollout
+from prefect_robomaker.schemas.operations.deployment_jobs import MaintenanceWindow
+from prefect_robomaker.schemas.rollouts.rollout import Paused, Resumed, Rollback, Rollout
 from prefect_robomaker.schemas.rollouts.standings import FleetStanding, OrderStanding, RobotStanding
-from prefect_robomaker.schemas.wire.maintenance_windows import MaintenanceWindow
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
-from prefect_robomaker.tasks.fleet.views.following import Look
-from prefect_robomaker.tasks.fleet.views.standings import deployment_standing
+from prefect_robomaker.tasks.fleet.views.standings import Look, deployment_standing
 
 NOW = datetime.fromtimestamp(BEGAN_S, UTC)
 LONG = "courier-of-the-third-floor-" + "x" * 90

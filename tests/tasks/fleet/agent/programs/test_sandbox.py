@@ -12,7 +12,7 @@ from helpers.required_programs import needs
 
 from prefect_robomaker.tasks.fleet.agent.disk import prepare
 from prefect_robomaker.tasks.fleet.agent.errors import AgentError
-from prefect_robomaker.tasks.fleet.agent.programs.sandbox import Sandbox, find_sandbox
+from prefect_robomaker.tasks.fleet.agent.programs.launching import Sandbox, find_sandbox
 from prefect_robomaker.tasks.fleet.agent.settings import Connection, Home, Options
 
 needs_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root starts programs as another user")

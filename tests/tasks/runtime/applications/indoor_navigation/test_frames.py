@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import CameraRecorder
-from prefect_robomaker.tasks.runtime.video.recorded_camera_settings import CameraRecording
+from prefect_robomaker.tasks.runtime.video.video_settings import CameraRecording
 
 PLANAR = """<mujoco><worldbody><body name="chassis" pos="0 0 0.1">
 <joint name="x" type="slide" axis="1 0 0"/><joint name="y" type="slide" axis="0 1 0"/>

@@ -4,8 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.worlds.polygons import contains
-from prefect_robomaker.schemas.worlds.world import Room
+from prefect_robomaker.schemas.worlds.world import Room, contains
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.mission import Mission
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.telemetry import RobotState
 from prefect_robomaker.tasks.runtime.episode.results import thin_out

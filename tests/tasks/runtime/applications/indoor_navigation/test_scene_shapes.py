@@ -12,13 +12,13 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
     make_environment,
 )
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import read_map
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene_shapes import (
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene_markers import (
     occupancy_grid,
     robot_markers,
     world_markers,
 )
 from prefect_robomaker.tasks.runtime.recording import messages as ros
-from prefect_robomaker.tasks.runtime.recording.display_messages import Marker, MarkerType
+from prefect_robomaker.tasks.runtime.recording.messages import Marker, MarkerType
 
 NOW = ros.Time(1, 0)
 MODEL = """

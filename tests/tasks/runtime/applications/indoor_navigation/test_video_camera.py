@@ -7,7 +7,7 @@ import mujoco
 import pytest
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
-from prefect_robomaker.tasks.runtime.episode.robot_body import robot_body
+from prefect_robomaker.tasks.runtime.episode.physics import robot_body
 from prefect_robomaker.tasks.runtime.rendering.views import choose_view
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.tasks.runtime.applications.scout.following import PathFollower
-from prefect_robomaker.tasks.runtime.applications.scout.path_smoothing import resample
+from prefect_robomaker.tasks.runtime.applications.scout.planner import resample
 
 STEP_S = 0.05
 

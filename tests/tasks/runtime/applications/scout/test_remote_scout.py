@@ -21,7 +21,7 @@ import pathlib, types
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.agents.agent_client import connect
 from prefect_robomaker.tasks.runtime.applications.scout import make_agent
-from prefect_robomaker.tasks.runtime.recording.recorder import Recorder
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 
 
 with connect() as simulation:

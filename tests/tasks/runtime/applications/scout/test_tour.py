@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.applications.scout.tour import plan_tour
+from prefect_robomaker.tasks.runtime.applications.scout.agent import plan_tour
 
 spots = st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=6, unique=True)
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.robots.robot_yaml.model_files import load_model
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.model import load_model
 
 URDF = """<robot name="box"><link name="base"><inertial><mass value="1"/>
 <inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>

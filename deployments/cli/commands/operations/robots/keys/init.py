@@ -7,7 +7,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from .....inputs.service import open_service
+from .....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Makes the keys and the first root."""
-    from .......tasks.fleet.attestations.attestation_keys import read_public_key
+    from .......tasks.fleet.attestations.envelopes import read_public_key
     from .......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
     from .......tasks.fleet.trust.publishing import publisher_of
 

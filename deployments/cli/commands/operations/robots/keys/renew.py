@@ -6,7 +6,7 @@ For machines that have the keys and run no server.
 import argparse
 import sys
 
-from .....inputs.service import open_service
+from .....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

@@ -6,7 +6,7 @@ Robots follow at their next deployment.
 import argparse
 import sys
 
-from .....inputs.service import open_service
+from .....inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

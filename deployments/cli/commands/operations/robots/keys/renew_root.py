@@ -9,7 +9,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from .....inputs.service import open_service
+from .....inputs.options import open_service
 
 _ROLES = ("root", "targets", "snapshot", "timestamp")
 
@@ -46,7 +46,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Signs, and publishes the root once there are enough signatures."""
     from .......schemas.wire.errors import ConfigurationError
-    from .......tasks.fleet.attestations.attestation_keys import read_public_key
+    from .......tasks.fleet.attestations.envelopes import read_public_key
     from .......tasks.fleet.trust.ceremonies import AttestedChange, renew_root
     from .......tasks.fleet.trust.publishing import publisher_of
 

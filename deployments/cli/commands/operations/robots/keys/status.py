@@ -8,12 +8,12 @@ import sys
 from typing import TYPE_CHECKING
 
 from .....arguments import add_output
-from .....inputs.service import open_service
+from .....inputs.options import open_service
 from .....output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
-    from .......tasks.fleet.trust.roots import Attested
-    from .......tasks.fleet.trust.standing import RoleStanding
+    from .......tasks.fleet.trust.metadata import Attested
+    from .......tasks.fleet.trust.upkeep import RoleStanding
 
 _COLUMNS = ("role", "version", "expires", "keys")
 
@@ -25,7 +25,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints how the roles stand."""
-    from .......tasks.fleet.trust.standing import attested_of, standing_of
+    from .......tasks.fleet.trust.upkeep import attested_of, standing_of
 
     service = open_service()
     roles, attested = standing_of(service), attested_of(service)

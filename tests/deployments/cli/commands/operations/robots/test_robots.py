@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.fleet.ddi.tokens import hash_token
+from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
 
 ROVER = '{"name": "rover", "architecture": "ARM64", "greengrassGroupId": "g"}'
 

@@ -1,0 +1,123 @@
+"""Values of options and what they name: a person, a span of time, a file to write, an earlier run; and the service."""
+
+import getpass
+import json
+import os
+import re
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ....schemas.wire.errors import ConfigurationError
+
+if TYPE_CHECKING:
+    from ....schemas.reports.run_record import RunRecord
+    from ....tasks.service.service import Service
+
+
+def who(given: str | None) -> str:
+    """The name of the person who decides.
+
+    Args:
+        given: as the command line says; nothing: as the operating system does.
+    """
+    if given:
+        return given
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):  # a container's user need not have a name
+        return "a person without a name"
+
+
+_UNITS = {"w": "weeks", "d": "days", "h": "hours", "m": "minutes", "s": "seconds"}
+_LONGEST = timedelta(days=36500)
+
+
+def time_span(text: str, option: str) -> timedelta:
+    """Reads a span of time.
+
+    Args:
+        text: numbers with units, the largest first: w, d, h, m, s.
+        option: where it was given, for the error.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    if re.fullmatch(r"(\d{1,5}w)?(\d{1,5}d)?(\d{1,5}h)?(\d{1,5}m)?(\d{1,5}s)?", text) and text:
+        total = timedelta(**{_UNITS[unit]: int(number) for number, unit in re.findall(r"(\d+)([wdhms])", text)})
+        if total <= _LONGEST:
+            return total
+    raise ConfigurationError(f"{option} is {text!r}; a time such as 30d, 12h or 1d12h would be right")
+
+
+def output_file(path: str | None, option: str) -> Path | None:
+    """Returns the absolute path of an output file.
+
+    Args:
+        path: what was given; None: nothing.
+        option: where it was given, for the error.
+
+    Raises:
+        ConfigurationError: it is a folder, or in one that does not exist.
+    """
+    if path is None:
+        return None
+    file = Path(path).absolute()
+    if not path or file.is_dir() or not file.parent.is_dir():
+        raise ConfigurationError(f"{option} is {path}; it has to be a file in a folder that exists")
+    return file
+
+
+def open_service() -> "Service":
+    """Opens the service that the environment variables describe; only commands that need one wait for its imports.
+
+    Raises:
+        ConfigurationError: a setting leads nowhere.
+        StorageError: the object store does not answer.
+    """
+    from ....schemas.settings import Settings
+    from ....tasks.service.service import Service
+
+    return Service.open(Settings.from_environment(os.environ))
+
+
+def find_record(runs: Path, run: str) -> Path:
+    """Finds the record of a run.
+
+    Args:
+        runs: folder of all runs.
+        run: a run's id, its folder, or `latest`, which leaves the probes of forecasts out.
+
+    Raises:
+        ConfigurationError: there is no such run.
+    """
+    if "/" in run and (record := Path(run) / "run.json").is_file():
+        return record
+    records = sorted(runs.glob("*/run.json"), key=lambda path: path.stat().st_mtime)
+    if not records:
+        raise ConfigurationError(f"there are no runs in {runs} yet; `robomaker run SPEC` makes one")
+    if run == "latest":
+        return next((record for record in reversed(records) if not _is_probe(record)), records[-1])
+    if found := [path for path in records if path.parent.name == run]:
+        return found[0]
+    latest = ", ".join(path.parent.name for path in reversed(records[-5:]))
+    raise ConfigurationError(f"there is no run {run!r} in {runs}; the latest are {latest}")
+
+
+def _is_probe(record: Path) -> bool:
+    try:
+        return bool(json.loads(record.read_bytes()).get("probe"))
+    except ValueError:
+        return False  # who reads it is told what is wrong with it
+
+
+def read_record(runs: Path, run: str) -> "RunRecord":
+    """Reads the record of a run; see `find_record`.
+
+    Raises:
+        ConfigurationError: there is no such run, or its record cannot be read.
+    """
+    record = find_record(runs, run)
+    from ....tasks.inspection import run_records
+
+    return run_records.read_record(record)

@@ -1,1 +1,0 @@
-"""Caches of the data that console pages read from large resources."""

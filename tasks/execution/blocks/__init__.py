@@ -1,1 +1,0 @@
-"""Blocks of Prefect that jobs need while they run: credentials of their roles."""

@@ -1,1 +1,0 @@
-"""One task run for a whole `map`, for any flow of Prefect."""

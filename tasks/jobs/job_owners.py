@@ -1,0 +1,263 @@
+"""Owners of jobs: orders for oneself, the environment that they need, and the state of each owner."""
+
+import logging
+import os
+import re
+import socket
+import sys
+import threading
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, cast
+
+from ...schemas.job_owners import PYTHON_PATH, JobOwner, JobStanding, NeededEnvironment, OwnerState
+from ...schemas.lifecycles import is_terminal
+from ...schemas.settings import Settings
+from ...schemas.wire.errors import ServiceUnavailableException
+from ..catalog import FirstLease, Ownership, Resource
+from ..execution.held_leases import HELD, HeldLeases, died_here, new_owner
+from ..service.service import Service
+from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
+
+_SIMULATION = (
+    *("sandbox", "sandbox_network", "sandbox_show", "nice", "max_job_disk_gb"),
+    *("max_output_gb", "max_output_files"),
+)
+SETTINGS: Mapping[str, Sequence[str]] = {
+    "CreateSimulationJob": _SIMULATION,
+    "StartSimulationJobBatch": (*_SIMULATION, "backend"),
+    "CreateWorldGenerationJob": ("max_worlds_per_job",),
+}
+"""The settings that decide how jobs go, by the operation that orders them."""
+
+OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
+"""Variables of simulations that are no settings."""
+
+_OF_PREFECT_RUN = re.compile(r"tmp\w+prefect|prefect-flow-run-\w+")
+"""Names that `tempfile` makes of the suffix that Prefect's workers give it, and of the prefix that `prefect flow-run
+execute` does, which containers of work pools run."""
+
+
+def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
+    """The part of this process's environment that a job ordered now needs.
+
+    Args:
+        operation: the operation that orders it.
+        request: the request's members.
+        service: where its applications are, and the settings that hold.
+    """
+    requests = _simulations(operation, request)
+    packages = imported_packages(requests, CurrentApplications(service))
+    names = list(SETTINGS.get(operation, ()))
+    if any(each.get("iamRole") for each in requests):
+        names.append("roles_file")
+    variables = {variable(name): written(getattr(service.settings, name)) for name in names}
+    if requests:
+        variables |= {name: os.environ.get(name, "") for name in OTHER_VARIABLES}
+    return NeededEnvironment(
+        machine=socket.gethostname(),
+        python=sys.prefix,
+        python_path=None if packages is None else python_path(os.environ),
+        variables=variables,
+        packages=packages or {},
+    )
+
+
+def environment_here(needed: NeededEnvironment, settings: Settings, environ: Mapping[str, str]) -> NeededEnvironment:
+    """The part of this process's environment that a job needs.
+
+    Args:
+        needed: what the job needs.
+        settings: of this process.
+        environ: its environment variables.
+    """
+    settings_of = {variable(name): name for name in type(settings).model_fields}
+    variables = {
+        name: written(getattr(settings, settings_of[name])) if name in settings_of else environ.get(name, "")
+        for name in needed.variables
+    }
+    return NeededEnvironment(
+        machine=socket.gethostname(),
+        python=sys.prefix,
+        python_path=python_path(environ),
+        variables=variables,
+        packages={name: package_content(name) for name in needed.packages},
+    )
+
+
+def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """The requests of simulations in a request."""
+    if operation == "StartSimulationJobBatch":
+        return list(request.get("createSimulationJobRequests") or ())
+    return [request] if operation == "CreateSimulationJob" else []
+
+
+def variable(setting: str) -> str:
+    """The environment variable of a setting."""
+    return f"ROBOMAKER_{setting.upper()}"
+
+
+def written(value: object) -> str:
+    """A setting as its variable is written; nothing: the variable is not set."""
+    if value is None:
+        return ""
+    return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
+
+
+def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
+    """The folders of PYTHONPATH, absolute, without the one that Prefect makes for each run and removes.
+
+    No other run has that folder. What a run imported from it is a package, and missed as such.
+    """
+    folders = (Path(path).absolute() for path in environ.get(PYTHON_PATH, "").split(os.pathsep) if path)
+    return tuple(str(folder) for folder in folders if not _OF_PREFECT_RUN.fullmatch(folder.name))
+
+
+def standing_of(job: Resource, service: Service) -> JobStanding | None:
+    """Returns who carries out a job.
+
+    Args:
+        job: the job or batch.
+        service: where it is stored.
+
+    Returns:
+        Its standing; `None`: no process has begun with it.
+    """
+    return standings_of([job], service).get(job.arn)
+
+
+def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobStanding]:
+    """Returns who carries out some jobs, by ARN; jobs that no process has begun with are left out.
+
+    Args:
+        jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.
+        service: where they are stored.
+    """
+    wanted = list(jobs)
+    found = service.catalog.ownerships([arn for job in wanted for arn in (job.arn, job.parent) if arn])
+    return {
+        job.arn: _standing(job, ownership, found.get(job.parent or ""), service)
+        for job in wanted
+        if (ownership := found.get(job.arn)) is not None and ownership.owner is not None
+    }
+
+
+def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> list[str]:
+    """Names the needs of a job that this process does not meet; nothing: it may carry the job out.
+
+    Args:
+        needed: what was recorded with the order; `None`: a client ordered it.
+        service: of this process.
+    """
+    if needed is None:
+        return []
+    wanted = NeededEnvironment.of_stored(needed)
+    return wanted.differences(environment_here(wanted, service.settings, os.environ))
+
+
+def left_jobs(service: Service) -> list[tuple[Resource, JobStanding]]:
+    """The jobs that have not ended, and that the process left that ordered them for itself."""
+    jobs = service.catalog.ordered_for_oneself()
+    standings = standings_of(jobs, service)
+    return [(job, standings[job.arn]) for job in jobs if standings[job.arn].state in ("died", "left")]
+
+
+def _standing(job: Resource, ownership: Ownership, above: Ownership | None, service: Service) -> JobStanding:
+    standing = JobStanding(
+        owner=JobOwner.of_lease(ownership.owner or ""),
+        since=ownership.since,
+        state=_state(job, ownership),
+        lost=JobOwner.of_lease(ownership.lost_owner) if ownership.lost_owner else None,
+    )
+    needed = ownership.needed_environment or (above.needed_environment if above else None)
+    if needed is None or standing.state not in ("died", "left"):
+        return standing
+    wanted = NeededEnvironment.of_stored(needed)
+    here = environment_here(wanted, service.settings, os.environ)
+    arn = job.arn if ownership.needed_environment else job.parent or job.arn
+    return standing.model_copy(
+        update={
+            "differences": tuple(wanted.differences(here)),
+            "command": wanted.command(arn, here),
+            "machine": wanted.machine,
+        }
+    )
+
+
+def _state(job: Resource, ownership: Ownership) -> OwnerState:
+    if is_terminal(job.kind, job.status):
+        return "ended"
+    if ownership.is_released:
+        return "left"
+    return "works" if ownership.is_held and not died_here(ownership.owner or "") else "died"
+
+
+_logger = logging.getLogger(__name__)
+
+
+class OwnOrder:
+    """One order, whose job's lease is kept until the block ends.
+
+    Args:
+        service: where the job is stored.
+        held: where this process notes the leases that it holds.
+    """
+
+    def __init__(self, service: Service, held: HeldLeases = HELD) -> None:
+        self._service = service
+        self._held = held
+        self._owner = new_owner()
+        self._arn: str | None = None
+        self._ended = threading.Event()
+
+    def __enter__(self) -> Self:
+        """Begins the order."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Gives the lease back, unless that has happened; an interruption (Ctrl-C, a signal) cancels the job."""
+        self._ended.set()
+        if self._arn is None:
+            return
+        try:
+            if kind is not None and not issubclass(kind, Exception):
+                self._service.catalog.request_cancel(self._arn)  # it may not have begun; one that has ended stays
+            self._held.cancel_reservation(self._arn, self._service.catalog)
+        except ServiceUnavailableException as unavailable:
+            _logger.warning("the lease of %s runs out by itself: %s", self._arn, unavailable)
+
+    def through(self, operation: str, request: Mapping[str, Any]) -> Service:
+        """The service that stores the job with its lease; to carry it out is not its use, as parts are no orders.
+
+        Args:
+            operation: the operation that orders the job.
+            request: the request's members, which have been checked.
+        """
+        needed = environment_needed(operation, request, self._service)
+        lease = FirstLease(self._owner, self._service.timing.lease_s, needed.model_dump(mode="json"))
+        return replace(self._service, first_lease=lease)
+
+    def keep(self, arn: str) -> None:
+        """Keeps the lease of the job that was stored.
+
+        A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
+        """
+        if self._service.catalog.lease_of(arn)[0] != self._owner:
+            return
+        if not self._held.adopt(arn, self._owner):
+            self._service.catalog.release(arn, self._owner)  # this process ends
+        else:
+            self._arn = arn
+            threading.Thread(target=self._renew, args=(arn,), name=f"order of {arn}", daemon=True).start()
+
+    def _renew(self, arn: str) -> None:
+        timing = self._service.timing
+        while not self._ended.wait(timing.renew_lease_every_s):
+            try:
+                self._held.renew_reservation(arn, self._service.catalog, timing.lease_s)
+            except ServiceUnavailableException as error:
+                _logger.warning("the lease of %s is not renewed: %s", arn, error)

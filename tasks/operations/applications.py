@@ -1,0 +1,363 @@
+"""The operations on robot applications and on simulation applications, which differ in nothing but their names."""
+
+import uuid
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from ...schemas.documents.applications import ApplicationDocument, StoredSource
+from ...schemas.documents.base import VERSION_KEY
+from ...schemas.operations.applications import (
+    ApplicationContent,
+    ApplicationListRequest,
+    ApplicationSelection,
+    ApplicationUpdate,
+    NewApplicationVersion,
+)
+from ...schemas.runs.plan import ApplicationRole
+from ...schemas.specs.model import CheckedStep
+from ...schemas.wire.arns import ResourceArn, application_arn
+from ...schemas.wire.errors import (
+    InvalidParameterException,
+    ResourceAlreadyExistsException,
+    ResourceNotFoundException,
+    ThrottlingException,
+)
+from ..catalog import NewResource, Page, Resource, Stored
+from ..service.service import Service, is_builtin
+from ..simulations.planning.applications import (
+    LATEST,
+    MAX_VERSIONS,
+    check_environment,
+    find_application,
+    image_digest,
+    version_arn,
+    version_kind,
+    with_etag,
+)
+from .registry import Answer, operation, page_of
+
+_CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderingEngine", "environment")
+
+
+def create_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """Stores an application and returns the members of the response.
+
+    Args:
+        role: which kind of application.
+        request: the request's members.
+        service: where it is stored.
+
+    Raises:
+        ResourceAlreadyExistsException: the name is taken.
+        InvalidParameterException: a source cannot be read, or the environment is none.
+    """
+    definition = _definition(request, service)
+    settings, now, kind = service.settings, service.clock(), f"{role}-application"
+    arn = application_arn(settings.region, settings.account, kind, request["name"], now)
+    resource = service.catalog.create(
+        Resource.new(
+            arn=arn,
+            kind=kind,
+            id=arn.split("-application/")[1],
+            name=request["name"],
+            status="Active",
+            tags=request.get("tags") or {},
+            document=definition,
+        ),
+        token=None,
+        unique_name=True,
+    )
+    return _tagged(resource)
+
+
+def describe_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """The members that describe an application, or a version of it.
+
+    Raises:
+        ResourceNotFoundException: there is no such application, or version.
+    """
+    version = request.get("applicationVersion")
+    resource = find_application(request["application"], role, version, service)
+    return {**_tagged(resource), "imageDigest": ApplicationDocument.of(resource).image_digest}
+
+
+def list_applications(
+    role: ApplicationRole, request: ApplicationListRequest, service: Service
+) -> tuple[list[dict[str, Any]], str | None]:
+    """A page of applications, newest first, and the token of the next; built-in ones only where the filter names them.
+
+    Raises:
+        InvalidParameterException: a filter is not known, or the token is not of this list.
+    """
+    kind = f"{role}-application"
+    kinds = (kind, version_kind(kind)) if request.versionQualifier else (kind,)
+    page: Page = page_of(request, kinds, service, "name")
+    members = ("name", "arn", "version", "lastUpdatedAt", "robotSoftwareSuite", "simulationSoftwareSuite")
+    # Clients count: with the service, a fresh account had no applications.
+    described = [revision(each) for each in page.resources if request.filters or not is_builtin(each)]
+    return [{key: each[key] for key in members if key in each} for each in described], page.next_token
+
+
+def change_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """Makes an application what a request says, and returns the members of the response.
+
+    Raises:
+        ResourceNotFoundException: there is no such application.
+        InvalidParameterException: it is built in, or has another revision by now; or a source cannot
+            be read, or the environment is none.
+    """
+    application = find_application(request["application"], role, None, service)
+    if is_builtin(application):
+        raise InvalidParameterException(f"{application.arn} is built in and stays as it is; make one of another name")
+    definition = _definition(request, service)
+    return revision(_replace(application.arn, definition, request.get("currentRevisionId"), service))
+
+
+def delete_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> None:
+    """Removes an application with all its versions, or one version; of no effect on what is not there.
+
+    Raises:
+        InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
+    """
+    reference, version = request["application"], request.get("applicationVersion")
+    if reference.startswith("arn:"):
+        ResourceArn.parse(reference, "robot-application" if role == "robot" else "simulation-application")
+    if version == LATEST:
+        raise InvalidParameterException(
+            f"applicationVersion: {LATEST} cannot be deleted alone; leave applicationVersion out to delete the "
+            "application with all its versions"
+        )
+    with suppress(ResourceNotFoundException):
+        application = find_application(reference, role, None, service)
+        if version is not None:
+            service.catalog.delete(version_arn(application.arn, version))
+        elif is_builtin(application):
+            raise InvalidParameterException(f"{application.arn} is built in and cannot be deleted")
+        else:
+            service.catalog.delete(application.arn, children=(version_kind(application.kind),))
+
+
+def revision(resource: Resource) -> dict[str, Any]:
+    """The members of a response that say what an application, or a version of it, is."""
+    document = ApplicationDocument.of(resource)
+    content = document.to_json()
+    return {
+        "arn": resource.parent or resource.arn,
+        "name": resource.name,
+        "version": document.version,
+        "revisionId": document.revision_id,
+        "lastUpdatedAt": resource.updated_at,
+        **{member: content[member] for member in _CONTENT if member in content},
+    }
+
+
+def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
+    """Checks that an application still has the revision that a request is about.
+
+    Raises:
+        InvalidParameterException: it has another; says which.
+    """
+    if wanted is not None and wanted != document.revision_id:
+        raise InvalidParameterException(
+            f"currentRevisionId: the application has another revision than {wanted!r} by now, "
+            f"{document.revision_id!r}; describe it, and repeat the call with that one if it is what you mean"
+        )
+
+
+def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """The members of the response for an application that exists with the same definition.
+
+    Returns:
+        `None` when the name is free.
+
+    Raises:
+        ResourceAlreadyExistsException: the name is taken by an application that differs; says in what.
+    """
+    resource = service.catalog.find(f"{role}-application", request["name"])
+    if resource is None:
+        return None
+    wanted, existing = _definition(request, service).to_json(), ApplicationDocument.of(resource).to_json()
+    differing = [member for member in sorted(_CONTENT) if wanted.get(member) != existing.get(member)]
+    if differing:
+        raise ResourceAlreadyExistsException(
+            f"{resource.arn} exists and differs in {', '.join(differing)}; give the new one another name, "
+            "or say ifExists: update"
+        )
+    return _tagged(resource)
+
+
+def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """Makes an application that exists what a request to create it says, with its archives as they are now.
+
+    Returns:
+        The members of the response; `None` when the name is free.
+
+    Raises:
+        InvalidParameterException: a source cannot be read, or the environment is none.
+        ResourceAlreadyExistsException: the application is a built-in one.
+    """
+    resource = service.catalog.find(f"{role}-application", request["name"])
+    if resource is None:
+        return None
+    if is_builtin(resource):
+        raise ResourceAlreadyExistsException(f"{resource.arn} is built in and stays as it is; choose another name")
+    updated = _replace(resource.arn, _definition(request, service), None, service)
+    if tags := request.get("tags"):
+        updated = service.catalog.set_tags(resource.arn, tags)
+    return _tagged(updated)
+
+
+def existing_application(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
+    """The answer of a step's application that exists already; `None` where there is none, or the step makes it anew."""
+    role = "robot" if step.operation == "CreateRobotApplication" else "simulation"
+    if step.if_exists == "update":
+        return update_application(role, request, service)
+    return reuse_application(role, request, service) if step.if_exists == "reuse" else None
+
+
+def _definition(request: Mapping[str, Any], service: Service) -> ApplicationDocument:
+    """Returns an application's definition as a new revision; archives with the ETags they have now."""
+    definition = {member: request[member] for member in _CONTENT if request.get(member) is not None}
+    if sources := definition.pop("sources", None):
+        definition["sources"] = [with_etag(source, index, service) for index, source in enumerate(sources)]
+        definition.pop("environment", None)  # an empty one: requests give one of the two
+    else:
+        uri = definition["environment"]["uri"]
+        check_environment(uri)
+        if digest := image_digest(uri):
+            definition["imageDigest"] = digest
+    revision_id = str(uuid.UUID(int=service.chance.getrandbits(128)))
+    return ApplicationDocument.model_validate({**definition, "version": LATEST, "revisionId": revision_id})
+
+
+def _replace(arn: str, definition: ApplicationDocument, wanted: str | None, service: Service) -> Resource:
+    def changes(stored: Stored) -> ApplicationDocument:
+        document = ApplicationDocument.model_validate(stored)
+        check_revision(wanted, document)
+        if document.last_number is None:
+            return definition
+        return definition.model_copy(update={"last_number": document.last_number})  # versions are counted on
+
+    return service.catalog.update(arn, changes)
+
+
+def _tagged(resource: Resource) -> dict[str, Any]:
+    return {**revision(resource), "tags": dict(resource.tags)}
+
+
+_ATTEMPTS = 10
+
+
+class _ChangedMeanwhile(Exception):
+    """The application has another revision than the one whose archives were looked at."""
+
+
+def create_version(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
+    """Keeps an application as it is now under the next number, and returns the members of the response.
+
+    Raises:
+        ResourceNotFoundException: there is no such application.
+        InvalidParameterException: it has another revision by now, an archive cannot be read, or its
+            content is not what the request says.
+        LimitExceededException: it has 40 versions.
+        ThrottlingException: others change it all the time.
+    """
+    for _ in range(_ATTEMPTS):
+        application = find_application(request["application"], role, LATEST, service)
+        check_revision(request.get("currentRevisionId"), ApplicationDocument.of(application))
+        content = _content(application, request, service)
+
+        def make(parent: Resource, number: int, content: ApplicationDocument = content) -> NewResource:
+            if ApplicationDocument.of(parent).revision_id != content.revision_id:
+                raise _ChangedMeanwhile
+            return _version(parent, number, content)
+
+        try:
+            return revision(service.catalog.create_numbered(application.arn, make, most=MAX_VERSIONS))
+        except _ChangedMeanwhile:
+            continue
+    raise ThrottlingException(f"{request['application']} was changed by others {_ATTEMPTS} times in a row; try again")
+
+
+def _version(application: Resource, number: int, content: ApplicationDocument) -> NewResource:
+    return Resource.new(
+        arn=version_arn(application.arn, number),
+        kind=version_kind(application.kind),
+        id=f"{application.id}/version/{number}",
+        name=application.name,
+        status="Active",
+        parent=application.arn,
+        document=content.model_copy(update={"version": str(number)}),
+    )
+
+
+def _content(application: Resource, request: Mapping[str, Any], service: Service) -> ApplicationDocument:
+    """Returns the content of a version: the application, with its archives as they are at this moment."""
+    content = ApplicationDocument.of(application).without("last_number", VERSION_KEY)
+    if content.sources:
+        sources = [with_etag(source.to_json(), index, service) for index, source in enumerate(content.sources)]
+        content = content.model_copy(update={"sources": [StoredSource.model_validate(each) for each in sources]})
+    _check_etags(request.get("s3Etags"), content, application)
+    if digest := _image_digest(request.get("imageDigest"), content, application):
+        content = content.model_copy(update={"image_digest": digest})
+    return content
+
+
+def _check_etags(wanted: list[str] | None, content: ApplicationDocument, application: Resource) -> None:
+    if not wanted:
+        return
+    found = sorted(source.etag for source in content.sources or [])
+    if sorted(etag.strip('"') for etag in wanted) != found:
+        there = f"its archives have {', '.join(found)}" if found else "it has no archives"
+        raise InvalidParameterException(f"s3Etags: {', '.join(wanted)} is not what {application.arn} holds; {there}")
+
+
+def _image_digest(wanted: str | None, content: ApplicationDocument, application: Resource) -> str | None:
+    """The digest of the version's image: what its URI says, else what the caller says it is."""
+    known = content.image_digest
+    if wanted is None:
+        return known
+    uri = content.environment.uri if content.environment else ""
+    if not uri or uri.startswith("python://"):
+        raise InvalidParameterException(f"imageDigest: {application.arn} is no container image; leave imageDigest out")
+    if known is not None and known != wanted.lower():
+        raise InvalidParameterException(f"imageDigest: {wanted} is not what {application.arn} holds, {known}")
+    return wanted.lower()
+
+
+def register_operations(role: ApplicationRole) -> None:
+    """Registers the six operations on the applications of one kind."""
+    resource = f"{role.capitalize()}Application"
+
+    @operation(f"Create{resource}")
+    def create(request: ApplicationContent, service: Service) -> Answer:
+        """Stores an application under a name of its own."""
+        return create_application(role, request.to_wire(), service)
+
+    @operation(f"Create{resource}Version")
+    def create_numbered(request: NewApplicationVersion, service: Service) -> Answer:
+        """Keeps an application as it is now under the next number."""
+        return create_version(role, request.to_wire(), service)
+
+    @operation(f"Describe{resource}")
+    def describe(request: ApplicationSelection, service: Service) -> Answer:
+        """Tells what an application, or a version of it, is."""
+        return describe_application(role, request.to_wire(), service)
+
+    @operation(f"List{resource}s")
+    def list_page(request: ApplicationListRequest, service: Service) -> Answer:
+        """Lists applications, newest first."""
+        summaries, token = list_applications(role, request, service)
+        return {f"{role}ApplicationSummaries": summaries, "nextToken": token}
+
+    @operation(f"Update{resource}")
+    def update(request: ApplicationUpdate, service: Service) -> Answer:
+        """Makes an application something else, under the same name."""
+        return change_application(role, request.to_wire(), service)
+
+    @operation(f"Delete{resource}")
+    def delete(request: ApplicationSelection, service: Service) -> Answer:
+        """Removes an application with all its versions, or one version of it."""
+        delete_application(role, request.to_wire(), service)
+        return {}

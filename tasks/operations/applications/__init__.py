@@ -1,1 +1,0 @@
-"""Shared parts of robot applications and simulation applications: their handlers, their records, their versions."""

@@ -1,0 +1,173 @@
+"""Files that programs left: opened and walked through without following a link or waiting for a FIFO."""
+
+import errno
+import os
+import stat
+from collections.abc import Container, Iterable, Iterator
+from contextlib import suppress
+from io import BufferedReader
+from pathlib import Path
+from typing import NamedTuple
+
+_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
+
+
+def read_left(path: Path, most_bytes: int) -> bytes:
+    """Reads a regular file; links are not followed, FIFOs not waited for, what is longer not read.
+
+    Args:
+        path: The file.
+        most_bytes: How long it may be.
+
+    Raises:
+        OSError: It is not there, is no regular file, is too long, or cannot be read.
+    """
+    with open_left(path) as file:
+        if os.fstat(file.fileno()).st_size > most_bytes:
+            raise OSError(errno.EFBIG, f"longer than {most_bytes} bytes", str(path))
+        return file.read(most_bytes)
+
+
+def open_left(path: Path, folder: int | None = None) -> BufferedReader:
+    """Opens a regular file for reading; links are not followed, FIFOs not waited for.
+
+    Args:
+        path: The file.
+        folder: Descriptor of the folder that a relative path starts from; absent: the working directory.
+
+    Raises:
+        OSError: It is not there, is no regular file, or cannot be opened.
+    """
+    file = os.fdopen(os.open(path, _FLAGS, dir_fd=folder), "rb")
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise OSError(errno.EINVAL, "no regular file", str(path))
+    return file
+
+
+LEAST_BYTES = 4096
+"""Least size of a file, in bytes: an empty one needs space on the disk too."""
+_BLOCK_BYTES = 512
+_PIECE_CHARACTERS = 1000
+"""Length of the pieces of a path longer than the kernel's 4096 bytes; a character has four bytes at most."""
+_FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
+
+
+class HeldFile(NamedTuple):
+    """A file that takes room on the disk."""
+
+    size_bytes: int
+    """Space on the disk, in bytes; holes take none."""
+
+    path: str
+    changed_s: float
+    """When it was last written, moved or given other rights, in seconds since 1970 (`st_ctime`)."""
+
+    device: int
+
+
+def files_below(folders: Iterable[Path]) -> Iterator[HeldFile | None]:
+    """Yields the files in folders; links are not followed, a file of several names is there for each.
+
+    Folders of this user that are not readable are made readable.
+
+    Args:
+        folders: The folders; those that are not there hold nothing.
+
+    Yields:
+        A file; None for other things, so that the caller never waits long for the next.
+    """
+    waiting = [(str(folder), 0) for folder in folders]
+    while waiting:
+        path, flags = waiting.pop()
+        with suppress(OSError):  # it may be gone, or another user's
+            descriptor = _open(path, flags)
+            try:
+                with os.scandir(descriptor) as entries:
+                    for entry in entries:
+                        if entry.is_dir(follow_symlinks=False):
+                            waiting.append((f"{path}/{entry.name}", os.O_NOFOLLOW))
+                            yield None
+                        else:
+                            yield _held(entry, path)
+            finally:
+                os.close(descriptor)
+
+
+def deleted_files(processes: Iterable[int], devices: Container[int]) -> Iterator[int | None]:
+    """Yields the sizes of files that have no name any more and that processes have open.
+
+    Args:
+        processes: Ids of the processes, of which some may have ended.
+        devices: The file systems that count (`st_dev`): files in memory have no name on any disk either.
+
+    Yields:
+        Bytes on the disk; None for other files.
+    """
+    seen: set[tuple[int, int]] = set()
+    for process in processes:
+        with suppress(OSError), os.scandir(f"/proc/{process}/fd") as entries:
+            for entry in entries:
+                size = None
+                with suppress(OSError):
+                    about = os.stat(entry.path)  # noqa: PTH116 - several times faster
+                    this = about.st_dev, about.st_ino
+                    is_deleted = about.st_nlink == 0 and stat.S_ISREG(about.st_mode)
+                    if is_deleted and about.st_dev in devices and this not in seen:
+                        seen.add(this)
+                        size = _size_of(about)
+                yield size
+
+
+def _held(entry: "os.DirEntry[str]", folder: str) -> HeldFile | None:
+    try:
+        about = entry.stat(follow_symlinks=False)
+    except OSError:  # it may be gone
+        return None
+    return HeldFile(_size_of(about), f"{folder}/{entry.name}", about.st_ctime, about.st_dev)
+
+
+def _size_of(about: os.stat_result) -> int:
+    return max(about.st_blocks * _BLOCK_BYTES, LEAST_BYTES)
+
+
+def _open(path: str, flags: int) -> int:
+    """Opens a folder; one of ours that may not be read or passed is given these rights."""
+    place = _reach(path, flags)
+    try:
+        try:
+            return os.open(".", os.O_RDONLY | _FOLDER, dir_fd=place)
+        except PermissionError:
+            rights = stat.S_IMODE(os.fstat(place).st_mode) | stat.S_IRUSR | stat.S_IXUSR
+            Path(f"/proc/self/fd/{place}").chmod(rights)
+            return os.open(".", os.O_RDONLY | _FOLDER, dir_fd=place)
+    finally:
+        os.close(place)
+
+
+def _reach(path: str, flags: int) -> int:
+    """A descriptor by which a folder is found, also one whose path is too long for the kernel."""
+    try:
+        return os.open(path, os.O_PATH | _FOLDER | flags)
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+    place: int | None = None
+    for piece in _pieces(path):
+        try:
+            found = os.open(piece, os.O_PATH | _FOLDER | flags, dir_fd=place)
+        finally:
+            if place is not None:
+                os.close(place)
+        place = found
+    assert place is not None
+    return place
+
+
+def _pieces(path: str) -> Iterator[str]:
+    """Parts of a path that lead there one after the other."""
+    while len(path) > _PIECE_CHARACTERS:
+        piece, _, rest = path[:_PIECE_CHARACTERS].rpartition("/")
+        yield piece
+        path = rest + path[_PIECE_CHARACTERS:]
+    yield path

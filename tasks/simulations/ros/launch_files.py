@@ -1,0 +1,167 @@
+"""Launch files of ROS 1 and ROS 2: who reads them, and the variables of their nodes."""
+
+import os
+import re
+import socket
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Literal, NamedTuple, NoReturn
+from xml.parsers import expat
+
+Ros = Literal[1, 2]
+_KINDS: tuple[Ros, ...] = (1, 2)
+
+_XML = (".launch", ".launch.xml")
+_ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")
+
+
+class _Marks(NamedTuple):
+    """Marks by which launch files of one ROS are recognised."""
+
+    tags: frozenset[str]
+    program: str
+    """The attribute of a node that says what it runs."""
+    substitutions: re.Pattern[str]
+
+
+_MARKS: Mapping[Ros, _Marks] = {
+    1: _Marks(frozenset({"rosparam", "machine", "test"}), "type", re.compile(r"\$\((?:find|arg|optenv|anon)\s")),
+    2: _Marks(
+        frozenset({"let", "executable", "node_container"}),
+        "exec",
+        re.compile(r"\$\((?:find-pkg-share|find-pkg-prefix|var|exec-in-pkg)\s"),
+    ),
+}
+_DESCRIBES_A_LAUNCH = re.compile(r"^def generate_launch_description\b", re.MULTILINE)
+_PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_MOST_NAMED = 8
+_MOST_BYTES = 1 << 20
+"""Read of a launch file; those that people write have a few thousand."""
+
+
+def is_launch_file(file: str, path: Path | None) -> bool:
+    """Whether ROS launches a file, by its name, or by what a Python file defines.
+
+    Args:
+        file: its name.
+        path: where it is; `None`: not in a bundle.
+    """
+    if file.endswith(_XML + _ONLY_ROS_2):
+        return True
+    if path is None or not file.endswith(".py"):
+        return False
+    return _DESCRIBES_A_LAUNCH.search(_beginning(path).decode(errors="replace")) is not None
+
+
+def readers_of(file: str, path: Path | None) -> tuple[Ros, ...]:
+    """The kinds of ROS that may read a launch file, the likelier one first.
+
+    Args:
+        file: its name.
+        path: where it is; `None`: not in a bundle, so that only the name says something.
+    """
+    if not file.endswith(_XML):
+        return (2,)
+    if path is not None:
+        found = _kinds_in(_beginning(path))
+        if len(found) == 1:
+            return tuple(found)
+    return (2, 1) if file.endswith(".launch.xml") else (1, 2)
+
+
+def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
+    """Says that a ROS package of a bundle has no such launch file; `None`: it has, or the bundle has no such package.
+
+    ROS looks for a package's files in all folders of it, and for packages that the bundle does not have elsewhere.
+
+    Args:
+        bundle: the unpacked bundle.
+        package: the package's name, as its `package.xml` says.
+        file: the launch file's name.
+    """
+    folders = [path.parent for path in bundle.rglob("package.xml") if path.is_file() and _name_in(path) == package]
+    found = {path.name: path for folder in folders for path in sorted(folder.rglob("*"))}
+    if not folders or Path(file).name in found:
+        return None
+    others = sorted(name for name, path in found.items() if path.is_file() and is_launch_file(name, path))
+    listed = f"has {', '.join(others[:_MOST_NAMED])}" if others else "has none"
+    return f"the bundle's package {package} has no launch file {file}; it {listed}"
+
+
+def _name_in(manifest: Path) -> str | None:
+    """The name of a package (REP 127, REP 140), whose manifest is XML of a few lines."""
+    name = _PACKAGE_NAME.search(_beginning(manifest).decode(errors="replace"))
+    return name[1] if name else None
+
+
+def _beginning(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return file.read(_MOST_BYTES)
+
+
+def _kinds_in(content: bytes) -> set[Ros]:
+    """The kinds of ROS that XML has something of, as far as it can be read.
+
+    The parser rather than expressions: those that find what belongs to a tag take a time that is quadratic in its
+    length, or are wrong about `>` in attributes. Entities are not expanded: who declares some is read up to there.
+    """
+    found: set[Ros] = set()
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        found.update(ros for ros in _KINDS if _is_marked(tag, attributes, _MARKS[ros]))
+
+    def text_between(text: str) -> None:
+        found.update(ros for ros in _KINDS if _MARKS[ros].substitutions.search(text))
+
+    def refuse(*_: object) -> NoReturn:
+        raise ValueError("entities are declared")
+
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.CharacterDataHandler, parser.EntityDeclHandler = start, text_between, refuse
+    with suppress(expat.ExpatError, LookupError, ValueError):  # such as an unknown encoding
+        parser.Parse(content, False)
+    return found
+
+
+def _is_marked(tag: str, attributes: Mapping[str, str], marks: _Marks) -> bool:
+    return (
+        tag in marks.tags
+        or (tag == "node" and marks.program in attributes)
+        or any(marks.substitutions.search(value) for value in attributes.values())
+    )
+
+
+def node_variables(
+    packages: Sequence[Path], launcher: Path, python: str, variables: Mapping[str, str], environ: Mapping[str, str]
+) -> dict[str, str]:
+    """Returns the variables of nodes, besides those of all programs of the job.
+
+    Args:
+        packages: folders of the application's bundle, whose packages are found by name.
+        launcher: `roslaunch` or `ros2`.
+        python: the interpreter that runs jobs.
+        variables: the launch configuration's own.
+        environ: variables of this process.
+    """
+    # Nodes begin with `#!/usr/bin/env python3` and mean ROS's Python, not the one that jobs are performed with.
+    own = str(Path(python).parent)
+    searched = (variables.get("PATH") or environ.get("PATH") or os.defpath).split(os.pathsep)
+    path = [str(launcher.parent), *(each for each in searched if each != own), own]
+    found = {"PATH": os.pathsep.join(dict.fromkeys(path))}
+    if packages:
+        others = variables.get("ROS_PACKAGE_PATH") or environ.get("ROS_PACKAGE_PATH")
+        found["ROS_PACKAGE_PATH"] = os.pathsep.join([*map(str, packages), *([others] if others else [])])
+    return found
+
+
+def own_master() -> dict[str, str]:
+    """Returns variables with which programs of one job, and of no other, find each other: a ROS master at its own port.
+
+    It listens on this machine only, like nodes in Python; those in C++ take their data from anywhere.
+    """
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    return {"ROS_MASTER_URI": f"http://localhost:{port}", "ROS_HOSTNAME": "localhost"}
