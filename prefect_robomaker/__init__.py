@@ -55,7 +55,7 @@ __all__ += operation_flows.__all__
 
 _ERRORS = "ConfigurationError InvalidParameterException ResourceNotFoundException RobomakerError ServiceError SpecError"
 _MODULES = {
-    "MapTaskRunner": "tasks.execution.mapping.runner",
+    "MapTaskRunner": "tasks.execution.mapped_runs",
     "RunInterrupted": "tasks.inspection.pipeline_parts",
     "RunPipeline": "flows.pipelines",
     "Service": "tasks.service.service",

@@ -33,7 +33,7 @@ BROKEN = {
     "Only storage knows S3 clients": "tasks.planted -> boto3",
     "Only storage knows the MinIO client": "tasks.planted -> minio",
     "Only storage and the signatures of the endpoint know botocore": "tasks.planted -> botocore",
-    "Only the catalog knows SQLAlchemy": "tasks.planted -> sqlalchemy",
+    "Only the catalog, and the maker of Prefect's database, know SQLAlchemy": "tasks.planted -> sqlalchemy",
     "Only WorldForge and the runtime know MuJoCo": "tasks.planted -> mujoco",
     "Only flows, deployments, execution and the backend of work pools know Prefect": "tasks.planted -> prefect",
     "Only notifications know apprise": "tasks.planted -> apprise",

@@ -1,4 +1,7 @@
-"""Artifacts of a run in Prefect, with progress, tables and pictures, and events about what it made."""
+"""Prefect artifacts of a run: progress, tables, a summary, pictures.
+
+Artifacts only inform: when one cannot be made, a warning is logged and the run goes on.
+"""
 
 import base64
 import logging
@@ -7,7 +10,6 @@ import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 from uuid import UUID
 
@@ -130,45 +132,3 @@ class _Bar:
                 self._artifact = made if isinstance(made, UUID) else None
             else:
                 update_progress_artifact(artifact_id=self._artifact, progress=percent)
-
-
-def tell_of_world(arn: str, uri: str, template: str) -> None:
-    """Sends `robomaker.world.generated`.
-
-    Args:
-        arn: the world's ARN.
-        uri: where its bundle is stored.
-        template: ARN of the template it was made from.
-    """
-    _tell(
-        "robomaker.world.generated",
-        "world",
-        arn.split(":", 5)[-1].partition("/")[2],
-        {"arn": arn},
-        uri=uri,
-        template=template,
-    )
-
-
-def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, int]) -> None:
-    """Sends `robomaker.report.written`.
-
-    Args:
-        run_id: the run that it is about.
-        state: how the run ended: `succeeded`, `failed`, …
-        path: where it is, on the machine of the flow run.
-        verdicts: how many jobs have which verdict.
-    """
-    _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))
-
-
-def _tell(event: str, kind: str, name: str, labels: Mapping[str, str], **payload: object) -> None:
-    from prefect.context import FlowRunContext
-    from prefect.events import emit_event
-
-    if FlowRunContext.get() is None:
-        return
-    resource = {"prefect.resource.id": f"robomaker.{kind}.{name}", "prefect.resource.name": name}
-    resource |= {f"robomaker.{label}": value for label, value in labels.items()}
-    # Queued here and sent in the background; a server that is gone is for Prefect to log.
-    emit_event(event=event, resource=resource, payload=payload)

@@ -34,7 +34,8 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..comparison.nights import NightRun
-from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary, tell_of_report
+from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
+from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
 from ..results.table import RESULTS_FILE, ResultTable

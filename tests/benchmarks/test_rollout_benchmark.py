@@ -54,8 +54,8 @@ def test_ten_thousand_robots_planned_and_folded() -> None:
     while True:
         started = time.perf_counter()
         ledger.pass_time(now_s)
-        due = ledger.due()
-        orders = [Offered(robot=robot, action_id=next(numbers)) for robot in due.offers]
+        offers, wake_s = ledger.offers(), ledger.wake_s()
+        orders = [Offered(robot=robot, action_id=next(numbers)) for robot in offers]
         for order in orders:
             ledger.apply(order, now_s)
         fold_s += time.perf_counter() - started
@@ -63,9 +63,9 @@ def test_ten_thousand_robots_planned_and_folded() -> None:
         for order in orders:
             for when_s, report in life(order.robot, order.action_id, now_s, rng):
                 heapq.heappush(reports, (when_s, next(ties), report))
-        if not reports and due.wake_s is None and not orders:
+        if not reports and wake_s is None and not orders:
             break
-        now_s = min([report[0] for report in reports[:1]] + ([due.wake_s] if due.wake_s is not None else [now_s]))
+        now_s = min([report[0] for report in reports[:1]] + ([wake_s] if wake_s is not None else [now_s]))
         started = time.perf_counter()
         until_s = now_s + 1
         while reports and reports[0][0] <= until_s:  # what came within a second

@@ -36,6 +36,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
+from prefect_robomaker.tasks.runtime.episode.results import Observer
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
@@ -90,7 +91,7 @@ class Stopwatch:
             self.times.append(time.process_time())
 
 
-class Witness:
+class Witness(Observer):
     """Notes the state at the beginning, the controls every 10 ms, and the state at the end, for physics to repeat."""
 
     next_time_s = 0.0

@@ -3,7 +3,7 @@
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from helpers.command_here import Command
@@ -89,18 +89,21 @@ def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
     chosen = DeploymentFilter(id=DeploymentFilterId(any_=[deployment]))
     with get_client(sync_client=True) as client:
         runs = wait_for(lambda: client.read_flow_runs(deployment_filter=chosen), "the server to make runs")
-        first = min(runs, key=lambda run: run.expected_start_time)
+        first = min(runs, key=lambda run: str(run.expected_start_time))
+        due_at = cast("datetime", first.expected_start_time)
         for state in (Running(), Crashed(message="killed by SIGKILL")):
             client.set_flow_run_state(first.id, state, force=True)
-        (homes[1] / "runs" / new_run_id("nightly", client.read_flow_run(first.id).start_time)).mkdir(parents=True)
+        (homes[1] / "runs" / new_run_id("nightly", cast("datetime", client.read_flow_run(first.id).start_time))).mkdir(
+            parents=True
+        )
 
     for home in homes:
         settings = Settings.from_environment({"ROBOMAKER_HOME": str(home)})
-        look_for_missed_nights(settings, first.expected_start_time + DAY)
+        look_for_missed_nights(settings, due_at + DAY)
 
     told = {night.due_at: night.reason for night in missed_nights(homes[0], "nightly")}
-    assert told[first.expected_start_time] == "its run crashed before it began: killed by SIGKILL"
-    assert first.expected_start_time not in {night.due_at for night in missed_nights(homes[1], "nightly")}
+    assert told[due_at] == "its run crashed before it began: killed by SIGKILL"
+    assert due_at not in {night.due_at for night in missed_nights(homes[1], "nightly")}
 
 
 def test_missed_nights_are_kept_and_told_once(

@@ -43,8 +43,7 @@ def test_a_module_that_is_put_there_is_a_command(robomaker, monkeypatch, tmp_pat
         "def execute(arguments):\n    print(f'o/ {arguments.robot}')\n    return 5\n"
     )
     package = "prefect_robomaker.deployments.cli"
-    for module in ("command_table", "grammar"):
-        monkeypatch.setattr(f"{package}.{module}.COMMANDS", tmp_path / "commands")
+    monkeypatch.setattr(f"{package}.grammar.COMMANDS", tmp_path / "commands")
     commands = importlib.import_module(f"{package}.commands")
     monkeypatch.setattr(commands, "__path__", [str(tmp_path / "commands")])
 

@@ -9,10 +9,10 @@ import pytest
 CASES = """
 import asyncio, gc, json, sqlite3, sys
 from prefect.server.database.configurations import AioSqliteConfiguration
-from prefect_robomaker.deployments.prefect_server import sqlite_locks
+from prefect_robomaker.deployments.prefect_server import server_process
 from sqlalchemy import text
 
-sqlite_locks.wait_in_the_event_loop()
+server_process.wait_in_the_event_loop()
 
 
 class Database:
@@ -81,10 +81,10 @@ async def stale(database):
 
 
 async def impatient(database):
-    sqlite_locks._PATIENCE_S, patience_s = 0.3, sqlite_locks._PATIENCE_S
+    server_process._PATIENCE_S, patience_s = 0.3, server_process._PATIENCE_S
     holder, writer = await database.holder_and_writer()
     refused = await refusal(writer.execute("INSERT INTO runs VALUES ('two')"))
-    sqlite_locks._PATIENCE_S = patience_s
+    server_process._PATIENCE_S = patience_s
     await holder.commit()
     await writer.execute("INSERT INTO runs VALUES ('three')")
     return [refused, *await names(holder)]

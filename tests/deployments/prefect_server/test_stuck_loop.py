@@ -6,9 +6,9 @@ from pathlib import Path
 
 STUCK = """
 import asyncio, os, sys, time
-from prefect_robomaker.deployments.prefect_server import stuck_loop
+from prefect_robomaker.deployments.prefect_server import server_process
 
-stuck_loop._SILENT_S, stuck_loop._TICK_S = float(sys.argv[1]), 0.05
+server_process._SILENT_S, server_process._TICK_S = float(sys.argv[1]), 0.05
 
 def where_it_is_stuck():
     end = time.monotonic() + 120
@@ -16,7 +16,7 @@ def where_it_is_stuck():
         time.sleep(0.05)
 
 async def main():
-    told = asyncio.create_task(stuck_loop.tell_when_stuck(None))
+    told = asyncio.create_task(server_process.tell_when_stuck(None))
     await asyncio.sleep(0.2)
     if sys.argv[2] == "stuck":
         where_it_is_stuck()

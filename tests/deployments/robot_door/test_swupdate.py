@@ -78,7 +78,9 @@ class Site:
             version=str(action_id),
             file_name="app.swu",
             size_bytes=len(content),
-            **{name: hashlib.new(name, content).hexdigest() for name in ("sha256", "sha1", "md5")},
+            sha256=hashlib.sha256(content).hexdigest(),
+            sha1=hashlib.sha1(content, usedforsecurity=False).hexdigest(),
+            md5=hashlib.md5(content, usedforsecurity=False).hexdigest(),
         )
         self.orders.offer(order)
         return folder / "bin" / "program"

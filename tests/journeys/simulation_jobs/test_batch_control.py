@@ -74,17 +74,6 @@ def test_pages_of_batches_follow_one_another(service: Service) -> None:
     assert "nextToken" not in rest
 
 
-def test_a_batch_from_before_its_requests_were_counted_is_listed_too(service: Service) -> None:
-    arn = start(service, plain(), plain())
-    service.catalog.update(
-        arn, lambda document: {key: value for key, value in document.items() if not key.endswith("Count")}
-    )
-
-    [entry] = call("ListSimulationJobBatches", {}, service)["simulationJobBatchSummaries"]
-
-    assert entry["pendingRequestCount"] == 2
-
-
 def test_a_batch_without_a_job_worker_ends_at_once_with_its_jobs(service: Service) -> None:
     arn = start(service, plain(), plain(), plain())
     make_job(service, arn, 0)

@@ -19,6 +19,7 @@ from prefect_robomaker.tasks.jobs.batch_runs import BatchRun
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service, Timing
+from prefect_robomaker.tasks.simulations.outputs import output_places
 from prefect_robomaker.tasks.simulations.outputs.output_places import UploadEnd
 from prefect_robomaker.tasks.simulations.outputs.run_outputs import RunOutputs
 from prefect_robomaker.tasks.storage import read_manifest
@@ -206,13 +207,15 @@ def test_cancelling_a_batch_ends_the_uploads_of_its_jobs(service: Service, order
 
 
 @pytest.mark.parametrize("reason", [StopReason.BATCH_TIMED_OUT, StopReason.BATCH_CANCELED])
-def test_uploads_go_on_when_the_batch_was_not_cancelled(service: Service, order: Order, reason: StopReason) -> None:
+def test_uploads_go_on_when_the_batch_was_not_cancelled(
+    service: Service, order: Order, reason: StopReason, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """A batch whose time is over lets them finish, and one that lost its lease has another process by now."""
     job = order()
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
     reasons: list[StopReason | None] = [None]
-    clock = itertools.count()
-    ended = UploadEnd("none", batch, service.catalog, lambda: reasons[-1], clock=lambda: float(next(clock)))
+    monkeypatch.setattr(output_places, "_ASK_EVERY_S", 0.0)
+    ended = UploadEnd("none", batch, service.catalog, lambda: reasons[-1])
     reasons.append(reason)
 
     assert not any(ended() for _ in range(5))

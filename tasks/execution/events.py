@@ -1,0 +1,51 @@
+"""Prefect events about what flow runs made: worlds and reports.
+
+Prefect's page *Event Feed* shows them, each with its flow run, and automations can wait for them. Events only inform:
+nothing is decided from them, and outside a flow run none is sent. Prefect is imported when there is something to tell:
+`robomaker plan --reuse` imports what generates worlds, and has to answer at once.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+
+def tell_of_world(arn: str, uri: str, template: str) -> None:
+    """Sends `robomaker.world.generated`.
+
+    Args:
+        arn: the world's ARN.
+        uri: where its bundle is stored.
+        template: ARN of the template it was made from.
+    """
+    _tell(
+        "robomaker.world.generated",
+        "world",
+        arn.split(":", 5)[-1].partition("/")[2],
+        {"arn": arn},
+        uri=uri,
+        template=template,
+    )
+
+
+def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, int]) -> None:
+    """Sends `robomaker.report.written`.
+
+    Args:
+        run_id: the run that it is about.
+        state: how the run ended: `succeeded`, `failed`, …
+        path: where it is, on the machine of the flow run.
+        verdicts: how many jobs have which verdict.
+    """
+    _tell("robomaker.report.written", "report", run_id, {"state": state}, path=str(path), verdicts=dict(verdicts))
+
+
+def _tell(event: str, kind: str, name: str, labels: Mapping[str, str], **payload: object) -> None:
+    from prefect.context import FlowRunContext
+    from prefect.events import emit_event
+
+    if FlowRunContext.get() is None:
+        return
+    resource = {"prefect.resource.id": f"robomaker.{kind}.{name}", "prefect.resource.name": name}
+    resource |= {f"robomaker.{label}": value for label, value in labels.items()}
+    # Queued here and sent in the background; a server that is gone is for Prefect to log.
+    emit_event(event=event, resource=resource, payload=payload)
