@@ -3,7 +3,7 @@
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 from helpers.command_here import Command
@@ -15,6 +15,9 @@ from prefect_robomaker.schemas.reports.run_record import Order, new_run_id
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.nights.missed import missed_nights, note_schedule, schedules_of
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import FlowRun
 
 DAY = timedelta(days=1)
 
@@ -41,6 +44,16 @@ def deployment(prefect_server: str, tmp_path: Any) -> Any:
         )
 
 
+def wait_for_runs(deployment: Any) -> "list[FlowRun]":
+    """Waits until the server has made runs for the schedule, which takes it some seconds."""
+    from prefect.client.orchestration import get_client
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterId
+
+    chosen = DeploymentFilter(id=DeploymentFilterId(any_=[deployment]))
+    with get_client(sync_client=True) as client:
+        return wait_for(lambda: client.read_flow_runs(deployment_filter=chosen), "the server to make runs")
+
+
 def test_a_first_night_that_never_began_is_told(
     deployment: Any, robomaker_at_server: Command, tmp_path: Any, webhook: Webhook, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -56,11 +69,9 @@ def test_a_first_night_that_never_began_is_told(
     settings = Settings.from_environment({"ROBOMAKER_HOME": str(home), "ROBOMAKER_NOTIFY": notify})
     in_two_days = datetime.now(UTC) + 2 * DAY
 
-    def missed() -> Any:
-        look_for_missed_nights(settings, in_two_days)
-        return missed_nights(home, "nightly")
-
-    assert wait_for(missed, "the server to make runs of the schedule")[0].reason == "no Prefect worker was running"
+    wait_for_runs(deployment)
+    look_for_missed_nights(settings, in_two_days)
+    assert missed_nights(home, "nightly")[0].reason == "no Prefect worker was running"
     assert "no night on" in webhook.got[0]["title"]
     told = robomaker_at_server("history", "nightly")
     assert told.code != 0
@@ -77,7 +88,6 @@ def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
 ) -> None:
     """Nothing finishes it: there is no run of it."""
     from prefect.client.orchestration import get_client
-    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterId
     from prefect.states import Crashed, Running
 
     from prefect_robomaker.deployments.missed_nights import look_for_missed_nights
@@ -86,9 +96,8 @@ def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
     homes = [tmp_path / "without its run", tmp_path / "with its run"]
     for home in homes:
         note_schedule(home, str(deployment), "nightly", datetime.now(UTC))
-    chosen = DeploymentFilter(id=DeploymentFilterId(any_=[deployment]))
     with get_client(sync_client=True) as client:
-        runs = wait_for(lambda: client.read_flow_runs(deployment_filter=chosen), "the server to make runs")
+        runs = wait_for_runs(deployment)
         first = min(runs, key=lambda run: str(run.expected_start_time))
         due_at = cast("datetime", first.expected_start_time)
         for state in (Running(), Crashed(message="killed by SIGKILL")):
