@@ -1,4 +1,4 @@
-"""Closes flow runs and task runs of dead processes in Prefect, by what they wrote down, in a thread."""
+"""Closes runs of dead processes in Prefect, by their records, in a thread; removes limits of ended batches."""
 
 import logging
 import os
@@ -167,7 +167,7 @@ def close_dead_runs(settings: Settings) -> None:
 
 
 async def close_dead_runs_beside(client: PrefectClient) -> None:
-    """Makes the automation that finds dead runs, and starts the thread, on our own server; see `beside`.
+    """Makes the automation that finds dead runs, and starts the thread, on our own server; see `server_process.beside`.
 
     Args:
         client: a client of the server in this process.

@@ -8,6 +8,7 @@ goes through an event loop and two threads there, which costs 5.5 s of CPU in al
 same steps cost 2.4 s. The server looks at the tables whenever it starts, and makes those that are missing.
 """
 
+import logging
 import sqlite3
 import warnings
 from collections.abc import Iterator, Mapping
@@ -20,6 +21,7 @@ from ..schemas.settings import Settings
 
 _ELSEWHERE = {"PREFECT_SERVER_DATABASE_CONNECTION_URL", "PREFECT_API_DATABASE_CONNECTION_URL"}
 _INCREMENTAL = 2
+_logger = logging.getLogger(__name__)
 _STEP_PAGES = 500
 """How many pages are given back at once; the server waits for the lock meanwhile, some milliseconds."""
 _PATIENCE_S = 30.0
@@ -67,12 +69,15 @@ def make_database(path: Path) -> None:
         return
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f"{path.name}.part")
-    unfinished.unlink(missing_ok=True)
+    for ending in ("", "-wal", "-shm", "-journal"):  # SQLite would apply what a removed database left to the new one
+        unfinished.with_name(unfinished.name + ending).unlink(missing_ok=True)
+        path.with_name(path.name + ending).unlink(missing_ok=True)
     try:
         prepare_database(unfinished)
         _apply_steps(unfinished)
         unfinished.rename(path)
     except Exception:  # the server tells what is wrong, if it finds the same
+        _logger.warning("the Prefect server makes its database itself, which takes longer", exc_info=True)
         for name in path.parent.glob(f"{unfinished.name}*"):
             name.unlink(missing_ok=True)
 
@@ -138,19 +143,21 @@ def _apply_steps(path: Path) -> None:
         return script._upgrade_revs("head", revision)  # pyright: ignore[reportPrivateUsage]
 
     engine = sqlalchemy.create_engine(f"sqlite:///{path}")
-    with engine.connect() as connection, EnvironmentContext(config, script, fn=to_newest) as environment:
-        environment.configure(
-            connection=connection,
-            target_metadata=interface.Base.metadata,
-            include_schemas=True,
-            render_as_batch=True,
-            transaction_per_migration=True,
-            template_args={"dialect": "sqlite"},
-        )
-        with warnings.catch_warnings(), environment.begin_transaction():
-            warnings.simplefilter("ignore")  # that indexes by an expression are not looked at
-            environment.run_migrations()
-    engine.dispose()  # the last connection to close puts what is in SQLite's log into the file
+    try:
+        with engine.connect() as connection, EnvironmentContext(config, script, fn=to_newest) as environment:
+            environment.configure(
+                connection=connection,
+                target_metadata=interface.Base.metadata,
+                include_schemas=True,
+                render_as_batch=True,
+                transaction_per_migration=True,
+                template_args={"dialect": "sqlite"},
+            )
+            with warnings.catch_warnings(), environment.begin_transaction():
+                warnings.simplefilter("ignore")  # that indexes by an expression are not looked at
+                environment.run_migrations()
+    finally:
+        engine.dispose()  # the last connection to close puts what is in SQLite's log into the file
 
 
 @contextmanager

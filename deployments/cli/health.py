@@ -71,13 +71,20 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         "left jobs": lambda: check_left_jobs(settings, without_roles),
         "broken-off runs": lambda: check_broken_off(settings),
     }
-    if has_schedules(settings.home) or server_status(settings).running:
+    if has_schedules(settings.home) or _has_server(settings):
         checks["nights"] = lambda: check_nights(settings)
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
     if (settings.home / "robots" / "trust" / "root.json").exists():
         checks["robots' keys"] = lambda: check_robot_keys(without_roles)
     return [_examined(subject, check) for subject, check in checks.items()]
+
+
+def _has_server(settings: Settings) -> bool:
+    try:
+        return server_status(settings).running
+    except RobomakerError:  # the checks of data home and server say what is wrong
+        return False
 
 
 def _examined(subject: str, check: Callable[[], Finding]) -> Finding:

@@ -32,7 +32,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
 
     service = Service.open(settings)
     service.catalog.get(arn)  # before a server is started for a job that is not there
-    api_url = use_server(settings)
+    api_url = use_server(settings, for_runs=True)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES
     from ...tasks.nights.orders import tell_of_left

@@ -52,7 +52,7 @@ def carry_out(
     from .output.progress import watcher
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
-    api_url = use_server(settings)
+    api_url = use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import run_spec

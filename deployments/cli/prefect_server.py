@@ -24,8 +24,12 @@ SHELL_SETUP = 'eval "$(robomaker server env)"'
 """Shell command that makes the `prefect` command use the local server."""
 
 
-def use_server(settings: Settings) -> str:
+def use_server(settings: Settings, *, for_runs: bool = False) -> str:
     """Finds or starts the Prefect server; must come before Prefect is imported.
+
+    Args:
+        settings: the data home's.
+        for_runs: whether this process carries out runs; what that takes is imported while a new server starts.
 
     Returns:
         The URL of its API.
@@ -40,7 +44,7 @@ def use_server(settings: Settings) -> str:
     if starting:
         sys.stderr.write("Starting the local Prefect server; the first time takes about 15 s …\n")
         sys.stderr.flush()
-    url = ensure_server(settings, meanwhile=lambda url: _import_runs(url, settings))
+    url = ensure_server(settings, meanwhile=lambda url: _import_runs(url, settings) if for_runs else None)
     if starting:
         sys.stderr.write(f"It runs at {url.removesuffix('/api')} and stays; `robomaker server stop` ends it.")
         sys.stderr.write(f" ({time.monotonic() - began:.0f} s)\n")

@@ -1,7 +1,7 @@
 """The console: pages that show what runs, what failed, each job, and all worlds, at the address of `robomaker serve`.
 
 ```
-request ── guard (Host, Origin) ── who is it (sessions) ── a page (overview, batches, jobs, worlds, runs)
+request ── guard (Host, Origin) ── who is it (visit) ── a page (overview, batches, jobs, worlds, runs)
                                                              │ reads the catalog, renders a template
                                                              ├── live: server-sent events with parts of the page
                                                              └── acts: cancel, restart, by the endpoint's calls

@@ -1,4 +1,4 @@
-"""A visit of the console: who asks for what, with which session."""
+"""A visit of the console: who asks for what; and the sessions of those who have logged in."""
 
 import hmac
 import secrets

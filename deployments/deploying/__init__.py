@@ -1,7 +1,6 @@
 """Deployments in Prefect: what each is called and keeps, and how a server comes to have it.
 
-`deployables` says what there is to deploy, `needs` what a specification wants to find where it runs, `schedules` when
-it runs, `job_variables` what its runs get from a work pool, `forms` what forms ask for, `registration` tells a Prefect
-server, `pool_templates` makes job templates of work pools. May import: `schemas`, `tasks`, `flows`. Only `forms`,
-`schedules`, `registration` and `pool_templates` import Prefect.
+`deployables` says what there is to deploy and what it needs where it runs, `job_variables` what runs get from a work
+pool, and job templates of pools, `registration` tells a Prefect server, with forms and schedules. May import:
+`schemas`, `tasks`, `flows`.
 """

@@ -1,7 +1,7 @@
 """The service over HTTP, for clients that were written for it: the rest-json protocol with SigV4 signatures.
 
 ```
-request ── limits (bodies) ── who may (origins, authentication) ── which operation (routes)
+request ── connections (bodies) ── who may (origins, authentication) ── which operation (wire)
         ── members (wire) ── the registry of operations ── answer (wire)
 ```
 

@@ -4,8 +4,8 @@
 robomaker, Prefect workers ── local_server (finds, starts, stops)
         │ auth string (secret)                │
         ▼                                     ▼ python -m prefect_robomaker.deployments.prefect_server
-  web_guard ── login_page ── Prefect's application, with CSRF protection     (server_process)
-                                └── beside (code of ours that runs while the server does)
+  foreign_pages ── login_page ── Prefect's application, with CSRF protection     (server_process)
+                                └── `beside` in it (code of ours that runs while the server does)
 ```
 
 Every request needs the auth string of the home, which is in a file that only its owner can read. Commands, job workers

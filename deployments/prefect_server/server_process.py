@@ -1,4 +1,7 @@
-"""Runs Prefect's server application in this process: guarded, with our pages, and mended where it would get stuck."""
+"""Runs Prefect's server application in this process: guarded, with our pages and jobs, mended where it gets stuck.
+
+Prefect's settings must be set before this module is imported.
+"""
 
 import asyncio
 import faulthandler
@@ -27,8 +30,6 @@ if TYPE_CHECKING:
     from prefect.client.orchestration import PrefectClient
 
     Job = Callable[[PrefectClient], Awaitable[None]]
-    from prefect.client.orchestration import PrefectClient
-
 
 _logger = logging.getLogger(__name__)
 

@@ -1,4 +1,4 @@
-"""Answers to robots. Success is always 200: clients take neither 201 nor 204."""
+"""Answers to robots, and the bodies that robots send. Success is always 200: clients take neither 201 nor 204."""
 
 import asyncio
 import json

@@ -1,4 +1,4 @@
-"""The door as an ASGI application."""
+"""The door as an ASGI application, and when robots were last seen."""
 
 import asyncio
 import logging

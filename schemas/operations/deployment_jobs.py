@@ -1,4 +1,4 @@
-"""Deployment jobs: an application brought to the robots of a fleet.
+"""Deployment jobs: an application brought to the robots of a fleet, in maintenance windows.
 
 Robots get their orders in waves, by polling the service; `schemas/rollouts` has how a rollout goes.
 """

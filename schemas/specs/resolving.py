@@ -146,7 +146,7 @@ class EarlierParts:
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
     """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
 
-    One that is for more jobs than a batch may have is run in parts, see `batch_splitting`.
+    One that is for more jobs than a batch may have is run in parts, see `parts_of`.
 
     Args:
         step: a checked step.

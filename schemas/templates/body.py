@@ -1,7 +1,7 @@
 """The body of a world template, versions 1 and 2: what a user wishes a world to be.
 
-The members' names, defaults and limits are those of the published schema. `world_template_parsing` reads
-bodies; `world_template_rules` holds the rules that the schema leaves to prose.
+The members' names, defaults and limits are those of the published schema. `parsing` reads bodies, and has the
+rules that the schema leaves to prose.
 
 The models are those of version 2, which has all that version 1 has; what version 1 lacks is refused in its
 bodies by a rule. Version 2 adds doors, `Target.All` and `OriginalName`, and its default room has another name.

@@ -1,4 +1,4 @@
-"""Reads the body of a world template.
+"""Reads the body of a world template, by the rules that its schema leaves to prose.
 
 `parse_template_body` turns JSON text into a `WorldTemplateBody` or says, one line per problem, where
 the text is wrong and what would be right.

@@ -1,4 +1,4 @@
-"""Signed `.swu` files for robots with third-party updaters: each wraps one of the application's archives.
+"""Signed `.swu` files, and their key, for robots with third-party updaters: each wraps an archive of the application.
 
 A file is made once for an archive, a version, a key and a folder on the robot. In the object store, `robots/` has the
 files under their hashes, and under the hash of all that, as JSON, which file it is.

@@ -95,7 +95,7 @@ class OrderWatch:
         robots: who is enrolled.
         keeper: keeps the orders.
         files: those of the orders.
-        rollouts: reads the open rollouts: `stored_rollouts.open_rollouts`.
+        rollouts: reads the open rollouts: `kept_rollouts.open_rollouts`.
         tend: does what is due of those whose jobs have ended: `EndedRollouts.tend`.
     """
 

@@ -1,4 +1,4 @@
-"""Fleets in the catalog: which robots they have, what is deployed to them, and who may change that.
+"""Fleets and enrolled robots in the catalog: robots of a fleet, deployments, and who may change them.
 
 A robot's document says which fleet it is in, a deployment job's parent is its fleet. What follows from
 these is stored besides, for lists: a robot's status, and the fleet's last deployment in its document.

@@ -22,7 +22,7 @@ PROGRESS_EVERY_S = 2.0
 """How often it is reported how much of its file a robot was sent."""
 
 ReportEvent = Callable[[Service, str, Report, float], None]
-"""Takes in an event of a rollout: `stored_rollouts.report`."""
+"""Takes in an event of a rollout: `kept_rollouts.report`."""
 
 
 class RobotReports:

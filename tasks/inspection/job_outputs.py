@@ -7,7 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from ...schemas.documents.simulation_jobs import SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace, WorldDocument
@@ -16,7 +16,7 @@ from ...schemas.reports.report import ReportedFile, ReportedJob
 from ...schemas.reports.run_record import JobInputs, JobRecord, UsedApplication
 from ...schemas.runs.plan import RunResult
 from ...schemas.runs.programs import ApplicationRole
-from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
+from ...schemas.runs.provenance import PROVENANCE_FILE
 from ...schemas.runs.requirements import REQUIREMENTS_VARIABLE
 from ...schemas.runs.trial_rows import TRIALS_FILE
 from ...schemas.wire.arns import ResourceArn
@@ -208,13 +208,41 @@ def _world_contents(arns: set[str], service: Service) -> dict[str, str]:
     return {arn: bundle.last_part for arn, bundle in bundles.items() if bundle}
 
 
+class _Named(BaseModel):
+    name: str
+
+
+class _Program(BaseModel):
+    role: ApplicationRole
+    image_id: str | None = None
+
+
+class _Plan(BaseModel):
+    robot_application: _Named | None = None
+    simulation_application: _Named | None = None
+    programs: list[_Program] = []
+
+
+class _Application(BaseModel):
+    role: ApplicationRole
+    name: str
+    sha256: str
+
+
+class _Provenance(BaseModel):
+    """The part of `provenance.json` that says what the applications were; other releases may write more, or less."""
+
+    plan: _Plan
+    applications: list[_Application] = []
+
+
 def _used_applications(place: StoredPlace | None, service: Service) -> list[UsedApplication]:
     """Reads a run's applications from its provenance; none if that cannot be read."""
     if place is None:
         return []
     try:
         content = service.store.get_bytes(place.bucket, join_key(place.prefix, PROVENANCE_FILE))
-        provenance = Provenance.model_validate_json(content)
+        provenance = _Provenance.model_validate_json(content)
     except (StorageError, ValidationError):
         return []
     plan = provenance.plan

@@ -317,6 +317,8 @@ def _reported_job(job: Resource, service: Service) -> ReportedJob:
     duration = document.simulation_time_millis
     if result is None and document.verdict and job.status == "Completed":
         result = judged_without_outputs(document)
+    if result is not None and job.status == "Canceled":
+        result = result.unjudged()  # one that was cancelled after its manifest was written has a verdict there
     return ReportedJob(
         label=job.id,
         arn=job.arn,

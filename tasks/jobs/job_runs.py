@@ -459,7 +459,8 @@ class JobRun:
 
     def _concluded(self, outcome: Outcome, outputs: RunOutputs, *, finished: bool) -> Outcome:
         """The outcome of a job that was cancelled while its outputs were stored, of which a part may be."""
-        if is_overtaken(outcome.status, self._why_stop(), is_whole=False):
+        # A catalog that is away now cannot say why; only cancelling ends an upload.
+        if is_overtaken(outcome.status, self._why_stop() or StopReason.CANCELED, is_whole=False):
             outcome = self._overtaken(outcome, outputs)
         self._lease.update(SimulationJobProgress(outcome=outcome))  # raises if the lease is another's by now
         try:

@@ -1,4 +1,4 @@
-"""Slots of this machine: how many simulation jobs run here at once, in whatever batches and processes."""
+"""Slots of this machine: how many simulation jobs run here at once, with notices and times of those who wait."""
 
 import logging
 import os

@@ -19,7 +19,6 @@ from ..service.service import Service
 from ..simulations.planning.applications import python_package
 from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
 
-_MADE = ("CreateRobotApplication", "CreateSimulationApplication")
 _BUILT_IN = "built in"
 
 

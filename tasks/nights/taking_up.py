@@ -86,6 +86,7 @@ class TakingUp:
         self._told: set[tuple[str, str]] = set()
         self._ordered: set[tuple[str, int]] = set()
         self._started: dict[str, Path] = {}
+        self._looking = threading.Lock()
 
     def start(self) -> None:
         """Looks again and again, in a thread that ends with this process."""
@@ -97,7 +98,8 @@ class TakingUp:
         Returns:
             Ids of the runs that are being finished from now on.
         """
-        return [run.run_id for run in broken_off_runs(self._settings) if self._take(run)]
+        with self._looking:  # a run that is claimed is started, or neither, for `wait_in_container`
+            return [run.run_id for run in broken_off_runs(self._settings) if self._take(run)]
 
     def wait_in_container(self) -> None:
         """Waits until the runs have ended that this process finishes, if it is a flow run with a container of its own.
@@ -108,8 +110,12 @@ class TakingUp:
         if not _ends_with_container():
             return
         began = time.monotonic()
-        while self._is_finishing() or (time.monotonic() - began < _CLAIMED_WITHIN_S and self._will_take_any()):
+        while self._has_to_wait(time.monotonic() - began):
             time.sleep(1.0)
+
+    def _has_to_wait(self, waited_s: float) -> bool:
+        with self._looking:
+            return self._is_finishing() or (waited_s < _CLAIMED_WITHIN_S and self._will_take_any())
 
     def _is_finishing(self) -> bool:
         return any(map(is_going, self._started.values()))

@@ -1,4 +1,4 @@
-"""One registry of operations: what checks a request, does it, and answers; without Prefect.
+"""One registry of operations: what checks a request, does it, and answers, long lists by pages; without Prefect.
 
 ```
 @operation("DescribeWorld")                      handler(request, service) -> response

@@ -1,4 +1,4 @@
-"""Generates a checked world from a template body and two seeds.
+"""Generates a checked world from a template body and two seeds, and variations of one.
 
 The same body, seeds and `GENERATOR_VERSION` give the same world, byte for byte.
 """

@@ -149,6 +149,26 @@ def test_a_database_that_cannot_be_made_is_left_to_the_server(path: Path, monkey
     assert list(path.parent.iterdir()) == []
 
 
+def test_a_new_database_takes_nothing_from_the_log_of_one_that_was_removed(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = path.with_name("old.db")
+    with closing(sqlite3.connect(old)) as database:
+        database.execute("PRAGMA journal_mode = WAL")
+        database.execute("CREATE TABLE old (text)")
+        log = old.with_name("old.db-wal").read_bytes()
+    path.with_name(f"{path.name}-wal").write_bytes(log)
+
+    def make(unfinished: Path) -> None:
+        with closing(sqlite3.connect(unfinished)) as database, database:
+            database.execute("CREATE TABLE new (text)")
+
+    monkeypatch.setattr(prefect_database, "_apply_steps", make)
+    make_database(path)
+    with closing(sqlite3.connect(path)) as database:
+        assert database.execute("SELECT name FROM sqlite_master").fetchall() == [("new",)]
+
+
 def test_a_database_that_is_there_stays_as_it_is(path: Path) -> None:
     path.write_text("somebody's")
     make_database(path)

@@ -67,7 +67,7 @@ def main() -> None:
 
 
 def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> None:
-    api_url = use_server(settings)
+    api_url = use_server(settings, for_runs=True)
     # Imported when it is known which server of Prefect's is used.
     from ....flows.pipelines import run_spec
     from ....tasks.nights.orders import ordered_spec

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from rich.filesize import decimal
 
 from ....schemas.reports.retention import GcItem, GcReport
-from ..output.answers import in_columns
+from .answers import in_columns
 
 _TITLES = ("", "what", "ended", "state", "objects", "size", "")
 _RIGHT = (4, 5)

@@ -2,7 +2,7 @@
 
 ```
 start ── text of a specification ── checked as `validate` does ──> deployments.spec_runs
-again ── what failed of a run or a batch  ────────────────────> the same, or a batch
+going ── what failed of a run or a batch  ────────────────────> the same, or a batch
 worlds_form ── rooms ── the plan (previews) ────────────────> CreateWorldTemplate, CreateWorldGenerationJob
 going ── the page of a run that goes on, and its end on demand
 ```

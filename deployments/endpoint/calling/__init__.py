@@ -1,6 +1,6 @@
 """Callers of the endpoint and their rights: access keys, signatures, scopes, replays, the audit log.
 
 ```
-authentication (which key) ── replays (once) ── scopes (may it, and on what) ── the operation ── audit_log
+authentication (which key, once) ── scopes (may it, and on what) ── the operation ── access_keys (audit log)
 ```
 """

@@ -15,7 +15,7 @@ class StepFailed(AgentError):
     """A step of a deployment failed, and repeating it would not help.
 
     Args:
-        code: of the table in `failure_codes`.
+        code: of the table `NUMBERS`.
         reason: what happened.
     """
 

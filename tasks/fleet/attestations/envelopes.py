@@ -1,6 +1,7 @@
-"""Signed statements: DSSE envelopes, as bytes. A statement and a key always give the same bytes.
+"""Signed statements, and the key that signs them: DSSE envelopes, as bytes.
 
-Only these bytes are taken: an envelope that says the same in other bytes is refused, so that its hash identifies it.
+A statement and a key always give the same bytes. Only these bytes are taken: an envelope that says the same in other
+bytes is refused, so that its hash identifies it.
 """
 
 import json

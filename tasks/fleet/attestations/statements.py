@@ -1,4 +1,4 @@
-"""Content of an attestation: an in-toto statement (v1) with a test result (v0.1).
+"""Content of an attestation, and whether its batch passed: an in-toto statement (v1) with a test result (v0.1).
 
 The subjects are the archives of a version. Which of them ran in the simulations stands beside each: simulations run
 the one for their own machine.

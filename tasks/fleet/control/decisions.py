@@ -1,4 +1,4 @@
-"""Decisions of people about a running deployment: pause, resume, approve, reject.
+"""Requests for deployments, checked, and decisions of people about a running one: pause, resume, approve, reject.
 
 Any process may say it while another runs the job: the catalog has the rollout, and what was said holds when the call
 returns. A deployment that has not begun keeps it as an event, and takes it in when it begins.

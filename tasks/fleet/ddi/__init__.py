@@ -1,7 +1,7 @@
 """Messages between robots and server: hawkBit's Direct Device Integration, version 1, without HTTP.
 
 ```
-offer, cancel ──> OpenOrders ──> documents: base, deploymentBase, cancelAction
+offer, cancel ──> OpenOrders ──> documents (base, deploymentBase, cancelAction)
 robot's JSON ──> Feedback, Attributes ──> reports
 ```
 

@@ -1,4 +1,4 @@
-"""An order for one robot: which file it shall install, and what it shall launch."""
+"""An order for one robot: which file it shall install, and what it shall launch; and the tokens of robots."""
 
 import hashlib
 import hmac

@@ -234,7 +234,7 @@ class OrderFetched:
 
 @dataclass(frozen=True)
 class OrderFeedback:
-    """A robot said how far it is with its order, or how it ended (`feedback.order_end`)."""
+    """A robot said how far it is with its order, or how it ended (`Feedback.order_end`)."""
 
     robot: str
     feedback: Feedback
@@ -243,7 +243,7 @@ class OrderFeedback:
 
 @dataclass(frozen=True)
 class CancelFeedback:
-    """A robot answered that its order is cancelled: it is (`feedback.cancel_end`), or the order goes on."""
+    """A robot answered that its order is cancelled: it is (`Feedback.cancel_end`), or the order goes on."""
 
     robot: str
     feedback: Feedback

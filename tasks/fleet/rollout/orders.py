@@ -1,4 +1,4 @@
-"""State transitions of one robot's deployment on events, time-outs and cancellations; pure functions."""
+"""State transitions of one robot's deployment, and how far its download is; pure functions."""
 
 import math
 from typing import Any

@@ -1,4 +1,4 @@
-"""A rollout as DescribeDeploymentJob shows it: the status, progress and failure of each robot."""
+"""A rollout as DescribeDeploymentJob shows it: status, progress and failure of each robot, counts, waits."""
 
 from collections import Counter
 from collections.abc import Sequence

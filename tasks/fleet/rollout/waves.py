@@ -1,4 +1,4 @@
-"""The waves of a rollout: its robots in groups whose turn comes one after the other."""
+"""The waves of a rollout: groups of robots that get their turn one after the other, and the thresholds that end it."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping

@@ -1,4 +1,4 @@
-"""When maintenance windows are open; pure functions of the windows and the time.
+"""Times of a rollout: maintenance windows, pauses and deadlines of robots; pure functions of them and the time.
 
 Windows begin by the clocks of their time zone, and last as long as they say, also on days on which clocks are changed.
 Several that overlap, or follow one another without a gap, are one.

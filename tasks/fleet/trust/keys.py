@@ -1,4 +1,4 @@
-"""Private keys of the repository: ed25519, each in a file of its own that only its user reads.
+"""Private keys of the repository, and other files of one machine: ed25519, each in a file that only its user reads.
 
 A file is named after its role and its key, so that an old and a new key of one role can lie beside each other while
 one takes the other's place.

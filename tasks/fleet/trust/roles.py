@@ -1,4 +1,4 @@
-"""The roles of the repository: their names, how long what they sign is valid, and where it lies."""
+"""The roles of the repository: their names, how long signatures are valid, where they are stored, and reading them."""
 
 import re
 import threading

@@ -1,4 +1,4 @@
-"""How fleets, their robots and their deployments stand, from the catalog."""
+"""States of fleets, their robots and their deployments, from the catalog; finding a deployment and following it."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress

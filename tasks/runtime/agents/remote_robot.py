@@ -216,7 +216,7 @@ _FAILED = "the run failed; the reason is the job's failureReason"
 class RemoteRobot(Observer):
     """The robot's side of a run whose robot application is a program.
 
-    It listens from the beginning, and is told of the end as an observer of the run (`observers.Observer`).
+    It listens from the beginning, and is told of the end as an observer of the run (`results.Observer`).
     """
 
     next_time_s = math.inf

@@ -48,7 +48,7 @@ class _First:
 
 
 class PhysicsHealth(Observer):
-    """Watches each step of a run; what it finds is part of the verdict (see `verdicts`).
+    """Watches each step of a run; what it finds is part of the verdict (see `results.decide_verdict`).
 
     It looks after every step, whatever the simulated time does.
     """

@@ -38,11 +38,11 @@ def open_left(path: Path, folder: int | None = None) -> BufferedReader:
     Raises:
         OSError: It is not there, is no regular file, or cannot be opened.
     """
-    file = os.fdopen(os.open(path, _FLAGS, dir_fd=folder), "rb")
-    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        file.close()
+    descriptor = os.open(path, _FLAGS, dir_fd=folder)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):  # of a folder, `fdopen` would leave the descriptor open
+        os.close(descriptor)
         raise OSError(errno.EINVAL, "no regular file", str(path))
-    return file
+    return os.fdopen(descriptor, "rb")
 
 
 LEAST_BYTES = 4096

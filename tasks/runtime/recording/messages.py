@@ -156,7 +156,7 @@ class Imu(NamedTuple):
 
 
 Message = Clock | TFMessage | Odometry | LaserScan | JointState | Imu
-"""Messages that can be recorded, besides those of `display_messages`."""
+"""Messages that can be recorded, besides those below about plans, pictures and what is drawn."""
 
 
 _NO_BYTES = np.zeros(0, np.uint8)

@@ -194,7 +194,8 @@ class RunOutputs:
         planned = self._planned
         if planned is None:
             is_part, planned = True, self._first_files()
-            words = "storing outputs was cancelled while they were listed: only how the run went is stored"
+            words = "storing outputs was cancelled while they were listed: "
+            words += "only how the run went is stored" if finished else "none of them is stored"
             self._left_out.note("...", "was not listed yet when storing was cancelled, like all other outputs")
         else:
             for file in planned:
@@ -226,7 +227,7 @@ class RunOutputs:
     def _first_files(self) -> list[FolderFile]:
         """Files that say how the run went, found without listing all outputs."""
         found = [FolderFile(name, self.output_dir / name) for name in FIRST]
-        return [file for file in found if file.path.is_file() and not file.path.is_symlink()]
+        return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
     def were_stored(self, stopped: Stopped = never) -> None:
         """Checks that they are stored as a whole; a store that does not answer is waited for.
@@ -336,6 +337,11 @@ class RunOutputs:
                 room.left_out.note(f"{upload.name}/{below}", f"cannot be uploaded: {error}")
 
         return visit
+
+
+def _is_linked(path: Path) -> bool:
+    """Whether the path is a link, or its folder, which may be `logs`."""
+    return path.is_symlink() or path.parent.is_symlink()
 
 
 def _size_of(path: Path) -> int:

@@ -137,7 +137,7 @@ def run_plan(
         run_id: id of this run of it.
         folder: the run's own folder, empty.
         service: where worlds, applications and data are stored; the last two are read as the role of the request.
-        ros_domain: the run's own domain of ROS 2; see `ros_domains`.
+        ros_domain: the run's own domain of ROS 2; see `job_services.own_domain`.
         stopped: asked while something takes long whether to give up.
 
     Raises:

@@ -1,7 +1,7 @@
 """The object store as a role has it, confined to its places where no server does that."""
 
 import threading
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 from ....schemas.roles import Role, find_role, is_within
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import CredentialsRefusedError, StorageAccessDeniedError
-from ..base import ObjectStore, Result, StoreOver
+from ..base import ObjectInfo, ObjectStore, Result, StoreOver
 from ..directory import DirectoryStore
 from ..opening import s3_endpoint
 from .reading import Keys, ReadBlock, read_roles_file
@@ -40,6 +40,10 @@ class ConfinedStore(StoreOver):
             if not is_within(self._places[access], bucket, key):
                 raise self._denied(f"{access} {bucket}/{key}", access)
         return call()
+
+    def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
+        """See `ObjectStore`; read as it is asked for."""
+        return self.do("read", bucket, [prefix], lambda: self.behind.list(bucket, prefix))
 
     def ensure_bucket(self, bucket: str) -> None:
         """See `ObjectStore`; some of the bucket has to be the role's to write to."""

@@ -1,4 +1,4 @@
-"""Writes and reads world bundles: a folder per world, addressed by the hash of its content."""
+"""Writes and reads world bundles: a folder per world, addressed by the hash of its content; and its plain name."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""Faces of walls as rooms see them, and the openings in them."""
+"""Faces of walls as rooms see them, the openings in them, and the boxes that cover them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Light: the sun and a lamp in each room, by day.
+"""Light: the sun and a lamp in each room, by day; and ceilings and skirting boards.
 
 MuJoCo's renderer takes eight lights, its headlight among them, in the order of the file.
 """

@@ -1,4 +1,4 @@
-"""Windows one looks out of: what is drawn of a wall leaves them open, and frames stand in them.
+"""Windows one looks out of: what is drawn of a wall leaves them open, with frames and curtains in them.
 
 The wall that collides stays whole and is not drawn (group 3). There is no pane: even a nearly clear one would keep the
 sun out of MuJoCo's pictures.

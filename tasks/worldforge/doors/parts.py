@@ -1,4 +1,4 @@
-"""Parts of doors: leaves with panels, glass or boards, handles, and the frames around them.
+"""Doors as MJCF: leaves with panels, glass or boards and their poses, handles, and the frames around them.
 
 A leaf's parts are in its own frame: its x axis starts at the hinge and points to the free edge, z starts at the floor.
 """

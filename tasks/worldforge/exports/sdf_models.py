@@ -1,4 +1,4 @@
-"""The models that worlds share: equal furniture, objects and doors are stored once."""
+"""Worlds as SDF, and the models that they share: equal furniture, objects and doors are stored once."""
 
 import hashlib
 import re

@@ -1,4 +1,4 @@
-"""The brief of a floor plan: the template's preferences in numbers, and which rooms suit as neighbours."""
+"""The brief of a floor plan: the template's preferences and targets in numbers, and rooms that suit as neighbours."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence

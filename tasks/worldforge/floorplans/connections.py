@@ -1,4 +1,4 @@
-"""Ways between rooms: the requested ones as far as the plan allows, and more until every room is connected."""
+"""Floors, and ways between rooms: the requested ones as far as possible, and more until every room is connected."""
 
 from random import Random
 from typing import NamedTuple

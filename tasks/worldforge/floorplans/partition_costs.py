@@ -1,4 +1,4 @@
-"""Many plans at a time: cutting slicing trees, and what the plans are like, in arrays.
+"""Many plans at a time, in arrays: all slicing trees, plans cut by them, and their costs.
 
 Arrays of plans have one column per plan. Costs are sums of deviations; 0 is perfect.
 """

@@ -1,4 +1,4 @@
-"""Furniture to lie and sit on: beds, sofas, chairs, ottomans, benches."""
+"""Furniture to lie and sit on: beds, sofas, chairs, ottomans, benches; and small loose objects."""
 
 from ..geometry.parts import (
     BEARING_M,

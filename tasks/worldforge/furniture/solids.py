@@ -1,4 +1,4 @@
-"""Furniture parts in the world's frame, as both the MJCF and the preview need them."""
+"""Furniture parts in the world's frame, and the height of their tops, as both the MJCF and the preview need them."""
 
 from collections.abc import Iterator, Sequence
 from math import cos, hypot, pi, sin

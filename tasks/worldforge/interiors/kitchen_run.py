@@ -1,4 +1,4 @@
-"""A kitchen's line: appliances and counters edge to edge along one wall, or around a corner.
+"""A kitchen's line: appliances and counters edge to edge along one wall or a corner; and seating of living rooms.
 
 The order is that of the work: food comes out of the fridge at one end, is prepared on a counter beside the
 oven, and goes back to the sink, which has the dishwasher at its side.

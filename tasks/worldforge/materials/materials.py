@@ -1,4 +1,4 @@
-"""Materials of floors and walls: what they look like, how they grip, and which rooms usually have them.
+"""Materials of floors and walls: their looks, their grip, the rooms that usually have them, and choosing them.
 
 Every material comes in several finishes: another wood, another tile, another wallpaper. `world.json`
 names both, so that its readers can draw the surface again.

@@ -1,4 +1,4 @@
-"""Pictures of floor and wall materials, made from their finishes: small, seamless, the same everywhere.
+"""Pictures of floor and wall materials and of the sky, made from their finishes: small, seamless, the same everywhere.
 
 Only sums, products, comparisons and roundings make the pixels, from a seed that is the texture's own
 name; so every process on every machine makes the same ones.

@@ -1,4 +1,4 @@
-"""Small things that stand about: what each kind looks like."""
+"""Small things on furniture, books among them: the look of each kind."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

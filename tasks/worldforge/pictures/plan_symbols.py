@@ -1,4 +1,4 @@
-"""Furniture as architects draw it: outlines seen from above.
+"""Furniture and doors as architects draw them: outlines seen from above.
 
 Every symbol is SVG in the piece's own frame: metres, the middle of its footprint at (0, 0), its front
 towards +x, so `depth` runs along x and `width` along y. Nothing here depends on the room around it.

@@ -1,4 +1,4 @@
-"""A depth-buffered rasteriser for an oblique parallel view from above, in plain NumPy.
+"""A depth-buffered rasteriser for an oblique parallel view from above, with palette and light, in plain NumPy.
 
 Only sums, products, comparisons and square roots touch the pixels: these are exact to the bit on
 every processor, so that equal scenes give equal pictures everywhere.

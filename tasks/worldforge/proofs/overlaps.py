@@ -1,4 +1,4 @@
-"""Overlaps of solid parts, also of those that never move, between which MuJoCo has no contacts."""
+"""Overlaps of solid parts, also of those that never move, and how far loose objects move before they rest."""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false

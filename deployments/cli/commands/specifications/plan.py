@@ -111,7 +111,7 @@ def _forecast(spec: "CheckedSpec", arguments: argparse.Namespace) -> "Forecast":
     machines = Machines(1 if arguments.machines is None else arguments.machines, arguments.price_per_hour)
     machines.check(settings)
     check_probed(spec)
-    use_server(settings)
+    use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...probes import probe

@@ -1,4 +1,4 @@
-"""Start command of an application's launch configuration, and the environment variables of its programs."""
+"""Start of an application's programs: command, environment variables, sandbox; and the end of programs left over."""
 
 from __future__ import annotations
 
