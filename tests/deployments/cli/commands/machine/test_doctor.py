@@ -101,6 +101,15 @@ def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Pa
     assert ("open to all users" in finding.found) == (told == "warning")
 
 
+def test_a_home_that_is_a_file_is_a_finding(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "file")})
+    findings = {finding.subject: finding for finding in health.examine(settings)}
+    assert findings["data home"].health == "broken"
+    assert str(tmp_path / "file") in findings["data home"].found
+    assert "nights" not in findings
+
+
 def test_wrong_package_versions_are_found(monkeypatch) -> None:
     monkeypatch.setattr("importlib.metadata.requires", lambda _: ["mujoco>=900", "no-such-package-anywhere", "numpy>1"])
     finding = health.check_packages()
