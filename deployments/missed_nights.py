@@ -20,6 +20,7 @@ from prefect.client.schemas.objects import FlowRun, StateType, WorkPoolStatus
 from prefect.client.schemas.responses import DeploymentResponse
 from prefect.client.schemas.sorting import FlowRunSort
 from prefect.exceptions import ObjectNotFound
+from prefect.settings import get_current_settings
 
 from ..schemas.reports.history import NightSchedule
 from ..schemas.settings import Settings
@@ -53,10 +54,14 @@ _logger = logging.getLogger(__name__)
 def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> None:
     """Judges the nights that were due since the last look, and tells of those that did not happen, once.
 
+    Without a server in Prefect's settings nothing is looked at.
+
     Args:
         settings: of this process.
         now: the time; `None`: that of the clock.
     """
+    if get_current_settings().api.url is None:
+        return  # a server of its own, which Prefect would start to be asked, knows of no night
     with only_one(settings.home) as may_look:
         if not may_look:
             return

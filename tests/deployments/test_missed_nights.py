@@ -83,6 +83,18 @@ def test_a_first_night_that_never_began_is_told(
     assert schedules_of(other.home) == []  # its runs have another home
 
 
+def test_no_server_is_started_to_look_for_nights(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A thread that looks may outlive the settings with which it was started."""
+    from prefect.settings import PREFECT_API_URL, temporary_settings
+
+    from prefect_robomaker.deployments import missed_nights as looking
+
+    monkeypatch.setattr(looking, "asking_once", lambda: pytest.fail("Prefect was asked"))
+    monkeypatch.delenv("PREFECT_API_URL", raising=False)
+    with temporary_settings(restore_defaults={PREFECT_API_URL}):
+        looking.look_for_missed_nights(Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "home")}))
+
+
 def test_a_night_that_was_killed_before_it_had_kept_anything_is_told(
     deployment: Any, prefect_server: str, tmp_path: Path
 ) -> None:

@@ -155,7 +155,9 @@ def test_serve_goes_on_with_what_a_dead_run_left_if_it_has_what_that_needs(
     assert service.catalog.count_children(batch, "simulation-job") == {"Completed": 3}
     found = standing(service, batch)
     assert found.lost is not None
-    assert (found.owner.program, found.lost.program) == ("robomaker serve", "robomaker run")
+    # The endpoint takes up its jobs itself, or the process does in which it finishes the run.
+    assert found.owner.program in ("robomaker serve", "a continued run")
+    assert found.lost.program == "robomaker run"
     assert f"as {found.lost} had died" in found.in_words()
 
 

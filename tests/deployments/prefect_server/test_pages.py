@@ -209,7 +209,7 @@ def form(browser: Browser, prefect_server: str) -> Iterator[Any]:
     made: list[Any] = []
 
     def open_form(operation: str) -> tuple[Any, str]:
-        flow = getattr(import_module(f"prefect_robomaker.flows.{RESOURCES[operation]}"), operation)
+        flow = getattr(import_module("prefect_robomaker.flows.operations"), operation)
         with get_client(sync_client=True) as client:
             deployment = client.create_deployment(
                 client.create_flow(flow), f"form-{uuid.uuid4().hex}", parameter_openapi_schema=form_schema(flow),
@@ -222,9 +222,6 @@ def form(browser: Browser, prefect_server: str) -> Iterator[Any]:
     with get_client(sync_client=True) as client:
         for deployment in made:
             client.delete_deployment(deployment)
-
-
-RESOURCES = {"CreateSimulationJob": "simulation_jobs", "StartSimulationJobBatch": "simulation_job_batches"}
 
 
 def test_the_form_of_a_simulation_job_describes_its_parameters_and_starts_it(browser: Browser, form: Any) -> None:
