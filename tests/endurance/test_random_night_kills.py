@@ -181,7 +181,7 @@ def processes_of(home: Path) -> list[int]:
 
 
 def left_to_people(environ: Mapping[str, str]) -> dict[str, str]:
-    """What `robomaker doctor` says of the runs that no process finishes by itself, by their names."""
+    """The lines of `robomaker doctor` about runs that no process finishes by itself, by their names."""
     command = [*ROBOMAKER, "doctor", "-o", "json"]
     told = subprocess.run(command, env={**os.environ, **environ}, capture_output=True, text=True, timeout=300)
     found = [each for each in json.loads(told.stdout)["findings"] if each["subject"] == "broken-off runs"]
