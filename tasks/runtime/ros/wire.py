@@ -1,0 +1,88 @@
+"""The way from a simulation to ROS nodes: topics out, velocity commands in."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+
+class Topic(NamedTuple):
+    """A topic that the simulation publishes."""
+
+    name: str
+    """With its slash: `/scan`."""
+
+    ros_type: str
+    """In ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+
+    is_latched: bool = False
+    """Whether nodes that come later get the last message: `transient local` in ROS 2, `latch` in ROS 1."""
+
+    depth: int = 10
+    """Messages that are kept for a slow reader."""
+
+
+class Command(NamedTuple):
+    """A velocity command of a node, from `geometry_msgs/Twist` or `TwistStamped`."""
+
+    linear_mps: tuple[float, float, float]
+    """Along x, y and z of the robot's base, metres a second."""
+
+    angular_radps: tuple[float, float, float]
+    """About its axes, radians a second."""
+
+    stamp_s: float | None = None
+    """Time in its header, seconds; none where it has no header."""
+
+
+@dataclass(frozen=True)
+class Peers:
+    """The nodes that a simulation hears of."""
+
+    heard: frozenset[str] = frozenset()
+    """Topics of the simulation that at least one node subscribes."""
+
+    commanders: int = 0
+    """Publishers of the command topic."""
+
+    mistyped: Mapping[str, str] = field(default_factory=dict)
+    """Types of publishers of the command topic that cannot be understood, by the name of their topic."""
+
+
+class Wire(Protocol):
+    """One way to ROS nodes. All methods are called by the thread that simulates; none but `wait` waits."""
+
+    name: str
+    """Its name in messages: `ROS 2, domain 7`."""
+
+    def open(self, topics: Sequence[Topic], command_topic: str) -> None:
+        """Announce topics and subscribe the commands.
+
+        Raises:
+            LaunchError: It cannot, and says what would do.
+        """
+        ...
+
+    def send(self, topic: str, message: bytes) -> None:
+        """Publish a message: CDR, little endian, with its encapsulation header of four bytes."""
+        ...
+
+    def take(self) -> list[Command]:
+        """Return the commands that have come since the last call, oldest first."""
+        ...
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a command is there to be taken; say whether one is."""
+        ...
+
+    def peers(self) -> Peers:
+        """Look which nodes are there."""
+        ...
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        ...
+
+
+def unheard(peers: Peers, topics: Collection[str]) -> list[str]:
+    """Those of some topics that no node subscribes, in order."""
+    return sorted(set(topics) - peers.heard)
