@@ -42,9 +42,7 @@ class RosOptions(Model):
         le=3600,
         description="`lockstep` and `paced`: wall-clock seconds that a command is waited for.",
     )
-    every_steps: int = Field(
-        default=1, ge=1, description="`lockstep`: steps between two commands that are waited for."
-    )
+    every_steps: int = Field(default=1, ge=1, description="`lockstep`: steps between two commands that are waited for.")
     connect_timeout_s: float = Field(
         default=60.0, gt=0, le=86400, description="Wall-clock seconds in which the nodes have to be there."
     )

@@ -51,6 +51,23 @@ def type_hash(ros_type: str) -> str:
     return _STORE.hash_rihs01(ros_type)
 
 
+def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
+    """Returns a type's members: name, and rosbags' description of the type."""
+    return _STORE.fielddefs[ros_type][1]
+
+
+def decode(data: bytes, ros_type: str) -> Any:
+    """Reads a message from CDR bytes with their encapsulation header; its members are named as in ROS.
+
+    Raises:
+        ValueError: The bytes are no such message.
+    """
+    try:
+        return _STORE.deserialize_cdr(data, ros_type)
+    except Exception as error:  # rosbags' generated code fails in its own ways where bytes are missing
+        raise ValueError(f"{len(data)} bytes are no {ros_type}: {error}") from error
+
+
 def _as_it_is(message: Message) -> Message:
     return message
 

@@ -1,0 +1,367 @@
+"""DDS as ROS 2 speaks it: participants, writers and readers of messages as bytes, by Eclipse Cyclone DDS.
+
+The only module that knows `cyclonedds`. Writing and reading bytes needs two private functions of it, so that exactly
+one release is taken. Names and QoS are those of ROS 2's middleware interface (`rmw`); the traps are in the comments.
+"""
+
+# cyclonedds' decorators hide the types of what they make.
+# pyright: reportMissingTypeStubs=false, reportAttributeAccessIssue=false, reportUnknownMemberType=false
+# pyright: reportPrivateImportUsage=false
+
+import os
+import types
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import metadata
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Nodetype
+
+from ....schemas.extras import how_to_install
+from ....schemas.wire.errors import LaunchError
+from ..recording.cdr import fields_of, type_hash
+
+CYCLONEDDS = "11.0.1"
+"""The release whose private functions are known, and the first with `IgnoreTypeInformation`."""
+
+_WRITE_BLOCKED_MS = 100
+"""A reliable reader whose buffers are full holds a writer up so long; ROS 2 has the same."""
+_MAX_TAKEN = 64
+"""Messages taken at once."""
+_ANY_STATE = 0x7F
+"""All states of samples, views and instances."""
+_DEFINITELY_ALIVE_MS = 50
+
+_PRIMITIVES = {
+    **{name: name for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")},
+    "float32": "float32",
+    "float64": "float64",
+    "byte": "uint8",
+    "octet": "uint8",
+    "char": "uint8",
+}
+
+
+class Publication(NamedTuple):
+    """A publisher that some node of the domain has announced."""
+
+    topic: str
+    """Of ROS, `/scan`; other topics of DDS are not told."""
+
+    ros_type: str
+    """In ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+
+    type_hash: str
+    """`RIHS01_…` (REP 2011), or nothing where the node does not say."""
+
+    is_reliable: bool
+    is_latched: bool
+    participant: bytes
+    """Prefix of the GUID of whose it is, the same for all of one participant."""
+
+
+def dds_type_name(ros_type: str) -> str:
+    """The name of a ROS type in DDS: `sensor_msgs::msg::dds_::LaserScan_`."""
+    package, kind, name = ros_type.split("/")
+    return f"{package}::{kind}::dds_::{name}_"
+
+
+def ros_type_name(dds_type: str) -> str | None:
+    """The ROS type that a DDS type is; none if it is not of ROS."""
+    parts = dds_type.split("::")
+    if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
+        return None
+    return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Where a participant looks for others."""
+
+    peers: tuple[str, ...] = ()
+    """Addresses besides this machine's own."""
+
+    interface: str | None = None
+    """Network interface; none: loopback only."""
+
+
+def configuration(reach: Reach) -> str:
+    """Cyclone's configuration: loopback without multicast unless it is told otherwise, and no check of types."""
+    interfaces = '<NetworkInterface name="lo" multicast="false"/>'
+    multicast = "false"
+    if reach.interface is not None:
+        interfaces, multicast = f'<NetworkInterface name="{reach.interface}"/>', "spdp"
+    peers = "".join(f'<Peer Address="{each}"/>' for each in dict.fromkeys(("127.0.0.1", *reach.peers)))
+    return (
+        '<CycloneDDS><Domain Id="any">'
+        f"<General><Interfaces>{interfaces}</Interfaces><AllowMulticast>{multicast}</AllowMulticast></General>"
+        # Each participant of a domain on this host takes an index; the default admits ten.
+        "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
+        f"<Peers>{peers}</Peers></Discovery>"
+        # Fast DDS answers type information with its own, and Cyclone then waits for ever or refuses: Jazzy got
+        # nothing at all, Kilted only types without strings and sequences. 1.15 is eProsima's number as a vendor.
+        "<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"
+        "</Domain></CycloneDDS>"
+    )
+
+
+def _checked_release() -> None:
+    try:
+        found = metadata.version("cyclonedds")
+    except metadata.PackageNotFoundError:
+        raise LaunchError(
+            "ROS 2 nodes are reached by cyclonedds, which is not installed here (PyPI has wheels for x86-64 with "
+            f"Python 3.11 and 3.12): {how_to_install('ros')}"
+        ) from None
+    if found != CYCLONEDDS:
+        raise LaunchError(
+            f"ROS 2 nodes are reached by cyclonedds {CYCLONEDDS}, and {found} is installed: {how_to_install('ros')}"
+        )
+
+
+class Participant:
+    """One member of a domain."""
+
+    def __init__(self, domain: int, reach: Reach = Reach()) -> None:
+        """Joins a domain.
+
+        Args:
+            domain: Its number, 0 to 232.
+            reach: Where others are looked for.
+
+        Raises:
+            LaunchError: cyclonedds is missing or another release, or the domain cannot be joined; says why.
+        """
+        _checked_release()
+        from cyclonedds import core
+        from cyclonedds import domain as domains
+
+        before = os.environ.get("CYCLONEDDS_URI")
+        own = configuration(reach)
+        # Read when a process first joins a domain: what users have set comes first, ours is added.
+        os.environ["CYCLONEDDS_URI"] = f"{before},{own}" if before else own
+        try:
+            self._entity = domains.DomainParticipant(domain)
+        except core.DDSException as error:
+            raise LaunchError(
+                f"ROS domain {domain} cannot be joined: {error.msg or error}; at most 60 participants of a domain fit "
+                f"on one machine, and interface {reach.interface or 'lo'} has to be up"
+            ) from error
+        finally:
+            if before is None:
+                del os.environ["CYCLONEDDS_URI"]
+            else:
+                os.environ["CYCLONEDDS_URI"] = before
+        self._publications: Any = None
+        self._found: dict[bytes, Publication] = {}
+        self._types: dict[str, Any] = {}
+
+    def writer(self, topic: str, ros_type: str, *, is_latched: bool, depth: int) -> "Writer":
+        """Announces a publisher, reliable as ROS 2's publishers are by default."""
+        from cyclonedds import pub
+        from cyclonedds.topic import Topic
+
+        kind = self._types.setdefault(ros_type, idl_type(ros_type, self._types))
+        qos = _qos(is_reliable=True, is_latched=is_latched, depth=depth, ros_type=ros_type)
+        return Writer(pub.DataWriter(self._entity, Topic(self._entity, f"rt{topic}", kind), qos=qos))
+
+    def reader(
+        self, topic: str, ros_type: str, *, is_reliable: bool = False, is_latched: bool = False, depth: int = 10
+    ) -> "Reader":
+        """Subscribes a topic; messages of any type can be read, since only the type's name is told."""
+        from cyclonedds import sub
+        from cyclonedds.topic import Topic
+
+        qos = _qos(is_reliable=is_reliable, is_latched=is_latched, depth=depth, ros_type=None)
+        kind = self._types.setdefault(f"{ros_type} by name", named_type(ros_type))
+        return Reader(sub.DataReader(self._entity, Topic(self._entity, f"rt{topic}", kind), qos=qos))
+
+    def publications(self) -> list[Publication]:
+        """Looks which publishers of ROS topics there are, ours included."""
+        from cyclonedds import builtin
+
+        if self._publications is None:
+            self._publications = builtin.BuiltinDataReader(self._entity, builtin.BuiltinTopicDcpsPublication)
+        for sample in self._publications.take(N=_MAX_TAKEN):
+            if (found := _publication(sample)) is not None:
+                self._found[sample.key.bytes] = found
+            elif not sample.sample_info.valid_data or _has_left(sample):
+                self._found.pop(sample.key.bytes, None)
+        return list(self._found.values())
+
+    @property
+    def prefix(self) -> bytes:
+        """Prefix of its GUID, by which its own publications are known."""
+        return self._entity.get_guid().bytes[:12]
+
+    def wait(self, readers: "list[Reader]", timeout_s: float) -> bool:
+        """Waits until one of some readers has a message to be taken; says whether one has."""
+        from cyclonedds.core import ReadCondition, WaitSet
+        from cyclonedds.util import duration
+
+        waiting = WaitSet(self._entity)
+        conditions = [ReadCondition(reader.entity, _ANY_STATE) for reader in readers]
+        for condition in conditions:
+            waiting.attach(condition)
+        try:
+            return waiting.wait(duration(seconds=timeout_s)) > 0
+        finally:
+            for condition in conditions:
+                waiting.detach(condition)
+
+    def close(self) -> None:
+        """Leaves the domain, with all writers and readers."""
+        entity, self._entity = self._entity, None
+        if entity is not None:
+            self._publications = None
+            entity._delete(entity._ref)  # at once: the collector would only do so when the last writer is gone
+
+
+class Writer:
+    """A publisher of messages as bytes."""
+
+    def __init__(self, entity: Any) -> None:
+        from cyclonedds._clayer import ddspy_write
+
+        self._entity, self._write = entity, ddspy_write
+
+    def write(self, message: bytes) -> None:
+        """Publishes a message: CDR with its encapsulation header; one that a full reader does not take is lost."""
+        if padding := -len(message) % 4:
+            # Cyclone wants whole words; the header's last two bits say how many bytes are none of the message.
+            message = message[:3] + bytes((padding,)) + message[4:] + b"\0" * padding
+        self._write(self._entity._ref, message)
+
+    @property
+    def readers(self) -> int:
+        """Matching subscribers."""
+        return len(self._entity.get_matched_subscriptions())
+
+
+class Reader:
+    """A subscriber of messages as bytes."""
+
+    def __init__(self, entity: Any) -> None:
+        from cyclonedds._clayer import ddspy_take
+
+        self.entity, self._take = entity, ddspy_take
+
+    def take(self) -> Iterator[tuple[bytes, int]]:
+        """Yields the messages that have come, each with its time of publication in nanoseconds since 1970."""
+        while not isinstance(taken := self._take(self.entity._ref, _ANY_STATE, _MAX_TAKEN), int):
+            for data, info in taken:
+                if info.valid_data:
+                    yield bytes(data), int(info.source_timestamp)
+            if len(taken) < _MAX_TAKEN:
+                return
+
+    @property
+    def writers(self) -> int:
+        """Matching publishers."""
+        return len(self.entity.get_matched_publications())
+
+
+def _qos(*, is_reliable: bool, is_latched: bool, depth: int, ros_type: str | None) -> Any:
+    from cyclonedds.qos import Policy, Qos
+    from cyclonedds.util import duration
+
+    reliable = Policy.Reliability.Reliable(duration(milliseconds=_WRITE_BLOCKED_MS))
+    policies = [
+        reliable if is_reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if is_latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+    ]
+    if ros_type is not None:  # `ros2 topic info -v` and recorders read it
+        policies.append(Policy.Userdata(f"typehash={type_hash(ros_type)};".encode()))
+    return Qos(*policies)
+
+
+def named_type(ros_type: str) -> Any:
+    """A type of which only the name is right: without type information on the other side nothing else is compared."""
+    from cyclonedds.idl.types import uint8
+
+    return _struct(ros_type, {"anything": uint8})
+
+
+def idl_type(ros_type: str, known: dict[str, Any]) -> Any:
+    """The whole type, for tools that read type information.
+
+    Args:
+        ros_type: `geometry_msgs/msg/Twist`.
+        known: Types that were made before; those that it needs are added.
+    """
+    if ros_type not in known:
+        members = {name: _idl_member(kind, known) for name, kind in fields_of(ros_type)}
+        if not members:  # as ROS's own generator does for empty messages
+            members = {"structure_needs_at_least_one_member": _idl_types().uint8}
+        known[ros_type] = _struct(ros_type, members)
+    return known[ros_type]
+
+
+def _idl_types() -> Any:
+    from cyclonedds.idl import types as idl_types
+
+    return idl_types
+
+
+def _idl_member(kind: tuple[int, Any], known: dict[str, Any]) -> Any:
+    """A member's type, from the way in which rosbags describes it: base, name, array or sequence, and its argument."""
+    idl, (node, about) = _idl_types(), kind
+    match Nodetype(node):
+        case Nodetype.BASE:
+            name, limit = about
+            if name == "string":
+                return idl.bounded_str[limit] if limit else str
+            return bool if name == "bool" else getattr(idl, _PRIMITIVES[name])
+        case Nodetype.NAME:
+            return idl_type(about, known)
+        case Nodetype.ARRAY:
+            return idl.array[_idl_member(about[0], known), about[1]]
+        case Nodetype.SEQUENCE:
+            item = _idl_member(about[0], known)
+            return idl.sequence[item, about[1]] if about[1] else idl.sequence[item]
+
+
+def _struct(ros_type: str, members: dict[str, Any]) -> Any:
+    from cyclonedds.idl import IdlStruct
+    from cyclonedds.idl.annotations import final
+
+    name = dds_type_name(ros_type)
+    made = types.new_class(
+        name.rpartition("::")[2],
+        (IdlStruct,),
+        {"typename": name.replace("::", ".")},
+        lambda space: space.update({"__annotations__": members, "__module__": __name__}),
+    )
+    return final(dataclass(made))
+
+
+def _publication(sample: Any) -> Publication | None:
+    """A publication of ROS, from what the built-in reader tells; none if it is another or has left."""
+    topic, kind = getattr(sample, "topic_name", None), getattr(sample, "type_name", None)
+    if not topic or not topic.startswith("rt/") or _has_left(sample):
+        return None
+    ros_type = ros_type_name(kind or "")
+    if ros_type is None:
+        return None
+    policies = {type(policy).__name__: policy for policy in sample.qos}
+    told = bytes(getattr(policies.get("Userdata"), "data", b""))
+    words = dict(part.split(b"=", 1) for part in told.split(b";") if b"=" in part)
+    return Publication(
+        topic=topic.removeprefix("rt"),
+        ros_type=ros_type,
+        type_hash=words.get(b"typehash", b"").decode(errors="replace"),
+        is_reliable=any("Reliable" in repr(policy) for policy in sample.qos),
+        is_latched=any("TransientLocal" in repr(policy) for policy in sample.qos),
+        participant=sample.participant_key.bytes[:12],
+    )
+
+
+def _has_left(sample: Any) -> bool:
+    """Whether the sample says that the publisher is gone."""
+    info = getattr(sample, "sample_info", None)
+    state = getattr(info, "instance_state", None)
+    with suppress(TypeError, ValueError):
+        return state is not None and int(state) != 16  # `InstanceState.Alive`
+    return False
