@@ -29,6 +29,7 @@ from pydantic import Field
 from ..wire.base import Model, ShapeName, optional
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
 from .requirements import JobRequirements
+from .ros import RosPlan
 from .trials import Trials
 
 Verdict = Literal["PASS", "FAIL", "ERROR", "NONE"]
@@ -115,6 +116,9 @@ class RunPlan(Model):
         default=[], description="Requirements that the run is judged by, as the job orders them."
     )
 
+    ros: RosPlan | None = optional(
+        "The ROS bridge, where the robot application is a program that may be ROS nodes; absent: it is not."
+    )
     trials: Trials | None = optional("Its trials, which are run one after the other; absent: it is one episode.")
     trial: int | None = Field(
         default=None, ge=0, description="Number of the trial of its job that it is; absent: it is a whole job."

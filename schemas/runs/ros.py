@@ -1,8 +1,10 @@
 """Options of the ROS bridge, in the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
 
-from typing import Annotated, Literal
+import json
+from difflib import get_close_matches
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, ValidationError
 
 from ..wire.base import Model, optional
 
@@ -15,6 +17,9 @@ RosTime = Literal["paced", "free", "lockstep"]
 Suite = Literal[1, 2]
 
 
+_SHOWN, _SHOWN_PROBLEMS = 80, 3
+
+
 class RosOptions(Model):
     """How ROS nodes drive in a simulation."""
 
@@ -24,8 +29,8 @@ class RosOptions(Model):
     )
     time: RosTime = Field(
         default="paced",
-        description="How simulated time passes: `paced` runs at most `ahead_s` ahead of the newest command; `free` runs "
-        "at `real_time_factor` times real time; `lockstep` waits for a command after every step.",
+        description="How simulated time passes: `paced` runs at most `ahead_s` ahead of the newest command; `free` "
+        "runs at `real_time_factor` times real time; `lockstep` waits for the command that answers a step.",
     )
     ahead_s: float = Field(
         default=0.25, gt=0, le=60, description="`paced`: simulated seconds that may pass after the newest command."
@@ -40,11 +45,12 @@ class RosOptions(Model):
         default=5.0,
         gt=0,
         le=3600,
-        description="`lockstep` and `paced`: wall-clock seconds that a command is waited for.",
+        description="`lockstep`: wall-clock seconds that a command is waited for.",
     )
-    every_steps: int = Field(default=1, ge=1, description="`lockstep`: steps between two commands that are waited for.")
-    connect_timeout_s: float = Field(
-        default=60.0, gt=0, le=86400, description="Wall-clock seconds in which the nodes have to be there."
+    answers: Literal["scan", "step"] = Field(
+        default="scan",
+        description="`lockstep`: whether a command is waited for after every scan of the lidar, where the robot has "
+        "one, or after every step.",
     )
     command_timeout_s: float = Field(
         default=0.5, gt=0, description="Simulated seconds after which the robot stops without a new command."
@@ -75,3 +81,38 @@ class RosPlan(Model):
     suite: Suite = Field(description="ROS that the nodes speak, 1 or 2.")
     domain: int = Field(ge=0, le=232, description="Domain of ROS 2 that the nodes are in.")
     options: RosOptions = Field(default=RosOptions(), description="Options of the launch configuration.")
+
+
+def parse_ros(text: str) -> RosOptions | None:
+    """Reads the value of `ROBOMAKER_ROS`.
+
+    Returns:
+        The options; none for `off`.
+
+    Raises:
+        ValueError: It is something else; says what would be right.
+    """
+    if text == "off":
+        return None
+    if text in ("1", "2"):
+        return RosOptions(suite=1 if text == "1" else 2)
+    wanted = f'{ROS_VARIABLE} has to be 1, 2, off, or options as JSON, such as {{"time": "lockstep"}}'
+    try:
+        given = json.loads(text)
+    except ValueError:
+        raise ValueError(f"{wanted}; it is {text[:_SHOWN]!r}") from None
+    if not isinstance(given, dict):
+        raise ValueError(f"{wanted}; it is {text[:_SHOWN]!r}")
+    try:
+        return RosOptions.model_validate(given)
+    except ValidationError as error:
+        raise ValueError("; ".join(_problem(each) for each in error.errors()[:_SHOWN_PROBLEMS])) from None
+
+
+def _problem(error: Any) -> str:
+    where = ".".join(map(str, error["loc"]))
+    if error["type"] == "extra_forbidden":
+        near = get_close_matches(where, RosOptions.model_fields, n=1)
+        known = f"did you mean {near[0]}?" if near else f"known are {', '.join(RosOptions.model_fields)}"
+        return f"{ROS_VARIABLE}: {where} is not known; {known}"
+    return f"{ROS_VARIABLE}: {where}: {str(error['input'])[:_SHOWN]!r}: {error['msg']}"

@@ -4,6 +4,7 @@ import math
 import sys
 import time
 from contextlib import suppress
+from typing import Protocol
 
 from ....schemas.runs.programs import RunStop
 from ....schemas.wire.errors import LaunchError
@@ -29,6 +30,18 @@ class _MuteError(Exception):
     """The connected client is silent, and another one has connected."""
 
 
+class OtherInterface(Protocol):
+    """Another robot interface by which the program may drive, such as ROS topics."""
+
+    def came(self) -> bool:
+        """Whether a robot is there."""
+        ...
+
+    def missing(self) -> str:
+        """What has to be there, and what is, after "it has to connect to the socket, "."""
+        ...
+
+
 class Greeter:
     """Waits for the robot's program and greets it."""
 
@@ -39,6 +52,7 @@ class Greeter:
         stop: Stop,
         clock: Clock = time.monotonic,
         max_duration_s: float = math.inf,
+        other: OtherInterface | None = None,
     ) -> None:
         """Takes a socket without a connection.
 
@@ -48,7 +62,9 @@ class Greeter:
             stop: Whether the run is to stop.
             clock: Seconds.
             max_duration_s: The job's duration limit, for messages.
+            other: Another interface, whose robot is waited for at the same time; a connection goes first.
         """
+        self._other = other
         self._max_duration_s = max_duration_s
         self._socket = listening
         self._robot = robot
@@ -56,7 +72,7 @@ class Greeter:
         self._clock = clock
         self._did, self._lacks = "did not connect", "connecting to"
 
-    def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
+    def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello] | None:
         """Greets clients until a robot greets back; skips clients that leave, or stay silent while others wait.
 
         Args:
@@ -64,7 +80,7 @@ class Greeter:
             timeout_s: Time for all of it.
 
         Returns:
-            The connection, and the robot's greeting.
+            The connection, and the robot's greeting; none where the other interface has a robot.
 
         Raises:
             LaunchError: None did so in time, or before the robot's program ended, or one greeted wrongly and was told.
@@ -79,11 +95,12 @@ class Greeter:
                 raise self._cut() from None
             raise
 
-    def _greeted(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello]:
+    def _greeted(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello] | None:
         deadline_s, warn_at_s = self._clock() + timeout_s, self._clock() + WARN_AFTER_S
         while True:
             try:
-                connection = self._socket.accept(min(deadline_s, warn_at_s), self._stop, self._clock)
+                until = self._other.came if self._other is not None else _never
+                connection = self._socket.accept(min(deadline_s, warn_at_s), self._stop, self._clock, until)
             except TimeoutError:
                 if self._clock() >= deadline_s:
                     raise self._late(timeout_s) from None
@@ -91,6 +108,8 @@ class Greeter:
                 sys.stderr.flush()
                 warn_at_s = math.inf
                 continue
+            if connection is None:
+                return None
             self._did, self._lacks = "connected, but did not greet", "greeting"
             link = AgentLink(connection, dict(_WORDS), self._stop, self._clock)
             try:
@@ -136,7 +155,8 @@ class Greeter:
         """Its exit code was 0: other ones are crashes, and a run is not told that the robot is gone after these."""
         return LaunchError(
             f"the program of robot application {self._robot} ended with exit code 0 without {self._lacks} the "
-            f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names",
+            f"simulation; it has to drive it over the Unix socket that {SOCKET_VARIABLE} names"
+            + (f", {self._other.missing()}" if self._other is not None else ""),
             _UNHEALTHY,
         )
 
@@ -148,13 +168,18 @@ class Greeter:
         )
 
     def _how(self) -> str:
-        return f"it has to connect to the Unix socket that {SOCKET_VARIABLE} names, here {self._socket.path}"
+        socket = f"it has to connect to the Unix socket that {SOCKET_VARIABLE} names, here {self._socket.path}"
+        return f"{socket}, {self._other.missing()}" if self._other is not None else socket
 
     def _late(self, timeout_s: float) -> LaunchError:
         return LaunchError(
             f"{self._text(timeout_s)}; {self._how()}. {CONNECT_TIMEOUT_VARIABLE} sets another time",
             _UNHEALTHY,
         )
+
+
+def _never() -> bool:
+    return False
 
 
 def _part(link: AgentLink, text: str) -> None:

@@ -97,8 +97,16 @@ class AgentSocket:
                 f"the socket for the robot application cannot be made at {self.path}: {error}", "InternalServiceError"
             ) from error
 
-    def accept(self, deadline_s: float, stop: Stop, clock: Clock = time.monotonic) -> socket.socket:
+    def accept(
+        self, deadline_s: float, stop: Stop, clock: Clock = time.monotonic, until: Callable[[], bool] = lambda: False
+    ) -> socket.socket | None:
         """Waits for a connection; those of other users of this machine are closed.
+
+        Args:
+            deadline_s: Time of the clock at which it gives up.
+            stop: Whether the run is to stop.
+            clock: Seconds.
+            until: Asked between two looks whether there is nothing to wait for any more; the answer is none then.
 
         Raises:
             TimeoutError: No client connected before the deadline.
@@ -116,6 +124,8 @@ class AgentSocket:
                 if self._is_for_any_user or _user_of(connection) in (os.geteuid(), 0):
                     return connection
                 connection.close()
+            if until():
+                return None
 
     def has_waiting_client(self) -> bool:
         """Whether another connection is there to be accepted."""

@@ -8,13 +8,13 @@ import dm_env
 
 from ....schemas.runs.plan import RecordedActions
 from ....schemas.wire.errors import LaunchError
-from ..episode.context import ActionError, SimulationContext
+from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunEnded
 from ..episode.results import Findings, Observer
 from .action_log import ActionLog, ActionLogError, ActionLogHeader, header_of
 from .agent_client import ACTION_HEADER
 from .agent_protocol import read_action
-from .remote_robot import RobotProgramError, action_layout
+from .remote_robot import action_layout
 
 _NO_NUMBER = ACTION_HEADER.pack(0)
 

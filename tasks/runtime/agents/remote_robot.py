@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from typing import Any
+from typing import Any, Literal, Protocol
 
 import dm_env
 
@@ -12,7 +12,7 @@ from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.provenance import ActionsSummary
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError
-from ..episode.context import ActionError, SimulationContext
+from ..episode.context import ActionError, RobotProgramError, SimulationContext
 from ..episode.progress import RunStopped
 from ..episode.results import Findings, Observer
 from .action_log import ACTIONS_FILE, ActionRecorder, header_of
@@ -28,17 +28,13 @@ from .agent_client import (
     ProtocolError,
     words,
 )
-from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter
+from .agent_greeting import CONNECT_TIMEOUT_VARIABLE, CRASH, Greeter, OtherInterface
 from .agent_layout import Layout
 from .agent_protocol import MAX_WORDS_BYTES, ObservationWriter, RobotHello, read_action, read_words
 from .agent_socket import AgentLink, AgentSocket, Closed, Message, Stop, Stopped
 
 _MIN_SILENT_STEPS = 20
 """A second of most robots; shorter silences are a slow controller."""
-
-
-class RobotProgramError(ActionError):
-    """The robot program sent something wrong, or did not answer."""
 
 
 class RemoteAgent:
@@ -213,6 +209,30 @@ CONNECT_TIMEOUT_S = 60.0
 _FAILED = "the run failed; the reason is the job's failureReason"
 
 
+Agent = Callable[[dm_env.TimeStep], Any]
+
+
+class RobotNodes(OtherInterface, Protocol):
+    """ROS nodes that may drive."""
+
+    @property
+    def mode(self) -> Literal["lockstep", "free"]:
+        """How their actions come, in the words of the log of actions."""
+        ...
+
+    def look_in(self, environment: Any) -> None:
+        """Begins to look for them, in a simulation that is ready."""
+        ...
+
+    def make_agent(self, environment: Any, stop: Stop, keep: Callable[[bytes], None]) -> Agent:
+        """The robot that they drive; `keep` is told each action as bytes."""
+        ...
+
+    def close(self) -> Findings:
+        """Leaves them; returns what the result says about them."""
+        ...
+
+
 class RemoteRobot(Observer):
     """The robot's side of a run whose robot application is a program.
 
@@ -221,17 +241,19 @@ class RemoteRobot(Observer):
 
     next_time_s = math.inf
 
-    def __init__(self, plan: RunPlan, robot: str, stop: Stop) -> None:
+    def __init__(self, plan: RunPlan, robot: str, stop: Stop, nodes: RobotNodes | None = None) -> None:
         """Listens.
 
         Args:
             plan: The run.
             robot: The robot application's name.
             stop: Whether the run is to stop.
+            nodes: ROS nodes that may drive instead of a program that connects.
 
         Raises:
             LaunchError: It cannot.
         """
+        self._nodes = nodes
         self._plan = plan
         self._robot = robot
         self._stop = stop
@@ -239,9 +261,10 @@ class RemoteRobot(Observer):
         self._link: AgentLink | None = None
         self._agent: RemoteAgent | None = None
         self._keeper: ActionRecorder | None = None
+        self._driven_by_nodes = False
 
-    def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> RemoteAgent:
-        """Waits for the robot's program and greets it.
+    def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
+        """Waits for the robot's program and greets it, or for its ROS nodes.
 
         Args:
             context: The run, with the robot application's environment variables.
@@ -256,12 +279,23 @@ class RemoteRobot(Observer):
         timestep_s = _control_timestep_s(environment)
         greeting = words(HELLO, _greeting(self._plan, self._robot, timestep_s, observation, action))
         assert self._socket is not None
-        greeter = Greeter(self._socket, self._robot, self._stop, max_duration_s=self._plan.max_duration_s)
+        nodes = self._nodes
+        if nodes is not None:
+            nodes.look_in(environment)
+        greeter = Greeter(self._socket, self._robot, self._stop, max_duration_s=self._plan.max_duration_s, other=nodes)
         try:
-            self._link, hello = greeter.greet(greeting, _connect_timeout_s(context.environment))
+            greeted = greeter.greet(greeting, _connect_timeout_s(context.environment))
         except Stopped:
             raise RunStopped from None
         self._stop_listening()
+        if greeted is None:
+            assert nodes is not None
+            self._keeper = ActionRecorder(self._plan.output_dir / ACTIONS_FILE, header_of(nodes.mode, action))
+            self._driven_by_nodes = True
+            return nodes.make_agent(environment, self._stop, self._keeper.keep)
+        if nodes is not None:
+            nodes.close()
+        self._link, hello = greeted
         if hello.mode == "free" and not timestep_s:
             text = "this environment cannot run free: it has no control_timestep()"
             self._link.refuse(text)
@@ -298,6 +332,11 @@ class RemoteRobot(Observer):
         self._stop_listening()
         if self._keeper is not None:
             self._keeper.close()
+        of_nodes = self._nodes.close() if self._nodes is not None else Findings()
+        if self._driven_by_nodes:
+            if self._keeper is not None and self._keeper.error is not None:
+                of_nodes.extra["ros"]["actions_not_kept"] = self._keeper.error
+            return of_nodes
         if self._agent is None:
             if self._link is not None:
                 self._link.refuse(_FAILED)

@@ -17,6 +17,10 @@ class ActionError(ValueError):
     """An environment's `step` raises it when the action is wrong; the failure is the robot application's."""
 
 
+class RobotProgramError(ActionError):
+    """The robot's program or nodes sent something wrong, or did not answer."""
+
+
 class ObservationError(ValueError):
     """An agent raises it when the time step is wrong; the failure is the simulation application's."""
 

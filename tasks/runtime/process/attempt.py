@@ -17,14 +17,15 @@ from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
-from ..agents.remote_robot import RemoteRobot, RobotProgramError
-from ..episode.context import SimulationContext
+from ..agents.remote_robot import RemoteRobot
+from ..episode.context import RobotProgramError, SimulationContext
 from ..episode.health import PhysicsHealth
 from ..episode.loading import LoadError, load_factory
 from ..episode.progress import Phase, Progress, Stop
 from ..episode.results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
 from ..recording.recording import McapRecorder, Recorder, RecordingError
 from ..requirements.measurements import RequirementError
+from ..ros.ros_robot import RosBridge
 from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder
 from ..video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
@@ -128,8 +129,10 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     rng = np.random.default_rng(plan.seed)
     checkpoints = Checkpointer(plan, rng) if plan.checkpoint_dir and plan.checkpoint_every_s else None
     resumes = checkpoints is not None and checkpoints.resumes
-    recorder = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else Recorder()
-    remote = _remote_robot(plan, stop)
+    recording = McapRecorder(plan.output_dir / RECORDING_FILE, resume=resumes) if plan.record else Recorder()
+    bridge = _bridge(plan, recording)
+    recorder = bridge.recorder if bridge is not None else recording
+    remote = _remote_robot(plan, stop, bridge)
     observers = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
     if camera := camera_recording(plan):
         observers.append(CameraRecorder(recorder, camera, run.video_backend))
@@ -168,7 +171,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     progress.mark(Phase.FINISHING)
     findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
     recorder.close()
-    write_result(make_result(episode, plan.seed, [*findings, recording_findings(episode, recorder)]), plan.output_dir)
+    write_result(make_result(episode, plan.seed, [*findings, recording_findings(episode, recording)]), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})
 
 
@@ -213,14 +216,22 @@ def contexts_of(
     return context, replace(context, environment=environment)
 
 
-def _remote_robot(plan: RunPlan, stop: Stop) -> RemoteRobot | RecordedRobot | None:
+def _bridge(plan: RunPlan, recording: Recorder) -> RosBridge | None:
+    """The ROS bridge of a run whose robot application may be ROS nodes."""
+    robot = applications_of(plan)[1]
+    if plan.ros is None or robot.attribute is not None or plan.recorded_actions is not None:
+        return None
+    return RosBridge(plan, robot.name, recording)
+
+
+def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> RemoteRobot | RecordedRobot | None:
     """The robot's side of a run whose robot application is a program; None: it is a factory."""
     robot = applications_of(plan)[1]
     if robot.attribute is not None:
         return None
     if plan.recorded_actions is not None:
         return RecordedRobot(plan.recorded_actions, robot.name)
-    return RemoteRobot(plan, robot.name, stop)
+    return RemoteRobot(plan, robot.name, stop, bridge)
 
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:

@@ -107,6 +107,11 @@ def _imu(message: ros.Imu) -> ros.Imu:
     )
 
 
+def _pose_with_covariance(message: display.PoseWithCovarianceStamped) -> SimpleNamespace:
+    header, pose, covariance = message
+    return SimpleNamespace(header=header, pose=SimpleNamespace(pose=pose, covariance=_covariance(covariance, 36)))
+
+
 def _compressed_image(message: display.CompressedImage) -> SimpleNamespace:
     return SimpleNamespace(header=message.header, format=message.format, data=np.frombuffer(message.data, np.uint8))
 
@@ -139,6 +144,8 @@ _SHAPES: dict[type[Message], Callable[[Any], Any]] = {
     ros.JointState: _joint_state,
     ros.Imu: _imu,
     display.PoseStamped: _as_it_is,
+    display.PoseWithCovarianceStamped: _pose_with_covariance,
+    display.String: _as_it_is,
     display.Path: _as_it_is,
     display.CompressedImage: _compressed_image,
     display.CameraInfo: _camera_info,
@@ -157,6 +164,7 @@ _NANOSECONDS = 1_000_000_000
 _DOUBLE, _FLOAT = 8, 4
 _DOUBLES, _FLOATS = "<f8", "<f4"
 _COVARIANCE = 36 * _DOUBLE
+_COVARIANCE_3X3 = 9 * _DOUBLE
 _ZERO = ros.Time(0, 0)
 _AFTER_ENCAPSULATION = (4,)
 
@@ -246,6 +254,25 @@ def laser_scan(scan: ros.LaserScan) -> Columns:
     # After the ranges there is only the length of the intensities.
     place = len(template) - _FLOAT - count * _FLOAT
     return Columns(ros.LaserScan, template, _AFTER_ENCAPSULATION, {"ranges": (place, count, _FLOATS)})
+
+
+def imu(frame_id: str) -> Columns:
+    """Returns the columns of `sensor_msgs/Imu` without covariances.
+
+    Its numbers are `orientation` x, y, z, w, `angular_velocity` and `linear_acceleration`.
+    """
+    nothing = ros.Imu(ros.Header(_ZERO, frame_id), ros.Quaternion(), ros.Vector3(), ros.Vector3())
+    template = encode(nothing)
+    # After each of the three comes its covariance; the message ends with the last one.
+    acceleration = len(template) - _COVARIANCE_3X3 - 3 * _DOUBLE
+    rates = acceleration - _COVARIANCE_3X3 - 3 * _DOUBLE
+    orientation = rates - _COVARIANCE_3X3 - 4 * _DOUBLE
+    numbers = {
+        "orientation": (orientation, 4, _DOUBLES),
+        "angular_velocity": (rates, 3, _DOUBLES),
+        "linear_acceleration": (acceleration, 3, _DOUBLES),
+    }
+    return Columns(ros.Imu, template, _AFTER_ENCAPSULATION, numbers)
 
 
 class Series(Protocol):

@@ -171,6 +171,24 @@ class PoseStamped(NamedTuple):
     ROS_TYPE = "geometry_msgs/msg/PoseStamped"
 
 
+class PoseWithCovarianceStamped(NamedTuple):
+    """`geometry_msgs/PoseWithCovarianceStamped`, by custom on `/initialpose`; covariance 6 x 6 by rows."""
+
+    header: Header
+    pose: Pose
+    covariance: Sequence[float] = NO_COVARIANCE
+
+    ROS_TYPE = "geometry_msgs/msg/PoseWithCovarianceStamped"
+
+
+class String(NamedTuple):
+    """`std_msgs/String`, by custom on `/robot_description`."""
+
+    data: str
+
+    ROS_TYPE = "std_msgs/msg/String"
+
+
 class Path(NamedTuple):
     """`nav_msgs/Path`, by custom on `/plan`."""
 
@@ -289,4 +307,6 @@ class MarkerArray(NamedTuple):
     ROS_TYPE = "visualization_msgs/msg/MarkerArray"
 
 
-DisplayMessage = PoseStamped | Path | CompressedImage | CameraInfo | OccupancyGrid | MarkerArray
+DisplayMessage = (
+    PoseStamped | PoseWithCovarianceStamped | String | Path | CompressedImage | CameraInfo | OccupancyGrid | MarkerArray
+)

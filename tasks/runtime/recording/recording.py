@@ -2,11 +2,11 @@
 
 import json
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, NamedTuple
 
 from .cdr import Message, RowEncoder, Series, definition, encode, type_hash
 from .companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, channel_metadata, layout, metadata
@@ -14,16 +14,37 @@ from .mcap_file import McapFile, Nowhere, Rows, Unbuffered
 from .messages import TFMessage, TransformStamped
 
 
+class Frames(NamedTuple):
+    """Names of the frames that the built-in simulation tells of."""
+
+    map: str = "map"
+    odometry: str = "odom"
+    base: str = "base_link"
+    scan: str = "base_scan"
+    footprint: str = "base_footprint"
+    """The base's place on the floor, which AMCL looks for; none where the base itself is called so."""
+
+    imu: str = "imu_link"
+
+
+DEFAULT_FRAMES = Frames()
+
+
 class Recorder:
     """Takes ROS 2 messages; this one drops them, as of a run that is not recorded."""
 
     enabled: bool = False
     """Whether anything is written; producers skip making messages when it is not."""
+    frames: Frames = DEFAULT_FRAMES
+    """Names of frames; those who publish ask when a run begins."""
     topics: frozenset[str] = frozenset()
     """Topics that have messages; known when it is closed."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Record a message of `prefect_robomaker.tasks.runtime.recording.messages` at a simulated time."""
+
+    def add(self, topic: str, kind: type, data: bytes, time_s: float) -> None:
+        """Record a message that is encoded already; see `write`."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Record where frames are that do not move, on `/tf_static`, with all that were recorded before."""
@@ -52,7 +73,7 @@ _CHUNK_BYTES = 768 * 1024
 _FLUSH_INTERVAL_S = 2.0
 """Wall-clock time after which a chunk is finished even when it is not full."""
 _NANOSECONDS = 1_000_000_000
-_STATIC_TOPIC = "/tf_static"
+STATIC_TOPIC = "/tf_static"
 
 
 class RecordingError(OSError):
@@ -82,8 +103,7 @@ class McapRecorder(Recorder):
         """
         self._channels: dict[str, tuple[int, type]] = {}
         self._series: list[tuple[Series, RowEncoder]] = []
-        self._static: dict[str, TransformStamped] = {}
-        """Static transforms, by child frame."""
+        self._static = StaticTransforms()
         self._path = path
         with self._explained():
             self._stream = Nowhere() if resume else Unbuffered(path)
@@ -103,8 +123,12 @@ class McapRecorder(Recorder):
             RecordingError: The file cannot be written.
             TypeError: The object is no message, or the topic carries another type.
         """
-        channel = self._channel(topic, type(message))
-        data = encode(message)
+        self._channel(topic, type(message))
+        self.add(topic, type(message), encode(message), time_s)
+
+    def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
+        """Records a message that is encoded already; see `write`."""
+        channel = self._channel(topic, kind)
         time_ns = max(0, round(time_s * _NANOSECONDS))
         try:
             self._file.add_message(channel, time_ns, data)
@@ -125,12 +149,8 @@ class McapRecorder(Recorder):
         Raises:
             RecordingError: The file cannot be written.
         """
-        known = self._static
-        fresh = {item.child_frame_id: item for item in transforms}
-        if all(_same_place(known.get(child), item) for child, item in fresh.items()):
-            return
-        self._static = known | fresh
-        self.write(_STATIC_TOPIC, TFMessage(tuple(self._static.values())), time_s)
+        if self._static.add(transforms):
+            self.write(STATIC_TOPIC, self._static.message(), time_s)
 
     def add_series(self, series: Series) -> None:
         """Records what a series of messages gathers, from now on.
@@ -176,7 +196,7 @@ class McapRecorder(Recorder):
         """
         with self._explained():
             kinds = {topic: kind for topic, (_, kind) in self._channels.items()}
-            return {"file": self._file.state(), "kinds": kinds, "static": self._static}
+            return {"file": self._file.state(), "kinds": kinds, "static": self._static.known}
 
     def restore(self, state: dict[str, Any]) -> None:
         """Goes on from where `state` was called; what the file has beyond is cut off.
@@ -192,7 +212,7 @@ class McapRecorder(Recorder):
             self._file.restore(file, self._stream)
         numbers = {channel.topic: channel.id for channel in file["channels"]}
         self._channels = {topic: (numbers[topic], kind) for topic, kind in state["kinds"].items()}
-        self._static = state["static"]
+        self._static = StaticTransforms(state["static"])
         series, self._series = self._series, []
         for each, _ in series:
             self.add_series(each)
@@ -264,6 +284,25 @@ class McapRecorder(Recorder):
 
     def _explanation(self, error: OSError) -> RecordingError:
         return RecordingError(error.errno, f"the recording cannot be written: {error.strerror}", str(self._path))
+
+
+class StaticTransforms:
+    """Where frames are that do not move, by child frame."""
+
+    def __init__(self, known: Mapping[str, TransformStamped] | None = None) -> None:
+        self.known = dict(known or {})
+
+    def add(self, transforms: Sequence[TransformStamped]) -> bool:
+        """Adds frames; says whether anything is new."""
+        fresh = {item.child_frame_id: item for item in transforms}
+        if all(_same_place(self.known.get(child), item) for child, item in fresh.items()):
+            return False
+        self.known = self.known | fresh  # a new one: checkpoints keep the old one
+        return True
+
+    def message(self, without: Collection[str] = ()) -> TFMessage:
+        """All of them, but for some child frames."""
+        return TFMessage(tuple(item for child, item in self.known.items() if child not in without))
 
 
 def _same_place(known: TransformStamped | None, item: TransformStamped) -> bool:

@@ -4,21 +4,18 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 from collections.abc import Sequence
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from . import messages as ros
-from .cdr import AnyNumbers, Columns, Numbers, clock, joint_states, laser_scan, odometry, transforms
+from .cdr import AnyNumbers, Columns, Numbers, clock, joint_states, odometry, transforms
 from .links import Links
-from .recording import Recorder
+from .recording import DEFAULT_FRAMES, Frames, Recorder
 
 STATE_RATE_HZ = 50.0
 """How often states are recorded, if the environment steps as often."""
-
-BASE_FRAME = "base_link"
-ODOMETRY_FRAME = "odom"
 
 _MAX_SAMPLES = 1024
 _MAX_BYTES = 768 * 1024
@@ -50,6 +47,7 @@ class StateSeries:
         joint_names: Sequence[str] | None = None,
         joint_frame: str = "",
         links: Links | None = None,
+        frames: Frames = DEFAULT_FRAMES,
     ) -> None:
         """Prepares a series; `Recorder.add_series` takes it.
 
@@ -62,13 +60,14 @@ class StateSeries:
             joint_names: What the joints are called in messages; else their names in the model.
             joint_frame: Frame that the joint states name, usually the robot's base.
             links: Moving parts that `/tf` tells of too, where there is a base.
+            frames: Names of the frames of odometry and base.
         """
         joints = list(joints)
         names = joint_names or [model.joint(joint).name or f"joint_{joint}" for joint in joints]
         self.topics: list[tuple[str, Columns]] = [("/clock", clock())]
         if base:
-            self.topics.append(("/tf", transforms([(ODOMETRY_FRAME, BASE_FRAME), *(links.frames if links else [])])))
-            self.topics.append(("/odom", odometry(ODOMETRY_FRAME, BASE_FRAME)))
+            self.topics.append(("/tf", transforms([(frames.odometry, frames.base), *(links.frames if links else [])])))
+            self.topics.append(("/odom", odometry(frames.odometry, frames.base)))
         if joints:
             self.topics.append(("/joint_states", joint_states(joint_frame, names)))
         self._data = data
@@ -189,48 +188,50 @@ def _turned_back(quaternions: Numbers, vectors: Numbers) -> Numbers:
     )
 
 
-_MAX_SCAN_BYTES = 256 * 1024
+_MAX_ROW_BYTES = 256 * 1024
 """Limit of the messages that wait for a chunk, in bytes."""
 
 
-class ScanSeries:
-    """Gathers a lidar's measurements for a recorder; messages are made when a chunk is written."""
+class RowSeries:
+    """Gathers a sensor's measurements for a recorder; messages are made when a chunk is written."""
 
-    def __init__(self, topic: str, scan: ros.LaserScan) -> None:
+    def __init__(self, topic: str, columns: Columns) -> None:
         """Prepares a series; `Recorder.add_series` takes it.
 
         Args:
-            topic: Where the scans go, `/scan`.
-            scan: One of them, for all that does not change; it has no intensities.
+            topic: Where the messages go, `/scan`.
+            columns: Their kind, with numbers of one type.
         """
-        columns = laser_scan(scan)
         self.topics: list[tuple[str, Columns]] = [(topic, columns)]
-        self._rays = len(scan.ranges)
-        self._capacity = max(1, _MAX_SCAN_BYTES // len(columns.template))
+        self._widths = [width for _, width, _ in columns.numbers.values()]
+        (kind,) = {kind for _, _, kind in columns.numbers.values()}
+        self._dtype: np.dtype[np.floating[Any]] = np.dtype(kind)
+        self._capacity = max(1, _MAX_ROW_BYTES // len(columns.template))
         self._times: list[float] = []
-        self._ranges: list[bytes] = []
+        self._rows: list[bytes] = []
 
-    def add(self, recorder: Recorder, time_s: float, ranges: NDArray[np.float32]) -> None:
+    def add(self, recorder: Recorder, time_s: float, numbers: AnyNumbers) -> None:
         """Notes a measurement.
 
         Args:
             recorder: Who was given the series; it writes what there is when no more fits.
             time_s: Simulated time.
-            ranges: Metres, as many as there are rays.
+            numbers: All numbers of the message, in the order of its columns.
 
         Raises:
-            ValueError: There is another number of ranges.
+            ValueError: There are more or fewer numbers.
             RecordingError: The file cannot be written.
         """
-        if len(ranges) != self._rays:
-            raise ValueError(f"the lidar has {self._rays} rays, so {len(ranges)} ranges are no scan of it")
-        self._ranges.append(ranges.astype(np.float32, copy=False).tobytes())
+        if len(numbers) != sum(self._widths):
+            topic, wanted = self.topics[0][0], sum(self._widths)
+            raise ValueError(f"a message on {topic} has {wanted} numbers, so {len(numbers)} are none")
+        self._rows.append(numbers.astype(self._dtype, copy=False).tobytes())
         self._times.append(time_s)
         recorder.flush_when_due(full=len(self._times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns what was noted since the last time: times, and the ranges, a row per time."""
+        """Returns what was noted since the last time: times, and the numbers, a row per time."""
         times, self._times = self._times, []
-        rows, self._ranges = self._ranges, []
-        ranges = np.frombuffer(b"".join(rows[: len(times)]), np.float32).reshape(len(times), self._rays)
-        return np.array(times), [[ranges]]
+        rows, self._rows = self._rows, []
+        found = np.frombuffer(b"".join(rows[: len(times)]), self._dtype).reshape(len(times), sum(self._widths))
+        return np.array(times), [np.split(found, np.cumsum(self._widths)[:-1], axis=1)]

@@ -164,6 +164,9 @@ class Robot:
     video_camera: str | None = None
     """Camera for video, absent: the model's first."""
 
+    ros: Mapping[str, Any] = field(default_factory=dict)
+    """Options of the ROS bridge that its `robot.yaml` sets; see `RosOptions`."""
+
     is_differential: bool = False
     """Whether `joints` are one wheel on the left and one on the right, observed as `wheel_velocity`."""
 

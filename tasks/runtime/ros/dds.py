@@ -10,7 +10,7 @@ one release is taken. Names and QoS are those of ROS 2's middleware interface (`
 
 import os
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
@@ -31,7 +31,6 @@ _MAX_TAKEN = 64
 """Messages taken at once."""
 _ANY_STATE = 0x7F
 """All states of samples, views and instances."""
-_DEFINITELY_ALIVE_MS = 50
 
 _PRIMITIVES = {
     **{name: name for name in ("int8", "uint8", "int16", "uint16", "int32", "uint32", "int64", "uint64")},
@@ -123,7 +122,7 @@ def _checked_release() -> None:
 class Participant:
     """One member of a domain."""
 
-    def __init__(self, domain: int, reach: Reach = Reach()) -> None:
+    def __init__(self, domain: int, reach: Reach) -> None:
         """Joins a domain.
 
         Args:
@@ -142,7 +141,7 @@ class Participant:
         # Read when a process first joins a domain: what users have set comes first, ours is added.
         os.environ["CYCLONEDDS_URI"] = f"{before},{own}" if before else own
         try:
-            self._entity = domains.DomainParticipant(domain)
+            self._entity: Any = domains.DomainParticipant(domain)
         except core.DDSException as error:
             raise LaunchError(
                 f"ROS domain {domain} cannot be joined: {error.msg or error}; at most 60 participants of a domain fit "
@@ -195,20 +194,9 @@ class Participant:
         """Prefix of its GUID, by which its own publications are known."""
         return self._entity.get_guid().bytes[:12]
 
-    def wait(self, readers: "list[Reader]", timeout_s: float) -> bool:
-        """Waits until one of some readers has a message to be taken; says whether one has."""
-        from cyclonedds.core import ReadCondition, WaitSet
-        from cyclonedds.util import duration
-
-        waiting = WaitSet(self._entity)
-        conditions = [ReadCondition(reader.entity, _ANY_STATE) for reader in readers]
-        for condition in conditions:
-            waiting.attach(condition)
-        try:
-            return waiting.wait(duration(seconds=timeout_s)) > 0
-        finally:
-            for condition in conditions:
-                waiting.detach(condition)
+    def waiter(self, readers: "Sequence[Reader]") -> "Waiter":
+        """Prepares to wait for messages of some readers."""
+        return Waiter(self._entity, readers)
 
     def close(self) -> None:
         """Leaves the domain, with all writers and readers."""
@@ -216,6 +204,23 @@ class Participant:
         if entity is not None:
             self._publications = None
             entity._delete(entity._ref)  # at once: the collector would only do so when the last writer is gone
+
+
+class Waiter:
+    """Waits for messages of some readers."""
+
+    def __init__(self, entity: Any, readers: "Sequence[Reader]") -> None:
+        from cyclonedds.core import ReadCondition, WaitSet
+        from cyclonedds.util import duration
+
+        self._duration, self._waiting = duration, WaitSet(entity)
+        self._conditions = [ReadCondition(reader.entity, _ANY_STATE) for reader in readers]
+        for condition in self._conditions:
+            self._waiting.attach(condition)
+
+    def wait(self, timeout_s: float) -> bool:
+        """Waits until one of the readers has something to be taken; says whether one has."""
+        return self._waiting.wait(self._duration(seconds=timeout_s)) > 0
 
 
 class Writer:

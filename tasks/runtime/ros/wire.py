@@ -21,13 +21,17 @@ class Topic(NamedTuple):
     """Messages that are kept for a slow reader."""
 
 
+Vector = tuple[float, float, float]
+STILL: Vector = (0.0, 0.0, 0.0)
+
+
 class Command(NamedTuple):
     """A velocity command of a node, from `geometry_msgs/Twist` or `TwistStamped`."""
 
-    linear_mps: tuple[float, float, float]
+    linear_mps: Vector
     """Along x, y and z of the robot's base, metres a second."""
 
-    angular_radps: tuple[float, float, float]
+    angular_radps: Vector
     """About its axes, radians a second."""
 
     stamp_s: float | None = None

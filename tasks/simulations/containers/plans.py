@@ -52,6 +52,7 @@ def plan_container(
     run_environment: RunEnvironment,
     *,
     drives: bool,
+    variables: Mapping[str, str],
 ) -> list[ProgramPlan]:
     """Gets an application's image, makes its container, and says how it and its tools are run.
 
@@ -62,6 +63,7 @@ def plan_container(
         config: its entry in the job's request.
         run_environment: what it finds.
         drives: whether it is a robot application that drives a simulation over a socket.
+        variables: usual ones, which its launch configuration may set otherwise.
 
     Raises:
         LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
@@ -80,6 +82,7 @@ def plan_container(
         environment={
             DOMAIN_VARIABLE: run_environment.plan.environment[DOMAIN_VARIABLE],
             **container_variables(run_environment.plan.environment),
+            **variables,
             **(launch.get("environmentVariables") or {}),
             **_container_variables(run_environment, drives),
         },

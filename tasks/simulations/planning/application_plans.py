@@ -11,13 +11,15 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
 from ....schemas.runs.programs import PortPlan, ProgramPlan
+from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
 from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, own_program, package_folders, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
 from ..inputs.bundles import application_bundle
-from ..ros.job_services import FOLDER, NODE, make_message_package, message_variables
+from ..ros.bridge_plans import bridge_plan, discovery_variables
+from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
 from ..ros.launch_files import node_variables, own_master
 from .applications import LATEST, find_application, python_package
 from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch
@@ -128,6 +130,8 @@ class Applications:
     ports: list[PortPlan] = field(default_factory=list)
     ros: RosLaunch | None = None
     """The first that ROS launches."""
+    bridge: RosPlan | None = None
+    """The ROS bridge, where the robot application is a program that may be ROS nodes, and drives a simulation."""
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
@@ -147,6 +151,9 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
         has_master = any(_is_ros_1(launch) for _, launch in launches.values())
         launches[role] = _plan(role, config, run_environment, planned, has_master)
     check_pair(launches.get("simulation"), launches.get("robot"))
+    simulation = launches.get("simulation")
+    if simulation is None or isinstance(simulation[1], Program):
+        planned.bridge = None
     wants_topics = bool((request.get("loggingConfig") or {}).get("recordAllRosTopics"))
     planned.programs = with_ros_companions(planned.programs, planned.ros, run_environment, wants_topics=wants_topics)
     if any(_is_ros_1(launch) for _, launch in launches.values()):
@@ -179,10 +186,15 @@ def _plan(
     except ResourceNotFoundException as error:
         raise LaunchError(str(error), "ResourceNotFound") from error
     planned.ports += _ports(launch_config)
+    suite = ApplicationDocument.of(found).robot_software_suite
+    domain = int(run_environment.plan.environment[DOMAIN_VARIABLE])
     if (uri := image_of(found)) is not None:
         simulation = planned.plans.get("simulation")
         drives = role == "robot" and simulation is not None and simulation.attribute is not None
-        programs = plan_container(role, found, uri, config, run_environment, drives=drives)
+        if drives:
+            planned.bridge = bridge_plan(None, suite, launch_config.get("environmentVariables") or {}, domain)
+        variables = discovery_variables(suite, planned.bridge)
+        programs = plan_container(role, found, uri, config, run_environment, drives=drives, variables=variables)
         planned.plans[role] = ApplicationPlan(
             role=role, name=found.name, environment_variables=_settings_in(launch_config)
         )
@@ -202,7 +214,9 @@ def _plan(
         # A factory is imported from the bundle that all jobs share: two roles may have the same one.
         code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{role}-application"))
         launch = resolve_launch(code, launch_config, run_environment.which, sys.executable, has_master=has_master)
-    programs = _programs(code, launch, config, run_environment)
+    if role == "robot" and isinstance(launch, Program):
+        planned.bridge = bridge_plan(launch.ros, suite, launch_config.get("environmentVariables") or {}, domain)
+    programs = _programs(code, launch, config, run_environment, discovery_variables(suite, planned.bridge))
     planned.programs += programs
     if isinstance(launch, Program) and launch.launcher is not None and planned.ros is None:
         planned.ros = RosLaunch(code, launch, programs[0])
@@ -255,14 +269,18 @@ def _own_copy(bundle: Path, folder: Path) -> Path:
 
 
 def _programs(
-    code: Code, launch: Factory | Program, config: Mapping[str, Any], run_environment: RunEnvironment
+    code: Code,
+    launch: Factory | Program,
+    config: Mapping[str, Any],
+    run_environment: RunEnvironment,
+    usual: Mapping[str, str],
 ) -> list[ProgramPlan]:
-    """The application itself where it is a program, and its tools."""
+    """The application itself where it is a program, and its tools, with usual variables that it may set otherwise."""
     variables = config["launchConfig"].get("environmentVariables") or {}
     import_path = [str(code.folder)] if code.folder else []
     if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):
         import_path.append(inherited)
-    environment = {**variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
+    environment = {**usual, **variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
     if isinstance(launch, Program) and launch.launcher is not None:
         packages = package_folders(code.folder) if code.folder else []
         environment |= node_variables(packages, launch.launcher, sys.executable, variables, run_environment.environ)

@@ -186,6 +186,7 @@ def run_plan(
             "robot_application": applications.plans.get("robot"),
             "programs": applications.programs,
             "ports": applications.ports,
+            "ros": applications.bridge,
         }
     )
     _check_trials(planned)

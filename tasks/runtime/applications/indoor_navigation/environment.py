@@ -49,7 +49,7 @@ class IndoorNavigation(ResumableEnvironment):
     @cached_property
     def tf_frames(self) -> dict[int, str]:
         """Frames by numbers of bodies; a recording's `/tf` tells where they are."""
-        return frames_of_bodies(self.robot, self.physics.model.ptr)
+        return frames_of_bodies(self.robot, self.physics.model.ptr, self._navigation.frames)
 
     def renew(self, context: SimulationContext) -> None:
         """Serves another trial of its job; all else is put back by `reset`."""

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from .....schemas.worlds.world import World
 from ...episode.results import EnvironmentReport
-from ...recording.recording import Recorder
+from ...recording.recording import Frames, Recorder
 from ...robots.drives import bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
@@ -182,6 +182,11 @@ class NavigationTask(Task):
 
     # -- Called by the environment --------------------------------------------
 
+    @property
+    def frames(self) -> Frames:
+        """Names of the frames that its recording tells of."""
+        return self._recorder.frames
+
     def renew(self, rng: np.random.Generator) -> None:
         """Serves another episode, with another source of chance."""
         self._rng = rng
@@ -269,6 +274,8 @@ class NavigationTask(Task):
             self._visited.setflags(write=False)
             if self._recorder.enabled:
                 self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
+        if self._robot.imu is not None and self._recorder.enabled:
+            self._telemetry.publish_imu(self._state.time_s, self._imu())
         if self._ranging is not None and self._steps % self._scan_every_steps == 0:
             self._measure_ranges(*self._ranging)
 

@@ -24,7 +24,6 @@ ARROW_M_PER_N = 0.01
 """Length of a contact's arrow for its normal force."""
 
 _LIFETIME = ros.Time.from_seconds(0.1)
-_FRAME = "map"
 _ROUNDING_S = 1e-6
 _SHAFT = ros.Vector3(0.02, 0.04, 0.0)
 """Diameters of an arrow's shaft and head."""
@@ -34,15 +33,16 @@ _LETTERS = ros.Vector3(z=0.2)
 _RED, _ORANGE, _GREEN = ColorRGBA(0.9, 0.1, 0.1), ColorRGBA(1.0, 0.6, 0.1, 0.8), ColorRGBA(0.2, 0.8, 0.3, 0.8)
 
 
-def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float) -> MarkerArray:
+def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, frame: str) -> MarkerArray:
     """Returns a disc and a name per room; green where the robot has been.
 
     Args:
         rooms: the rooms, each with its goal.
         visited: which of them the robot has been in.
         time_s: simulated time.
+        frame: the map's.
     """
-    header = ros.Header(ros.Time.from_seconds(time_s), _FRAME)
+    header = ros.Header(ros.Time.from_seconds(time_s), frame)
     markers = []
     for number, (room, done) in enumerate(zip(rooms, visited, strict=True)):
         colour, (x, y) = _GREEN if done else _ORANGE, room.goal
@@ -92,7 +92,7 @@ class ContactMarkers:
         self._due_s = time_s + 1 / CONTACT_RATE_HZ - _ROUNDING_S
         pairs = self._data.contact.geom
         touching = (self._robot[pairs].sum(axis=1) == 1) & ~self._floor[pairs].any(axis=1)
-        header = ros.Header(ros.Time.from_seconds(time_s), _FRAME)
+        header = ros.Header(ros.Time.from_seconds(time_s), self._recorder.frames.map)
         markers = [self._arrow(header, index) for index in np.flatnonzero(touching).tolist()]
         if markers:
             self._recorder.write("/contacts", MarkerArray(markers), time_s)

@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from .....schemas.worlds.world import Room
 from ...episode.context import KeepsAttributes
 from ...recording import messages as ros
+from ...recording.cdr import imu, laser_scan
 from ...recording.companions import WORLD_TOPIC
 from ...recording.links import Links
-from ...recording.recording import Recorder
-from ...recording.state_series import BASE_FRAME, ODOMETRY_FRAME, STATE_RATE_HZ, ScanSeries, StateSeries
+from ...recording.recording import DEFAULT_FRAMES, Frames, Recorder
+from ...recording.state_series import STATE_RATE_HZ, RowSeries, StateSeries
 from ...robots.robot import Lidar, Robot
 from .occupancy_map import OccupancyMap
 from .scene_markers import goal_markers, occupancy_grid, robot_markers, world_markers
 
-MAP_FRAME = "map"
 _ROUNDING_S = 1e-6
 """Forgives rounding in sums of time steps."""
 
@@ -46,14 +46,15 @@ def moving_body(robot: Robot) -> str:
     return f"{robot.prefix}{robot.footprint if robot.planar_joints and robot.footprint else robot.base}"
 
 
-def links_of(robot: Robot, model: mujoco.MjModel) -> Links:
+def links_of(robot: Robot, model: mujoco.MjModel, frames: Frames = DEFAULT_FRAMES) -> Links:
     """Returns the moving parts of a robot that have frames of their own: all but the wheels of those like Scout."""
-    return Links(model, model.body(moving_body(robot)).id, BASE_FRAME, _wheels(robot, model))
+    return Links(model, model.body(moving_body(robot)).id, frames.base, _wheels(robot, model))
 
 
-def frames_of_bodies(robot: Robot, model: mujoco.MjModel) -> dict[int, str]:
+def frames_of_bodies(robot: Robot, model: mujoco.MjModel, frames: Frames = DEFAULT_FRAMES) -> dict[int, str]:
     """Returns the frames that `/tf` tells of, by numbers of bodies in a compiled world: not all of them have names."""
-    return {0: MAP_FRAME, model.body(moving_body(robot)).id: BASE_FRAME, **links_of(robot, model).frame_of}
+    base = model.body(moving_body(robot)).id
+    return {0: frames.map, base: frames.base, **links_of(robot, model, frames).frame_of}
 
 
 def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:
@@ -69,10 +70,11 @@ class Telemetry(KeepsAttributes):
     | --- | --- | --- |
     | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | 50 Hz |
     | `/scan` | the lidar | with every measurement |
+    | `/imu` | attitude, turning rates, acceleration | 20 Hz |
     | `/contacts` | what the robot touches | 50 Hz while it does |
     | `/goals` | the rooms' goals and which were visited | at the start and with every change |
     | `/map`, `/world`, `/robot` | the map, and what world and robot look like | once |
-    | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` | once |
+    | `/tf_static` | `map` to `odom`, `base_link` to `base_scan`, `imu_link` and `base_footprint` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
     """
@@ -84,9 +86,15 @@ class Telemetry(KeepsAttributes):
         self._map = known
         self._robot = robot
         self._series: StateSeries | None = None
-        self._scans: ScanSeries | None = None
+        self._scans: RowSeries | None = None
+        self._imu: RowSeries | None = None
         self._shown: mujoco.MjModel | None = None
         self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
+
+    @property
+    def frames(self) -> Frames:
+        """Names of its frames."""
+        return self._recorder.frames
 
     def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Publishes what does not change, and the first state.
@@ -95,7 +103,7 @@ class Telemetry(KeepsAttributes):
             model: the world with the robot.
             data: its state, after `mj_forward`.
         """
-        self._data = data
+        self._model, self._data = model, data
         self._start_s, self._samples, self._due_s = data.time, 0, data.time - _ROUNDING_S
         self._publish_static(model, data)
         if self._shown is not model:
@@ -127,33 +135,45 @@ class Telemetry(KeepsAttributes):
             [model.joint(f"{robot.prefix}{name}").id for name in robot.joints],
             base=[model.joint(f"{robot.prefix}{name}").id for name in base],
             joint_names=names,
-            joint_frame=BASE_FRAME,
-            links=links_of(robot, model) if base else None,
+            joint_frame=self.frames.base,
+            links=links_of(robot, model, self.frames) if base else None,
+            frames=self.frames,
         )
 
     def _publish_static(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        robot = self._robot
+        robot, frames = self._robot, self.frames
         stamp = ros.Time.from_seconds(data.time)
-        transforms = [ros.TransformStamped(ros.Header(stamp, MAP_FRAME), ODOMETRY_FRAME, ros.Transform())]
-        if robot.lidar is not None:
-            # Where the lidar stands on the body it is fixed to, seen from the robot's base.
-            base, body = model.body(moving_body(robot)).id, robot.footprint_id(model)
-            turn = data.xmat[base].reshape(3, 3).T
-            foot = data.xmat[body].reshape(3, 3)
-            place = turn @ (data.xpos[body] + foot[:, 2] * robot.lidar.height_m - data.xpos[base])
+        transforms = [ros.TransformStamped(ros.Header(stamp, frames.map), frames.odometry, ros.Transform())]
+        base = model.body(moving_body(robot)).id
+        at, turn = data.xpos[base], data.xmat[base].reshape(3, 3).T
+
+        def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
+            """Adds a frame on the base, from its place and axes in the world."""
             quaternion = np.zeros(4)
-            mujoco.mju_mat2Quat(quaternion, (turn @ foot).ravel())
+            mujoco.mju_mat2Quat(quaternion, (turn @ axes).ravel())
             w, x, y, z = quaternion.tolist()
-            mount = ros.Transform(ros.Vector3(*place.tolist()), ros.Quaternion(x, y, z, w))
-            transforms.append(ros.TransformStamped(ros.Header(stamp, BASE_FRAME), "base_scan", mount))
+            pose = ros.Transform(ros.Vector3(*(turn @ (place - at)).tolist()), ros.Quaternion(x, y, z, w))
+            transforms.append(ros.TransformStamped(ros.Header(stamp, frames.base), frame, pose))
+
+        if frames.footprint != frames.base:
+            add(frames.footprint, np.array((at[0], at[1], 0.0)), turn.T)
+        if robot.lidar is not None:
+            body = robot.footprint_id(model)
+            foot = data.xmat[body].reshape(3, 3)
+            add(frames.scan, data.xpos[body] + foot[:, 2] * robot.lidar.height_m, foot)
+        if robot.imu is not None:
+            site = int(model.sensor_objid[model.sensor(f"{robot.prefix}{robot.imu[0]}").id])
+            self._imu_axes = turn @ data.site_xmat[site].reshape(3, 3)
+            add(frames.imu, data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
         self._recorder.add_static_transforms(transforms, data.time)
 
     def _publish_looks(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        robot, stamp = self._robot, ros.Time.from_seconds(data.time)
+        robot, stamp, frame = self._robot, ros.Time.from_seconds(data.time), self.frames.map
         if self._map is not None:
-            self._recorder.write("/map", occupancy_grid(self._map, ros.Header(stamp, MAP_FRAME)), data.time)
-        self._recorder.write(WORLD_TOPIC, world_markers(model, data, MAP_FRAME, stamp), data.time)
-        frames = {model.body(moving_body(robot)).id: BASE_FRAME, **links_of(robot, model).frame_of}
+            self._recorder.write("/map", occupancy_grid(self._map, ros.Header(stamp, frame)), data.time)
+        self._recorder.write(WORLD_TOPIC, world_markers(model, data, frame, stamp), data.time)
+        frames = frames_of_bodies(robot, model, self.frames)
+        del frames[0]  # the world has its own markers
         looks = robot_markers(model, data, frames, _wheels(robot, model), stamp)
         self._recorder.write("/robot", looks, data.time)
 
@@ -165,21 +185,31 @@ class Telemetry(KeepsAttributes):
             visited: which of them the robot has been in.
         """
         time_s = self._data.time
-        self._recorder.write("/goals", goal_markers(rooms, visited, time_s), time_s)
+        self._recorder.write("/goals", goal_markers(rooms, visited, time_s, self.frames.map), time_s)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
         """Publishes a measurement of the lidar."""
         if self._scans is None:
             assert self._robot.lidar is not None
-            self._scans = ScanSeries("/scan", _scan(self._robot.lidar, ranges))
+            self._scans = RowSeries("/scan", laser_scan(_scan(self._robot.lidar, ranges, self.frames.scan)))
             self._recorder.add_series(self._scans)
         self._scans.add(self._recorder, time_s, ranges)
 
+    def publish_imu(self, time_s: float, measured: Sequence[float]) -> None:
+        """Publishes turning rates (rad/s) and acceleration (m/s²), and the exact attitude."""
+        if self._imu is None:
+            self._imu = RowSeries("/imu", imu(self.frames.imu))
+            self._recorder.add_series(self._imu)
+        quaternion = np.zeros(4)
+        base = self._model.body(moving_body(self._robot)).id
+        mujoco.mju_mat2Quat(quaternion, (self._data.xmat[base].reshape(3, 3) @ self._imu_axes).ravel())
+        self._imu.add(self._recorder, time_s, np.array((*quaternion[[1, 2, 3, 0]], *measured)))
 
-def _scan(lidar: Lidar, ranges: NDArray[np.float32]) -> ros.LaserScan:
+
+def _scan(lidar: Lidar, ranges: NDArray[np.float32], frame: str) -> ros.LaserScan:
     angles = lidar.angles_rad
     return ros.LaserScan(
-        header=ros.Header(ros.Time(0, 0), "base_scan"),
+        header=ros.Header(ros.Time(0, 0), frame),
         angle_min=float(angles[0]),
         angle_max=float(angles[-1]),
         angle_increment=lidar.angle_increment_rad,

@@ -5,9 +5,9 @@ import pytest
 from mcap.reader import NonSeekingReader
 
 from prefect_robomaker.tasks.runtime.recording import messages as ros
-from prefect_robomaker.tasks.runtime.recording.cdr import encode
+from prefect_robomaker.tasks.runtime.recording.cdr import encode, laser_scan
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
-from prefect_robomaker.tasks.runtime.recording.state_series import ScanSeries
+from prefect_robomaker.tasks.runtime.recording.state_series import RowSeries
 
 
 def scan(ranges: np.ndarray, time_s: float = 0.0) -> ros.LaserScan:
@@ -18,7 +18,7 @@ def scan(ranges: np.ndarray, time_s: float = 0.0) -> ros.LaserScan:
 def test_scans_are_those_written_one_by_one_and_in_order_with_other_messages(tmp_path: Path) -> None:
     ranges = np.random.default_rng(0).uniform(0.1, 3.5, (400, 360)).astype(np.float32)
     ranges[0, :5] = np.inf
-    series = ScanSeries("/scan", scan(ranges[0]))
+    series = RowSeries("/scan", laser_scan(scan(ranges[0])))
     with McapRecorder(tmp_path / "r.mcap") as recorder:
         recorder.add_series(series)
         for number, row in enumerate(ranges):  # more than a series holds
@@ -34,7 +34,7 @@ def test_scans_are_those_written_one_by_one_and_in_order_with_other_messages(tmp
     assert len(times) == 400 + 134
 
 
-def test_another_number_of_rays_is_refused(tmp_path: Path) -> None:
-    series = ScanSeries("/scan", scan(np.zeros(360, np.float32)))
-    with McapRecorder(tmp_path / "r.mcap") as recorder, pytest.raises(ValueError, match="360 rays, so 36 ranges"):
+def test_another_number_of_numbers_is_refused(tmp_path: Path) -> None:
+    series = RowSeries("/scan", laser_scan(scan(np.zeros(360, np.float32))))
+    with McapRecorder(tmp_path / "r.mcap") as recorder, pytest.raises(ValueError, match="/scan has 360 numbers, so 36 are none"):
         series.add(recorder, 0.0, np.zeros(36, np.float32))

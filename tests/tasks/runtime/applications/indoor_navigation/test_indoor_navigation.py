@@ -116,7 +116,7 @@ def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
     found = read(tmp_path / "r.mcap")
     states = dict.fromkeys(("/clock", "/tf", "/odom", "/joint_states"), 101)
     assert {topic: len(messages) for topic, messages in found.items()} == {
-        "/tf_static": 1, "/scan": 11, "/goals": 2, "/map": 1, "/world": 1, "/robot": 1, **states
+        "/tf_static": 1, "/scan": 11, "/imu": 41, "/goals": 2, "/map": 1, "/world": 1, "/robot": 1, **states
     }  # fmt: skip
     last = {topic: messages[-1] for topic, messages in found.items()}
     x, y, yaw = timestep.observation["pose"]
@@ -128,8 +128,18 @@ def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
     assert list(last["/scan"].ranges) == timestep.observation["scan"].tolist()
     assert last["/tf"].transforms[0].child_frame_id == "base_link"
     assert last["/joint_states"].name == ["wheel_left_joint", "wheel_right_joint"]
-    mount = found["/tf_static"][0].transforms[1]
-    assert (mount.header.frame_id, mount.child_frame_id) == ("base_link", "base_scan")
+    mounts = {each.child_frame_id: each for each in found["/tf_static"][0].transforms}
+    assert {child: each.header.frame_id for child, each in mounts.items()} == {
+        "odom": "map", "base_footprint": "base_link", "base_scan": "base_link", "imu_link": "base_link"
+    }  # fmt: skip
+    assert mounts["base_footprint"].transform.translation.z == pytest.approx(0.0, abs=1e-3)
+    attitude, rates, acceleration = (
+        getattr(last["/imu"], name) for name in ("orientation", "angular_velocity", "linear_acceleration")
+    )
+    assert 2 * np.arctan2(attitude.z, attitude.w) == pytest.approx(yaw, abs=1e-3)
+    assert rates.z == pytest.approx(timestep.observation["imu"][2])
+    assert acceleration.z == pytest.approx(9.81, abs=0.5)
+    mount = mounts["base_scan"]
     assert mount.transform.translation.z == pytest.approx(0.13)
     stamps = [message.header.stamp.sec * 10**9 + message.header.stamp.nanosec for message in found["/odom"]]
     assert stamps == [20_000_000 * sample for sample in range(101)]

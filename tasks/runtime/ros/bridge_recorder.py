@@ -1,0 +1,215 @@
+"""A recorder that also publishes: ROS nodes get the bytes that the recording gets."""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..recording.cdr import AnyNumbers, Message, Numbers, RowEncoder, Series, encode
+from ..recording.mcap_file import RECORD_HEAD_BYTES, Rows
+from ..recording.messages import TransformStamped
+from ..recording.recording import STATIC_TOPIC, Frames, Recorder, StaticTransforms
+from ..recording.state_series import StateSeries
+from .wire import Topic, Wire
+
+TOPICS: Mapping[str, Topic] = {
+    topic.name: topic
+    for topic in (
+        # Clients of rclcpp subscribe the clock best effort, which a reliable publisher serves, too.
+        Topic("/clock", "rosgraph_msgs/msg/Clock"),
+        Topic("/tf", "tf2_msgs/msg/TFMessage", depth=100),
+        Topic("/tf_static", "tf2_msgs/msg/TFMessage", is_latched=True, depth=1),
+        Topic("/odom", "nav_msgs/msg/Odometry"),
+        Topic("/joint_states", "sensor_msgs/msg/JointState"),
+        Topic("/scan", "sensor_msgs/msg/LaserScan"),
+        Topic("/imu", "sensor_msgs/msg/Imu"),
+        Topic("/robot_description", "std_msgs/msg/String", is_latched=True, depth=1),
+        Topic("/map", "nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
+        Topic("/goal_pose", "geometry_msgs/msg/PoseStamped"),
+        Topic("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
+        Topic("/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=2),
+        Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", depth=2),
+    )
+}
+"""Topics that nodes can have, of those that a simulation records."""
+
+_NOTHING = Recorder()
+
+
+class BridgeRecorder(Recorder):
+    """Hands messages to the run's recorder and to ROS nodes.
+
+    Single messages go out when they are written. Series gather what they have until `publish`, which adds the state at
+    that very time: a recording has states 50 times a second, and a node that gets a scan needs the transform of the
+    scan's own stamp.
+    """
+
+    enabled = True
+
+    def __init__(self, inner: Recorder) -> None:
+        """Takes the run's recorder, which may drop all it is given."""
+        self._inner = inner
+        self._wire: Wire | None = None
+        self._names: Mapping[str, str] = {}
+        self._hidden_frames: Collection[str] = ()
+        self._static = StaticTransforms()
+        self._series: list[_Relayed] = []
+        self.sent: dict[str, int] = {}
+        """Messages by topic."""
+
+    @property
+    def inner(self) -> Recorder:
+        """The run's own."""
+        return self._inner
+
+    @property
+    def topics(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Topics that the recording has."""
+        return self._inner.topics
+
+    def attach(self, wire: Wire, names: Mapping[str, str], frames: Frames, hidden_frames: Collection[str]) -> None:
+        """Begins to publish.
+
+        Args:
+            wire: The way to the nodes.
+            names: Topics that are published, by their names in the recording.
+            frames: Names of frames, from now on.
+            hidden_frames: Child frames that nodes find out themselves.
+        """
+        self._wire, self._names, self.frames, self._hidden_frames = wire, names, frames, hidden_frames
+
+    def detach(self) -> None:
+        """Publishes nothing any more."""
+        self._wire = None
+
+    def write(self, topic: str, message: Any, time_s: float) -> None:
+        """Records and publishes a message; see `McapRecorder.write`."""
+        data = encode(message)
+        self._inner.add(topic, type(message), data, time_s)
+        self._send(topic, data)
+
+    def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
+        """Records and publishes a message that is encoded already."""
+        self._inner.add(topic, kind, data, time_s)
+        self._send(topic, data)
+
+    def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
+        """Records and publishes where frames are that do not move; see `McapRecorder.add_static_transforms`."""
+        if self._static.add(transforms):
+            self._inner.write(STATIC_TOPIC, self._static.message(), time_s)
+            self._send(STATIC_TOPIC, encode(self._static.message(self._hidden_frames)))
+
+    def add_series(self, series: Series) -> None:
+        """Records and publishes what a series gathers, states before all else."""
+        relayed = _Relayed(series, keeps=self._inner.enabled, publishes=lambda: self._wire is not None)
+        self._inner.add_series(relayed)
+        self._series.append(relayed)
+        self._series.sort(key=lambda each: not each.has_states)
+
+    def remove_series(self, series: Series) -> None:
+        """Records what a series has gathered, and forgets it."""
+        for relayed in [each for each in self._series if each.series is series]:
+            self._inner.remove_series(relayed)
+            self._series.remove(relayed)
+
+    def flush_when_due(self, full: bool = False) -> None:
+        """Lets the recording write what is due; a full series is emptied also where nothing is recorded."""
+        if full:
+            for relayed in self._series:
+                relayed.gather()
+        self._inner.flush_when_due(full)
+
+    def publish(self) -> set[str]:
+        """Publishes the state as it is now and what series have gathered; returns the topics that had something."""
+        published: set[str] = set()
+        for relayed in self._series:
+            for topic, data in relayed.news():
+                self._send(topic, data)
+                published.add(topic)
+        return published
+
+    def state(self) -> Any:
+        """What the recording needs to be continued."""
+        return self._inner.state()
+
+    def restore(self, state: Any) -> None:
+        """Continues the recording."""
+        self._inner.restore(state)
+
+    def close(self) -> None:
+        """Finishes the recording."""
+        self._inner.close()
+
+    def _send(self, topic: str, data: bytes) -> None:
+        if self._wire is not None and (name := self._names.get(topic)) is not None:
+            self._wire.send(name, data)
+            self.sent[topic] = self.sent.get(topic, 0) + 1
+
+
+_Gathered = tuple[Numbers, Sequence[Sequence[AnyNumbers]]]
+
+
+def _joined(parts: Sequence[_Gathered]) -> tuple[Numbers, list[list[AnyNumbers]]]:
+    """Rows that were gathered in parts, one after the other."""
+    if not parts:
+        return np.zeros(0), []
+    times = np.concatenate([times for times, _ in parts])
+    values = [
+        [np.concatenate(rows) for rows in zip(*columns, strict=True)]
+        for columns in zip(*(values for _, values in parts), strict=True)
+    ]
+    return times, values
+
+
+class _Relayed:
+    """A series that is read twice: by the recording, whenever it writes, and by nodes, at every step."""
+
+    def __init__(self, series: Series, *, keeps: bool, publishes: Callable[[], bool]) -> None:
+        self.series = series
+        self.has_states = isinstance(series, StateSeries)
+        self._keeps, self._publishes = keeps, publishes
+        self._encoder = RowEncoder([(number, columns) for number, (_, columns) in enumerate(series.topics)])
+        self._kept: list[_Gathered] = []
+        """For the recording."""
+        self._unsent: list[_Gathered] = []
+        """For nodes: the recording may write, and so gather, between two steps."""
+
+    @property
+    def topics(self) -> Any:
+        """Those of the series."""
+        return self.series.topics
+
+    def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
+        """Returns what the recording has not had yet."""
+        self.gather()
+        kept, self._kept = self._kept, []
+        return _joined(kept)
+
+    def gather(self) -> None:
+        """Takes what is new out of the series."""
+        found = self.series.take()
+        if self._keeps and len(found[0]):
+            self._kept.append(found)
+        if not self.has_states and len(found[0]) and self._publishes():
+            self._unsent.append(found)
+
+    def news(self) -> list[tuple[str, bytes]]:
+        """Messages for nodes, in order: of states the present one, of sensors all since the last time."""
+        self.gather()
+        if isinstance(self.series, StateSeries):
+            self.series.sample(_NOTHING)
+            times, values = self.series.take()
+        else:
+            unsent, self._unsent = self._unsent, []
+            times, values = _joined(unsent)
+        return list(self._messages(self._encoder.encode(times, values))) if len(times) else []
+
+    def _messages(self, rows: Rows) -> list[tuple[str, bytes]]:
+        count = len(rows.times_ns)
+        size = len(rows.records) // count
+        found: list[tuple[str, bytes]] = []
+        for row in range(count):
+            for number, (topic, columns) in enumerate(self.topics):
+                start = row * size + rows.starts[number] + RECORD_HEAD_BYTES
+                found.append((topic, bytes(rows.records[start : start + len(columns.template)])))
+        return found

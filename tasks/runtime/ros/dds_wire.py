@@ -1,0 +1,98 @@
+"""The way to ROS 2 nodes: DDS, without ROS installed."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from ..recording.cdr import decode
+from .dds import Participant, Reach, Reader, Waiter, Writer
+from .wire import Command, Peers, Topic
+
+TWIST, TWIST_STAMPED = "geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped"
+"""Types of commands. One name with two types is two topics in DDS, so that each has a reader."""
+
+_NO_NUMBERS = (math.nan, math.nan, math.nan)
+
+
+class DdsWire:
+    """Speaks with the nodes of one domain."""
+
+    def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
+        """Prepares; nothing is announced before `open`.
+
+        Args:
+            domain: The nodes' domain.
+            reach: Where they are looked for.
+            is_reliable: Whether no command may be lost, which publishers that are best effort do not promise.
+        """
+        self.name = f"ROS 2, domain {domain}"
+        self._domain, self._reach, self._is_reliable = domain, reach, is_reliable
+        self._participant: Participant | None = None
+        self._writers: dict[str, Writer] = {}
+        self._readers: list[tuple[str, Reader]] = []
+        self._waiter: Waiter | None = None
+        self._command_topic = ""
+        self._own = b""
+
+    def open(self, topics: Sequence[Topic], command_topic: str) -> None:
+        """See `Wire`."""
+        participant = self._participant = Participant(self._domain, self._reach)
+        self._own, self._command_topic = participant.prefix, command_topic
+        for kind in (TWIST, TWIST_STAMPED):
+            self._readers.append((kind, participant.reader(command_topic, kind, is_reliable=self._is_reliable)))
+        self._waiter = participant.waiter([reader for _, reader in self._readers])
+        for topic in topics:
+            self._writers[topic.name] = participant.writer(
+                topic.name, topic.ros_type, is_latched=topic.is_latched, depth=topic.depth
+            )
+
+    def send(self, topic: str, message: bytes) -> None:
+        """See `Wire`."""
+        self._writers[topic].write(message)
+
+    def take(self) -> list[Command]:
+        """See `Wire`."""
+        found: list[tuple[int, Command]] = []
+        for kind, reader in self._readers:
+            for data, published_ns in reader.take():
+                try:
+                    found.append((published_ns, _command(decode(data, kind), kind)))
+                except ValueError:  # told as a command that no robot can carry out
+                    found.append((published_ns, Command(_NO_NUMBERS, _NO_NUMBERS)))
+        found.sort(key=lambda each: each[0])
+        return [command for _, command in found]
+
+    def wait(self, timeout_s: float) -> bool:
+        """See `Wire`."""
+        assert self._waiter is not None
+        return self._waiter.wait(timeout_s)
+
+    def peers(self) -> Peers:
+        """See `Wire`."""
+        assert self._participant is not None
+        publications = [each for each in self._participant.publications() if each.participant != self._own]
+        others = {
+            each.topic: each.ros_type
+            for each in publications
+            if each.topic == self._command_topic and each.ros_type not in (TWIST, TWIST_STAMPED)
+        }
+        return Peers(
+            heard=frozenset(topic for topic, writer in self._writers.items() if writer.readers),
+            commanders=sum(reader.writers for _, reader in self._readers),
+            mistyped=others,
+        )
+
+    def close(self) -> None:
+        """See `Wire`."""
+        participant, self._participant = self._participant, None
+        if participant is not None:
+            participant.close()
+
+
+def _command(message: Any, kind: str) -> Command:
+    stamp_s = None
+    if kind == TWIST_STAMPED:
+        stamp = message.header.stamp
+        stamp_s, message = stamp.sec + stamp.nanosec * 1e-9, message.twist
+    linear, angular = message.linear, message.angular
+    return Command((linear.x, linear.y, linear.z), (angular.x, angular.y, angular.z), stamp_s)

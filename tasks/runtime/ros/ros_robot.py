@@ -1,0 +1,372 @@
+"""The robot interface of ROS nodes: topics out, velocity commands in, whichever ROS they speak."""
+
+import math
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import dm_env
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import ValidationError
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.ros import RosOptions, RosPlan
+from ....schemas.wire.errors import LaunchError
+from ..episode.context import RobotProgramError
+from ..episode.results import Findings
+from ..recording import messages as ros
+from ..recording.recording import Frames, Recorder
+from ..robots.drives import RawDrive
+from ..robots.robot import robot_of
+from .bridge_recorder import TOPICS, BridgeRecorder
+from .dds import Reach
+from .dds_wire import DdsWire
+from .timing import Lockstep, TimerNodeError, Timing, make_timing
+from .wire import STILL, Command, Peers, Wire
+
+COMMANDS = "/cmd_vel"
+_SETTLE_S = 0.5
+"""A publisher that is known need not know us yet: the first messages would be lost."""
+_LISTENERS_S = 10.0
+"""Wall-clock time after which simulated time begins for nodes that listen and do not command yet: some wait for it."""
+_LOOK_S = 0.5
+"""Wall-clock time between two looks at which nodes are there."""
+_RETURN_S = 10.0
+"""Wall-clock time in which publishers of commands that have left may come back, as nodes do that are respawned."""
+_FIRST_COMMAND_S = 60.0
+_MOST_WALL_STAMP_S = 1e6
+"""A stamp later than this is of a wall clock: it is twelve days of simulated time."""
+_UNHEALTHY, _CRASH = "RobotApplicationHealthCheckFailure", "RobotApplicationCrash"
+_CLOCK = "/clock"
+
+
+def make_wire(plan: RosPlan) -> Wire:
+    """The way to a run's nodes."""
+    options = plan.options
+    if plan.suite == 2:
+        reach = Reach(tuple(options.peers), options.interface)
+        return DdsWire(plan.domain, reach, is_reliable=options.time == "lockstep")
+    raise LaunchError("the ROS 1 bridge is not there")
+
+
+class RosBridge:
+    """The ROS side of a run: its recorder publishes, and `make_agent` gives the robot that nodes drive."""
+
+    def __init__(self, plan: RunPlan, robot: str, recorder: Recorder, clock: Callable[[], float] = time.monotonic):
+        """Prepares; nothing is announced before `open`.
+
+        Args:
+            plan: The run, which has a plan of the bridge.
+            robot: The robot application's name.
+            recorder: The run's.
+            clock: Wall-clock seconds.
+        """
+        assert plan.ros is not None
+        self._ros, self._robot, self._clock = plan.ros, robot, clock
+        self.recorder = BridgeRecorder(recorder)
+        self._wire: Wire | None = None
+        self._environment: Any = None
+        self._options = plan.ros.options
+        self._problem: LaunchError | None = None
+        self._agent: RosAgent | None = None
+        self._peers = Peers()
+        self._looked_at_s = -math.inf
+        self._commanded_since_s: float | None = None
+        self._heard_since_s: float | None = None
+
+    def look_in(self, environment: Any) -> None:
+        """Begins to look for nodes, when it is first asked whether some came: a program may not need ROS at all."""
+        self._environment = environment
+
+    def _open(self) -> None:
+        """Announces the topics; what keeps it from that is told by `missing`."""
+        environment, self._environment = self._environment, None
+        try:
+            self._options = _options_for(environment, self._ros.options)
+            _check_actions(environment, self._robot)
+            wire = make_wire(self._ros.model_copy(update={"options": self._options}))
+            names = _names(self._options)
+            topics = [TOPICS[topic]._replace(name=name) for topic, name in names.items()]
+            wire.open(topics, self._command_topic)
+        except LaunchError as error:
+            self._problem = error
+            return
+        self._wire = wire
+        frames = _frames(self._options)
+        self.recorder.attach(wire, names, frames, () if self._options.localization == "truth" else {frames.odometry})
+
+    def came(self) -> bool:
+        """Whether nodes are there that can drive, or that wait for simulated time to begin."""
+        if self._environment is not None:
+            self._open()
+        if self._wire is None:
+            return False
+        now_s = self._clock()
+        if now_s - self._looked_at_s < 0.1:
+            return False
+        self._looked_at_s, self._peers = now_s, self._wire.peers()
+        self._commanded_since_s = _since(self._commanded_since_s, now_s, self._peers.commanders > 0)
+        self._heard_since_s = _since(self._heard_since_s, now_s, bool(self._peers.heard))
+        if self._commanded_since_s is not None:
+            return now_s - self._commanded_since_s >= _SETTLE_S
+        return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
+
+    def missing(self) -> str:
+        """What has to be there for nodes to drive, and what is."""
+        if self._environment is not None:
+            self._open()
+        if self._problem is not None:
+            return f"its ROS nodes are not reached: {self._problem}"
+        assert self._wire is not None
+        there = [f"{topic} with {kind}" for topic, kind in self._peers.mistyped.items()]
+        there += [f"subscribers of {', '.join(sorted(self._peers.heard))}"] if self._peers.heard else []
+        return (
+            f"or a node has to publish geometry_msgs/Twist or TwistStamped on {self._command_topic} in "
+            f"{self._wire.name}; found there: {'; '.join(there) or 'no node'}"
+        )
+
+    def make_agent(self, environment: dm_env.Environment, stop: Any, keep: Callable[[bytes], None]) -> "RosAgent":
+        """The robot that the nodes drive.
+
+        Args:
+            environment: Where it drives.
+            stop: Whether the run is to stop.
+            keep: Told each action that the environment is given, as bytes.
+        """
+        assert self._wire is not None
+        sys.stdout.write(f"ROS nodes drive: {self._wire.name}, time {self._options.time}\n")
+        timestep_s = float(environment.control_timestep())  # pyright: ignore[reportAttributeAccessIssue]
+        timing = make_timing(self._wire, stop, self._options, timestep_s, self._clock)
+        self._agent = RosAgent(
+            self._wire, self.recorder, timing, self._options, self._robot, environment, keep, self._clock
+        )
+        return self._agent
+
+    @property
+    def mode(self) -> Any:
+        """How actions came, in the words of the action log."""
+        return "lockstep" if self._options.time == "lockstep" else "free"
+
+    def close(self) -> Findings:
+        """Leaves; returns what the result says about the nodes."""
+        findings = self._agent.findings() if self._agent is not None else Findings()
+        self.recorder.detach()
+        if self._wire is not None:
+            self._wire.close()
+        return findings
+
+    @property
+    def _command_topic(self) -> str:
+        return self._options.topics.get(COMMANDS) or COMMANDS
+
+
+class RosAgent:
+    """Answers time steps with the velocity that nodes command."""
+
+    def __init__(
+        self,
+        wire: Wire,
+        recorder: BridgeRecorder,
+        timing: Timing,
+        options: RosOptions,
+        robot: str,
+        environment: Any,
+        keep: Callable[[bytes], None],
+        clock: Callable[[], float],
+    ) -> None:
+        """Begins with a robot that stands still; see `RosBridge.make_agent`."""
+        self._wire, self._recorder, self._timing, self._options = wire, recorder, timing, options
+        self._robot, self._environment, self._keep, self._clock = robot, environment, keep, clock
+        named = robot_of(environment)
+        self._has_lidar = named is not None and named.lidar is not None
+        self._command = Command(STILL, STILL)
+        self._commanded_at_s = -math.inf
+        self._steps = self._commands = self._acted_at = 0
+        self._first_command_by_s = clock() + _FIRST_COMMAND_S
+        self._looked_at_s = clock()
+        self._left_at_s: float | None = None
+        self._peers = Peers()
+        self._most_commanders = 0
+        self._heard: frozenset[str] = frozenset()
+        self._goal: tuple[float, float] | None = None
+        self._placed_at_s = -math.inf
+        self._notes: dict[str, None] = {}
+
+    def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
+        """Returns (forward velocity in m/s, turning rate in rad/s).
+
+        Raises:
+            StopIteration: All publishers of commands have left and did not come back.
+            RobotProgramError: A command is not finite.
+            LaunchError: No command came at all.
+            RunStopped: The run was told to stop.
+        """
+        time_s = float(self._environment.physics.data.time)
+        self._steps += 1
+        self._look(time_s)
+        if isinstance(self._timing, Lockstep):
+            self._timing.forget()
+        self._publish_mission(timestep, time_s)
+        published = self._recorder.publish()
+        try:
+            command = self._timing.next_command(time_s, scanned="/scan" in published or not self._has_lidar)
+        except TimerNodeError as error:
+            raise LaunchError(f"the nodes of robot application {self._robot}: {error}", _CRASH) from None
+        if command is not None:
+            self._take(command, time_s)
+        elif not self._commands and self._clock() > self._first_command_by_s:
+            raise LaunchError(
+                f"the nodes of robot application {self._robot} sent no command on {COMMANDS} within "
+                f"{_FIRST_COMMAND_S:g} s of simulated time having begun; topics that they listen to: "
+                f"{', '.join(sorted(self._heard)) or 'none'}",
+                _UNHEALTHY,
+            )
+        action = self._action(time_s)
+        # Before the environment sees it, which may not survive it.
+        self._keep(action.tobytes())
+        return action
+
+    def findings(self) -> Findings:
+        """Returns figures about the exchange for the run's result, and what is odd about it."""
+        about: dict[str, Any] = {
+            "wire": self._wire.name,
+            "time": self._options.time,
+            "commands": self._commands,
+            "sent": dict(sorted(self._recorder.sent.items())),
+            "heard": sorted(self._heard),
+            **self._timing.figures(),
+        }
+        silent = self._steps - self._acted_at
+        if silent >= max(20, self._steps / 2):
+            self._notes[
+                f"the nodes sent {self._commands} commands for {self._steps} steps, and none after step "
+                f"{self._acted_at}: the robot stood still"
+            ] = None
+        if self._commands and _CLOCK not in self._heard:
+            self._notes[
+                "no node subscribed /clock: nodes that should follow simulated time need use_sim_time set to true"
+            ] = None
+        return Findings(extra={"ros": about}, notes=list(self._notes))
+
+    def _take(self, command: Command, time_s: float) -> None:
+        numbers = (*command.linear_mps, *command.angular_radps)
+        if not all(map(math.isfinite, numbers)):
+            shown = f"linear {command.linear_mps}, angular {command.angular_radps}"
+            raise RobotProgramError(
+                f"a node of robot application {self._robot} sent a command on {COMMANDS} whose numbers are not "
+                f"finite: {shown}"
+            )
+        if command.stamp_s is not None and command.stamp_s > max(time_s + _MOST_WALL_STAMP_S, _MOST_WALL_STAMP_S):
+            self._notes["commands have stamps of a wall clock: set use_sim_time to true in the nodes"] = None
+        self._command, self._commanded_at_s = command, time_s
+        self._commands += 1
+        self._acted_at = self._steps
+
+    def _action(self, time_s: float) -> NDArray[np.float64]:
+        is_old = time_s - self._commanded_at_s >= self._options.command_timeout_s
+        if is_old:
+            return np.zeros(2)
+        return np.array((self._command.linear_mps[0], self._command.angular_radps[2]))
+
+    def _look(self, time_s: float) -> None:
+        """Notices nodes that come and leave."""
+        now_s = self._clock()
+        if now_s - self._looked_at_s < _LOOK_S and self._steps > 1:
+            return
+        self._looked_at_s, self._peers = now_s, self._wire.peers()
+        self._heard |= self._peers.heard
+        count = self._peers.commanders
+        self._most_commanders = max(self._most_commanders, count)
+        if count > 1:
+            self._notes[f"{count} nodes publish {COMMANDS} at once: the newest command of either is taken"] = None
+        for topic, kind in self._peers.mistyped.items():
+            self._notes[
+                f"a node publishes {topic} with {kind}, which is not heard: it has to be geometry_msgs/msg/Twist or "
+                "TwistStamped"
+            ] = None
+        if count or not self._most_commanders:
+            self._left_at_s = None
+            return
+        self._left_at_s = now_s if self._left_at_s is None else self._left_at_s
+        if now_s - self._left_at_s >= _RETURN_S:
+            self._notes[f"all publishers of {COMMANDS} had left by {time_s:.2f} s of simulated time"] = None
+            raise StopIteration
+
+    def _publish_mission(self, timestep: dm_env.TimeStep, time_s: float) -> None:
+        seen = timestep.observation
+        if not isinstance(seen, Mapping) or "pose" not in seen:
+            return
+        x, y, yaw = (float(value) for value in seen["pose"])
+        header = ros.Header(ros.Time.from_seconds(time_s), self._options.map_frame)
+        if self._options.localization == "robot" and not self._commands and time_s - self._placed_at_s >= 1.0:
+            self._placed_at_s = time_s
+            turned = ros.Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
+            pose = ros.Pose(ros.Vector3(x, y), turned)
+            self._recorder.write("/initialpose", ros.PoseWithCovarianceStamped(header, pose), time_s)
+        if self._options.goals and "goals" in seen and "visited" in seen:
+            goal = _next_goal(seen["goals"], seen["visited"], (x, y), self._goal)
+            if goal != self._goal and goal is not None:
+                pose = ros.Pose(ros.Vector3(*goal))
+                self._recorder.write("/goal_pose", ros.PoseStamped(header, pose), time_s)
+            self._goal = goal
+
+
+def _next_goal(
+    goals: NDArray[np.float64],
+    visited: Sequence[bool] | NDArray[np.bool_],
+    here: tuple[float, float],
+    now: tuple[float, float] | None,
+) -> tuple[float, float] | None:
+    """The goal that was given before until it is visited, then the nearest one that is not; none at the end."""
+    left = [(float(x), float(y)) for (x, y), done in zip(goals, visited, strict=True) if not done]
+    if now in left:
+        return now
+    return min(left, key=lambda goal: math.dist(goal, here), default=None)
+
+
+def _since(since_s: float | None, now_s: float, holds: bool) -> float | None:
+    if not holds:
+        return None
+    return now_s if since_s is None else since_s
+
+
+def _options_for(environment: Any, given: RosOptions) -> RosOptions:
+    """The options of the robot's `robot.yaml`, under those of the launch configuration."""
+    robot = robot_of(environment)
+    own = dict(robot.ros) if robot is not None else {}
+    try:
+        return RosOptions.model_validate({**own, **given.model_dump(exclude_unset=True)})
+    except ValidationError as error:
+        problem = error.errors()[0]
+        where = ".".join(map(str, problem["loc"]))
+        raise LaunchError(f"the robot's ros.{where}: {problem['msg']}") from None
+
+
+def _check_actions(environment: Any, robot_application: str) -> None:
+    """Refuses simulations that cannot be driven by velocity commands."""
+    robot = robot_of(environment)
+    spec = environment.action_spec() if callable(getattr(environment, "action_spec", None)) else None
+    shape = getattr(spec, "shape", None)
+    if shape == (2,) and not (robot is not None and isinstance(robot.drive, RawDrive)):
+        return
+    what = f"robot {robot.name} takes commands of its actuators" if robot is not None else f"its actions are {spec}"
+    raise LaunchError(
+        f"ROS nodes of robot application {robot_application} send velocities, which need actions of two numbers, "
+        f"forward velocity in m/s and turning rate in rad/s; {what}: give it a drive, or use the agent socket"
+    )
+
+
+def _names(options: RosOptions) -> dict[str, str]:
+    """The topics that are published, with the names that nodes know."""
+    names = {topic: options.topics.get(topic, topic) for topic in TOPICS}
+    if options.localization == "robot":
+        names["/map"] = None
+    if not options.goals:
+        names["/goal_pose"] = None
+    return {topic: name for topic, name in names.items() if name is not None}
+
+
+def _frames(options: RosOptions) -> Frames:
+    return Frames(map=options.map_frame, odometry=options.odom_frame, base=options.base_frame, scan=options.scan_frame)

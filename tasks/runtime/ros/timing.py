@@ -1,0 +1,202 @@
+"""How simulated time passes while ROS nodes drive: paced, free, or in lock-step."""
+
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Protocol
+
+from ....schemas.runs.ros import RosOptions
+from ..episode.progress import RunStopped, Stop
+from .wire import Command, Wire
+
+Clock = Callable[[], float]
+
+_LOOK_S = 0.05
+"""Longest wait between two looks at whether the run was told to stop."""
+_IDLE_AFTER_S = 1.0
+"""Wall-clock time without a command after which paced nodes are taken for silent on purpose, as Nav2 is at a goal."""
+_WINDOW, _MOST_UNANSWERED = 20, 8
+"""Of so many answers in lock-step so many may be missing. A timer of 0.1 s leaves every second step of 0.05 s."""
+
+
+class TimerNodeError(Exception):
+    """Nodes do not answer steps, as those do that send commands by a timer; says so."""
+
+
+class Timing(Protocol):
+    """One way for time to pass."""
+
+    def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
+        """Wait as long as this way asks for; return the newest command that has come since the last call.
+
+        Args:
+            time_s: Simulated time of the step.
+            scanned: Whether nodes were sent a scan with it.
+
+        Raises:
+            RunStopped: The run was told to stop.
+            TimerNodeError: It cannot go on so.
+        """
+        ...
+
+    def figures(self) -> dict[str, float | int]:
+        """Figures for the result."""
+        ...
+
+
+class _Waits:
+    """Waiting for wall-clock time or a command, with an eye on the run's end."""
+
+    def __init__(self, wire: Wire, stop: Stop, clock: Clock) -> None:
+        self.wire, self._stop, self.clock = wire, stop, clock
+
+    def until(self, due_s: float) -> Command | None:
+        """Lets wall-clock time pass; returns the newest command that came meanwhile."""
+        newest: Command | None = None
+        while True:
+            if commands := self.wire.take():
+                newest = commands[-1]
+            self.check()
+            left_s = due_s - self.clock()
+            if left_s <= 0:
+                return newest
+            if not self.wire.wait(min(left_s, _LOOK_S)):
+                continue
+            # Something is there: more may be on its way, and nothing is due yet.
+            time.sleep(min(0.001, left_s))
+
+    def first(self, due_s: float, is_answer: Callable[[Command], bool] = lambda _: True) -> Command | None:
+        """Waits for a command, at most until some wall-clock time."""
+        while True:
+            for command in self.wire.take():
+                if is_answer(command):
+                    return command
+            self.check()
+            left_s = due_s - self.clock()
+            if left_s <= 0:
+                return None
+            self.wire.wait(min(left_s, _LOOK_S))
+
+    def check(self) -> None:
+        if self._stop.reason:
+            raise RunStopped
+
+
+class Free:
+    """Simulated time keeps to real time, times a factor; nothing is waited for."""
+
+    def __init__(self, wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> None:
+        self._waits = _Waits(wire, stop, clock)
+        self._period_s = timestep_s / options.real_time_factor
+        self._due_s: float | None = None
+
+    def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
+        """See `Timing`."""
+        del time_s, scanned  # the wall clock decides
+        now_s = self._waits.clock()
+        # Lost time is not made up for: a burst of steps after a pause would be worse.
+        self._due_s = now_s + self._period_s if self._due_s is None else max(self._due_s + self._period_s, now_s)
+        return self._waits.until(self._due_s)
+
+    def figures(self) -> dict[str, float | int]:
+        """See `Timing`."""
+        return {}
+
+
+class Paced:
+    """As free, but simulated time stops where it would run too far ahead of the newest command.
+
+    Nodes that are slow, as on a busy machine, are waited for. Nodes that have nothing to say are not: after a second
+    without a command time goes on, until the next one comes.
+    """
+
+    def __init__(self, wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> None:
+        self._free = Free(wire, stop, options, timestep_s, clock)
+        self._waits = _Waits(wire, stop, clock)
+        self._ahead_s = options.ahead_s
+        self._commanded_at_s: float | None = None
+        """Simulated time of the newest command; none before the first and while nodes are silent."""
+        self._waited_s = 0.0
+        self._waited_for = self._silences = 0
+
+    def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
+        """See `Timing`."""
+        command = self._free.next_command(time_s, scanned=scanned)
+        if command is None and self._commanded_at_s is not None and time_s - self._commanded_at_s >= self._ahead_s:
+            began_s = self._waits.clock()
+            command = self._waits.first(began_s + _IDLE_AFTER_S)
+            self._waited_s += self._waits.clock() - began_s
+            self._waited_for += 1
+            if command is None:
+                self._silences += 1
+                self._commanded_at_s = None
+        if command is not None:
+            self._commanded_at_s = time_s
+        return command
+
+    def figures(self) -> dict[str, float | int]:
+        """See `Timing`."""
+        return {"waits": self._waited_for, "waited_s": round(self._waited_s, 3), "silences": self._silences}
+
+
+class Lockstep:
+    """Simulated time stops after every step, or every scan, until a command answers it."""
+
+    def __init__(self, wire: Wire, stop: Stop, options: RosOptions, clock: Clock) -> None:
+        self._waits = _Waits(wire, stop, clock)
+        self._timeout_s = options.answer_timeout_s
+        self._each_step = options.answers == "step"
+        self._answered: deque[bool] = deque(maxlen=_WINDOW)
+        self._unanswered = self._steps = 0
+        self._waited_s = 0.0
+
+    def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
+        """See `Timing`."""
+        if not (scanned or self._each_step):
+            return None
+        began_s = self._waits.clock()
+        # A command without a stamp answers if it came after the step; what came before was taken then.
+        command = self._waits.first(
+            began_s + self._timeout_s, lambda each: each.stamp_s is None or each.stamp_s >= time_s - 1e-6
+        )
+        self._waited_s += self._waits.clock() - began_s
+        self._steps += 1
+        self._answered.append(command is not None)
+        if command is None:
+            self._unanswered += 1
+            if self._answered.count(False) >= _MOST_UNANSWERED:
+                raise TimerNodeError(self._why())
+        return command
+
+    def _why(self) -> str:
+        what = "steps" if self._each_step else "scans"
+        return (
+            f"in lock-step {self._answered.count(False)} of the last {len(self._answered)} {what} were not answered "
+            f"by a command within {self._timeout_s:g} s. Nodes that send commands by a timer, as Nav2's controller "
+            'does, cannot answer each one: use "time": "paced" in ROBOMAKER_ROS'
+        )
+
+    def forget(self) -> None:
+        """Drops commands that came before the step that nodes are about to be told of."""
+        self._waits.wire.take()
+
+    def figures(self) -> dict[str, float | int]:
+        """See `Timing`."""
+        mean_us = round(1e6 * self._waited_s / self._steps, 1) if self._steps else 0.0
+        return {"answers_awaited": self._steps, "unanswered": self._unanswered, "mean_answer_us": mean_us}
+
+
+def make_timing(wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> Timing:
+    """The way that some options ask for.
+
+    Args:
+        wire: The way to the nodes.
+        stop: Whether the run is to stop.
+        options: Those of the bridge.
+        timestep_s: Simulated seconds of a step.
+        clock: Wall-clock seconds.
+    """
+    if options.time == "lockstep":
+        return Lockstep(wire, stop, options, clock)
+    kind = Paced if options.time == "paced" else Free
+    return kind(wire, stop, options, timestep_s, clock)

@@ -1,0 +1,70 @@
+"""Which jobs have a ROS bridge, and the ROS that it speaks."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ....schemas.runs.ros import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
+from ....schemas.wire.errors import LaunchError
+from .job_services import DOMAIN_VARIABLE
+
+RANGE_VARIABLE, LOCALHOST_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
+_SUITES: Mapping[str, Suite] = {"ROS": 1, "ROS2": 2}
+_BEFORE_IRON = frozenset({"Dashing", "Foxy", "Galactic", "Humble"})
+"""Distributions of ROS 2 that know only `ROS_LOCALHOST_ONLY`, of which later ones warn."""
+_MOST_DOMAIN = 232
+
+
+def bridge_plan(
+    launched_by: Suite | None, suite: Mapping[str, Any] | None, variables: Mapping[str, str], domain: int
+) -> RosPlan | None:
+    """The ROS bridge of a robot application that is a program.
+
+    Args:
+        launched_by: ROS that reads its launch file; none: it has none.
+        suite: The application's `robotSoftwareSuite`.
+        variables: Those of its launch configuration.
+        domain: The job's domain of ROS 2.
+
+    Returns:
+        The plan; none for a program that is no ROS node.
+
+    Raises:
+        LaunchError: A variable is wrong.
+    """
+    options = RosOptions()
+    if (text := variables.get(ROS_VARIABLE)) is not None:
+        try:
+            given = parse_ros(text)
+        except ValueError as error:
+            raise LaunchError(str(error)) from None
+        if given is None:
+            return None
+        options = given
+    speaks = options.suite or launched_by or _SUITES.get(str((suite or {}).get("name")))
+    if speaks is None:
+        return None
+    return RosPlan(suite=speaks, domain=_domain(variables, domain), options=options)
+
+
+def _domain(variables: Mapping[str, str], domain: int) -> int:
+    """The domain that nodes are in: that of the job, unless their launch configuration says another one."""
+    text = variables.get(DOMAIN_VARIABLE)
+    if text is None:
+        return domain
+    if not (text.isascii() and text.isdigit() and int(text) <= _MOST_DOMAIN):
+        raise LaunchError(f"{DOMAIN_VARIABLE} is {text!r}; a whole number from 0 to {_MOST_DOMAIN} would be right")
+    return int(text)
+
+
+def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None) -> dict[str, str]:
+    """Variables that keep the nodes of a job on this machine, unless its bridge is to reach others.
+
+    Args:
+        suite: The application's `robotSoftwareSuite`.
+        bridge: The job's bridge, if it has one.
+    """
+    if bridge is not None and (bridge.options.peers or bridge.options.interface):
+        return {}
+    if (suite or {}).get("version") in _BEFORE_IRON:
+        return {LOCALHOST_VARIABLE: "1"}
+    return {RANGE_VARIABLE: "LOCALHOST"}
