@@ -6,6 +6,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
 from ..runs.requirements import JobRequirements, check_requirements
+from ..runs.ros import check_ros
 from ..runs.trials import Trials, check_trials
 from ..wire.base import STORED, Shape, ShapeName, optional
 from ..wire.common import (
@@ -137,6 +138,7 @@ class SimulationJobRequestMembers(Shape):
             raise ValueError("uploadConfigurations need an outputLocation; add outputLocation.s3Bucket")
         check_requirements(self)
         check_trials(self)
+        check_ros(self)
         return self
 
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from ..wire.base import Model, optional
 from ..wire.json_values import is_object
+from .ros import RosOptions
 
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
 Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -180,6 +181,9 @@ class RobotModelHead(Model):
     )
     joints: list[PartName] | None = optional("Joints to observe and to record; absent: all hinges and slides.")
     video_camera: PartName | None = optional("Camera for videos; absent: one that follows it is added.")
+    ros: RosOptions | None = optional(
+        "Names, frames and timing for ROS nodes that drive it; the launch variable `ROBOMAKER_ROS` goes before them."
+    )
 
 
 class DifferentialRobotModel(RobotModelHead):

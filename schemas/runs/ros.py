@@ -1,15 +1,35 @@
 """Options of the ROS bridge, in the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
 
-import json
-from difflib import get_close_matches
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field
 
 from ..wire.base import Model, optional
+from ..wire.errors import InvalidParameterException
+from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, launches
+from ..wire.json_values import load_strict
+from ..wire.request_problems import parsed_member
 
 ROS_VARIABLE = "ROBOMAKER_ROS"
 """A launch variable: `1`, `2` or `off`, or options of the bridge as JSON."""
+
+KnownTopic = Literal[
+    "/camera/camera_info",
+    "/camera/image_raw/compressed",
+    "/clock",
+    "/cmd_vel",
+    "/goal_pose",
+    "/imu",
+    "/initialpose",
+    "/joint_states",
+    "/map",
+    "/odom",
+    "/robot_description",
+    "/scan",
+    "/tf",
+    "/tf_static",
+]
+"""Topics that the bridge publishes, and `/cmd_vel`, which it reads."""
 
 TopicName = Annotated[str, Field(pattern=r"^(/[A-Za-z_][A-Za-z0-9_]*)+$")]
 FrameName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_./-]+$")]
@@ -17,7 +37,7 @@ RosTime = Literal["paced", "free", "lockstep"]
 Suite = Literal[1, 2]
 
 
-_SHOWN, _SHOWN_PROBLEMS = 80, 3
+_SHOWN = 80
 
 
 class RosOptions(Model):
@@ -66,7 +86,7 @@ class RosOptions(Model):
     odom_frame: FrameName = Field(default="odom", description="Frame in which odometry is.")
     map_frame: FrameName = Field(default="map", description="Frame of the map and of goals.")
     scan_frame: FrameName = Field(default="base_scan", description="Frame of the lidar.")
-    topics: dict[TopicName, TopicName | None] = Field(
+    topics: dict[KnownTopic, TopicName | None] = Field(
         default={}, description="Other names for topics, such as `/scan: /laser`; null: the topic is not published."
     )
     peers: list[str] = Field(
@@ -83,36 +103,44 @@ class RosPlan(Model):
     options: RosOptions = Field(default=RosOptions(), description="Options of the launch configuration.")
 
 
-def parse_ros(text: str) -> RosOptions | None:
+class _Holder(Model):
+    ros: RosOptions
+
+
+def parse_ros(text: str, place: str) -> RosOptions | None:
     """Reads the value of `ROBOMAKER_ROS`.
+
+    Args:
+        text: The value.
+        place: Path of the variable, for errors.
 
     Returns:
         The options; none for `off`.
 
     Raises:
-        ValueError: It is something else; says what would be right.
+        InvalidParameterException: It is something else; says what would be right.
     """
     if text == "off":
         return None
     if text in ("1", "2"):
         return RosOptions(suite=1 if text == "1" else 2)
-    wanted = f'{ROS_VARIABLE} has to be 1, 2, off, or options as JSON, such as {{"time": "lockstep"}}'
-    try:
-        given = json.loads(text)
-    except ValueError:
-        raise ValueError(f"{wanted}; it is {text[:_SHOWN]!r}") from None
-    if not isinstance(given, dict):
-        raise ValueError(f"{wanted}; it is {text[:_SHOWN]!r}")
-    try:
-        return RosOptions.model_validate(given)
-    except ValidationError as error:
-        raise ValueError("; ".join(_problem(each) for each in error.errors()[:_SHOWN_PROBLEMS])) from None
+    if not text.lstrip().startswith("{"):
+        raise InvalidParameterException(
+            f"{place} is {text[:_SHOWN]!r}; 1, 2, off, or options as JSON would be right, such as "
+            '{"time": "lockstep"}'
+        )
+    return parsed_member(load_strict(text, place, MAX_VARIABLE_CHARACTERS), place, "ros", _Holder)
 
 
-def _problem(error: Any) -> str:
-    where = ".".join(map(str, error["loc"]))
-    if error["type"] == "extra_forbidden":
-        near = get_close_matches(where, RosOptions.model_fields, n=1)
-        known = f"did you mean {near[0]}?" if near else f"known are {', '.join(RosOptions.model_fields)}"
-        return f"{ROS_VARIABLE}: {where} is not known; {known}"
-    return f"{ROS_VARIABLE}: {where}: {str(error['input'])[:_SHOWN]!r}: {error['msg']}"
+def check_ros(request: JobRequest) -> None:
+    """Finds out whether the launch variables of a request's ROS bridge can be understood.
+
+    Raises:
+        ValueError: One cannot.
+    """
+    for place, launch in launches(request):
+        if (text := (launch.environmentVariables or {}).get(ROS_VARIABLE)) is not None:
+            try:
+                parse_ros(text, f"{place}.environmentVariables.{ROS_VARIABLE}")
+            except InvalidParameterException as error:
+                raise ValueError(str(error)) from None

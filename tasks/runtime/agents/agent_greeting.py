@@ -38,7 +38,7 @@ class OtherInterface(Protocol):
         ...
 
     def missing(self) -> str:
-        """What has to be there, and what is, after "it has to connect to the socket, "."""
+        """Says which robot has to be there, and what is; it follows "it has to connect to the socket, "."""
         ...
 
 

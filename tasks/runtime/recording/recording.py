@@ -287,7 +287,7 @@ class McapRecorder(Recorder):
 
 
 class StaticTransforms:
-    """Where frames are that do not move, by child frame."""
+    """Frames that do not move, by child frame."""
 
     def __init__(self, known: Mapping[str, TransformStamped] | None = None) -> None:
         self.known = dict(known or {})

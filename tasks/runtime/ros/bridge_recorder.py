@@ -129,7 +129,7 @@ class BridgeRecorder(Recorder):
         return published
 
     def state(self) -> Any:
-        """What the recording needs to be continued."""
+        """State from which the recording can be continued."""
         return self._inner.state()
 
     def restore(self, state: Any) -> None:

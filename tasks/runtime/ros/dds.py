@@ -46,10 +46,10 @@ class Publication(NamedTuple):
     """A publisher that some node of the domain has announced."""
 
     topic: str
-    """Of ROS, `/scan`; other topics of DDS are not told."""
+    """Name in ROS, `/scan`; other topics of DDS are not told."""
 
     ros_type: str
-    """In ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+    """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
 
     type_hash: str
     """`RIHS01_…` (REP 2011), or nothing where the node does not say."""
@@ -76,7 +76,7 @@ def ros_type_name(dds_type: str) -> str | None:
 
 @dataclass(frozen=True)
 class Reach:
-    """Where a participant looks for others."""
+    """Machines and interfaces on which a participant looks for others."""
 
     peers: tuple[str, ...] = ()
     """Addresses besides this machine's own."""

@@ -114,7 +114,7 @@ class RosBridge:
         return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
 
     def missing(self) -> str:
-        """What has to be there for nodes to drive, and what is."""
+        """Says which nodes have to be there, and which are."""
         if self._environment is not None:
             self._open()
         if self._problem is not None:

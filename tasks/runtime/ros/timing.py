@@ -16,7 +16,7 @@ _LOOK_S = 0.05
 _IDLE_AFTER_S = 1.0
 """Wall-clock time without a command after which paced nodes are taken for silent on purpose, as Nav2 is at a goal."""
 _WINDOW, _MOST_UNANSWERED = 20, 8
-"""Of so many answers in lock-step so many may be missing. A timer of 0.1 s leaves every second step of 0.05 s."""
+"""Answers in lock-step that are looked at, and how many may be missing: a timer of 0.1 s leaves out each second one."""
 
 
 class TimerNodeError(Exception):

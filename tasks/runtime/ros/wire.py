@@ -12,7 +12,7 @@ class Topic(NamedTuple):
     """With its slash: `/scan`."""
 
     ros_type: str
-    """In ROS 2's form: `sensor_msgs/msg/LaserScan`."""
+    """Type in ROS 2's form: `sensor_msgs/msg/LaserScan`."""
 
     is_latched: bool = False
     """Whether nodes that come later get the last message: `transient local` in ROS 2, `latch` in ROS 1."""

@@ -1,10 +1,10 @@
-"""Which jobs have a ROS bridge, and the ROS that it speaks."""
+"""Plans of the ROS bridge: the jobs that have one, and the ROS that it speaks."""
 
 from collections.abc import Mapping
 from typing import Any
 
 from ....schemas.runs.ros import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
-from ....schemas.wire.errors import LaunchError
+from ....schemas.wire.errors import InvalidParameterException, LaunchError
 from .job_services import DOMAIN_VARIABLE
 
 RANGE_VARIABLE, LOCALHOST_VARIABLE = "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY"
@@ -34,8 +34,8 @@ def bridge_plan(
     options = RosOptions()
     if (text := variables.get(ROS_VARIABLE)) is not None:
         try:
-            given = parse_ros(text)
-        except ValueError as error:
+            given = parse_ros(text, ROS_VARIABLE)
+        except InvalidParameterException as error:
             raise LaunchError(str(error)) from None
         if given is None:
             return None

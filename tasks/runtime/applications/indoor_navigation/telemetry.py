@@ -17,6 +17,7 @@ from ...recording.cdr import imu, laser_scan
 from ...recording.companions import WORLD_TOPIC
 from ...recording.links import Links
 from ...recording.recording import DEFAULT_FRAMES, Frames, Recorder
+from ...recording.robot_description import robot_description
 from ...recording.state_series import STATE_RATE_HZ, RowSeries, StateSeries
 from ...robots.robot import Lidar, Robot
 from .occupancy_map import OccupancyMap
@@ -63,6 +64,12 @@ def _wheels(robot: Robot, model: mujoco.MjModel) -> list[int]:
     return [int(model.joint(f"{robot.prefix}{name}").bodyid[0]) for name in joints]
 
 
+def _joint_names(robot: Robot) -> list[tuple[str, str]]:
+    """Joints of the model with their names in messages."""
+    # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
+    return [(name, f"{name}_joint" if robot.is_differential else name) for name in robot.joints]
+
+
 class Telemetry(KeepsAttributes):
     """Writes what a robot's own ROS nodes would publish.
 
@@ -74,6 +81,7 @@ class Telemetry(KeepsAttributes):
     | `/contacts` | what the robot touches | 50 Hz while it does |
     | `/goals` | the rooms' goals and which were visited | at the start and with every change |
     | `/map`, `/world`, `/robot` | the map, and what world and robot look like | once |
+    | `/robot_description` | the robot as a URDF | once |
     | `/tf_static` | `map` to `odom`, `base_link` to `base_scan`, `imu_link` and `base_footprint` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
@@ -127,14 +135,12 @@ class Telemetry(KeepsAttributes):
     def _make_series(self, model: mujoco.MjModel, data: mujoco.MjData) -> StateSeries:
         robot = self._robot
         base = robot.planar_joints or ((robot.free_joint,) if robot.free_joint else ())
-        # Scout's wheels are called as in ROS; those who describe a robot call its joints as they like.
-        names = [f"{joint}_joint" for joint in robot.joints] if robot.is_differential else robot.joints
         return StateSeries(
             model,
             data,
             [model.joint(f"{robot.prefix}{name}").id for name in robot.joints],
             base=[model.joint(f"{robot.prefix}{name}").id for name in base],
-            joint_names=names,
+            joint_names=[shown for _, shown in _joint_names(robot)],
             joint_frame=self.frames.base,
             links=links_of(robot, model, self.frames) if base else None,
             frames=self.frames,
@@ -166,6 +172,7 @@ class Telemetry(KeepsAttributes):
             self._imu_axes = turn @ data.site_xmat[site].reshape(3, 3)
             add(frames.imu, data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
         self._recorder.add_static_transforms(transforms, data.time)
+        self._mounts = transforms[1:]
 
     def _publish_looks(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         robot, stamp, frame = self._robot, ros.Time.from_seconds(data.time), self.frames.map
@@ -176,6 +183,10 @@ class Telemetry(KeepsAttributes):
         del frames[0]  # the world has its own markers
         looks = robot_markers(model, data, frames, _wheels(robot, model), stamp)
         self._recorder.write("/robot", looks, data.time)
+        joints = {int(model.joint(f"{robot.prefix}{name}").id): shown for name, shown in _joint_names(robot)}
+        base = model.body(moving_body(robot)).id
+        described = robot_description(robot.name, model, data, base, frames, joints, self._mounts)
+        self._recorder.write("/robot_description", ros.String(described), data.time)
 
     def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:
         """Publishes the goals.

@@ -128,6 +128,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         proximity_height_m=mapping.sensors.bumper_height_m,
         imu=_imu(mapping, model, files.mapping.name),
         video_camera=_video_camera(mapping, model, files.mapping.name),
+        ros=mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {},
     )
 
 

@@ -36,5 +36,8 @@ def test_scans_are_those_written_one_by_one_and_in_order_with_other_messages(tmp
 
 def test_another_number_of_numbers_is_refused(tmp_path: Path) -> None:
     series = RowSeries("/scan", laser_scan(scan(np.zeros(360, np.float32))))
-    with McapRecorder(tmp_path / "r.mcap") as recorder, pytest.raises(ValueError, match="/scan has 360 numbers, so 36 are none"):
+    with (
+        McapRecorder(tmp_path / "r.mcap") as recorder,
+        pytest.raises(ValueError, match="/scan has 360 numbers, so 36 are none"),
+    ):
         series.add(recorder, 0.0, np.zeros(36, np.float32))

@@ -116,7 +116,8 @@ def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
     found = read(tmp_path / "r.mcap")
     states = dict.fromkeys(("/clock", "/tf", "/odom", "/joint_states"), 101)
     assert {topic: len(messages) for topic, messages in found.items()} == {
-        "/tf_static": 1, "/scan": 11, "/imu": 41, "/goals": 2, "/map": 1, "/world": 1, "/robot": 1, **states
+        "/tf_static": 1, "/scan": 11, "/imu": 41, "/goals": 2, "/map": 1, "/world": 1, "/robot": 1,
+        "/robot_description": 1, **states
     }  # fmt: skip
     last = {topic: messages[-1] for topic, messages in found.items()}
     x, y, yaw = timestep.observation["pose"]
