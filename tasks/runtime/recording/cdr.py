@@ -51,6 +51,11 @@ def type_hash(ros_type: str) -> str:
     return _STORE.hash_rihs01(ros_type)
 
 
+def is_known(ros_type: str) -> bool:
+    """Says whether a type is one of ROS 2's own."""
+    return ros_type in _STORE.fielddefs
+
+
 def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
     """Returns a type's members: name, and rosbags' description of the type."""
     return _STORE.fielddefs[ros_type][1]

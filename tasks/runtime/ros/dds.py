@@ -20,7 +20,7 @@ from rosbags.interfaces import Nodetype
 
 from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import LaunchError
-from ..recording.cdr import fields_of, type_hash
+from ..recording.cdr import fields_of, is_known, type_hash
 
 CYCLONEDDS = "11.0.1"
 """The release whose private functions are known, and the first with `IgnoreTypeInformation`."""
@@ -161,20 +161,25 @@ class Participant:
         from cyclonedds import pub
         from cyclonedds.topic import Topic
 
-        kind = self._types.setdefault(ros_type, idl_type(ros_type, self._types))
+        kind = self._type(ros_type)
         qos = _qos(is_reliable=True, is_latched=is_latched, depth=depth, ros_type=ros_type)
         return Writer(pub.DataWriter(self._entity, Topic(self._entity, f"rt{topic}", kind), qos=qos))
 
     def reader(
         self, topic: str, ros_type: str, *, is_reliable: bool = False, is_latched: bool = False, depth: int = 10
     ) -> "Reader":
-        """Subscribes a topic; messages of any type can be read, since only the type's name is told."""
+        """Subscribes a topic; of types that are not known here only the name is told, which is enough for Fast DDS."""
         from cyclonedds import sub
         from cyclonedds.topic import Topic
 
         qos = _qos(is_reliable=is_reliable, is_latched=is_latched, depth=depth, ros_type=None)
-        kind = self._types.setdefault(f"{ros_type} by name", named_type(ros_type))
+        kind = self._type(ros_type)
         return Reader(sub.DataReader(self._entity, Topic(self._entity, f"rt{topic}", kind), qos=qos))
+
+    def _type(self, ros_type: str) -> Any:
+        if ros_type not in self._types:
+            self._types[ros_type] = idl_type(ros_type, self._types) if is_known(ros_type) else named_type(ros_type)
+        return self._types[ros_type]
 
     def publications(self) -> list[Publication]:
         """Looks which publishers of ROS topics there are, ours included."""

@@ -146,11 +146,12 @@ def test_nodes_that_leave_end_the_run(run) -> None:
     assert "no node subscribed /clock" in said
 
 
-def test_nodes_that_never_command_fail_the_run(run) -> None:
+def test_nodes_that_never_command_fail_the_run(run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ros_robot, "_FIRST_COMMAND_S", 4.0)
     wire = ScriptedWire(peers=lambda _: Peers(frozenset({"/scan", "/clock"}), commanders=1))
     made = run(wire, real_time_factor=2.0)
     made.begin()
-    with pytest.raises(LaunchError, match=r"no command on /cmd_vel within 60 s .* listen to: /clock, /scan"):
+    with pytest.raises(LaunchError, match=r"no command on /cmd_vel within 4 s .* listen to: /clock, /scan"):
         made.go(10_000)
 
 
