@@ -34,6 +34,18 @@ def mujoco_warp_environment(config: pytest.Config) -> Path:
     return _python_with(config, "mujoco-warp", ("mujoco==3.17.0", "mujoco-warp==3.17.0"))
 
 
+RCLPY = (
+    *("ros-jazzy-rclpy==7.1.6", "ros-jazzy-common-interfaces==5.3.6"),
+    *("ros-jazzy-rmw-fastrtps-cpp==8.4.3", "ros-jazzy-rosgraph-msgs==2.0.3"),
+)
+"""ROS 2 Jazzy for Python, with Fast DDS; 280 MB. It is for tests only: one person builds these wheels."""
+
+
+def rclpy_environment(config: pytest.Config) -> Path:
+    """Folder of programs of an environment with ROS 2's rclpy; skips the test where it cannot be had."""
+    return _python_with(config, "rclpy", RCLPY, built="empy")
+
+
 def kept_folder(config: pytest.Config, name: str) -> Path:
     """A folder that later runs of the tests find again, such as for what a client compiles."""
     assert config.cache is not None
@@ -45,10 +57,10 @@ def usd_environment(config: pytest.Config) -> Path:
     return _python_with(config, "usd", ("usd-core==26.11",))
 
 
-def _python_with(config: pytest.Config, name: str, requirements: tuple[str, ...]) -> Path:
+def _python_with(config: pytest.Config, name: str, requirements: tuple[str, ...], built: str | None = None) -> Path:
     def make(folder: Path) -> None:
         venv.create(folder, symlinks=True, with_pip=False)
-        install_packages(*requirements, python=folder / "bin" / "python")
+        install_packages(*requirements, python=folder / "bin" / "python", built=built)
 
     version = ".".join(map(str, sys.version_info[:3]))
     return _kept(config, name, [version, *requirements], make) / "bin"

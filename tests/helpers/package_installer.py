@@ -8,17 +8,22 @@ from pathlib import Path
 
 import pytest
 
+from helpers.paths import REPOSITORY
 
-def install_packages(*requirements: str, target: Path | None = None, python: Path | None = None) -> None:
+
+def install_packages(
+    *requirements: str, target: Path | None = None, python: Path | None = None, built: str | None = None
+) -> None:
     """Installs wheels with whichever of pip and uv is there; skips the test where none of them can.
 
     Args:
         *requirements: what to install, such as `botocore==1.40.60`.
         target: folder for the packages alone, without what they need.
         python: interpreter of the environment that gets the packages and what they need.
+        built: a package of which there is only the source.
     """
     reasons = []
-    for command in _installers(target, python):
+    for command in _installers(target, python, built):
         done = subprocess.run([*command, *requirements], capture_output=True, text=True, timeout=240, check=False)
         if done.returncode == 0:
             return
@@ -27,12 +32,14 @@ def install_packages(*requirements: str, target: Path | None = None, python: Pat
     pytest.skip(f"{wanted} cannot be installed: {'; '.join(reasons) or 'neither uv nor pip is there'}")
 
 
-def _installers(target: Path | None, python: Path | None) -> list[list[str]]:
+def _installers(target: Path | None, python: Path | None, built: str | None) -> list[list[str]]:
     where = ["--no-deps", "--target", str(target)] if target else []
-    options = ["install", "--quiet", "--only-binary", ":all:", *where]
+    sources = ["--no-binary", built] if built else []
+    options = ["install", "--quiet", "--only-binary", ":all:", *sources, *where]
     of_pip = ["--python", str(python)] if python else []
     commands = []
-    if uv := shutil.which("uv"):
+    # That of a checkout is a tenth as long at it as pip.
+    if uv := shutil.which("uv") or shutil.which(REPOSITORY / ".tools" / "bin" / "uv"):
         commands.append([uv, "pip", *options, "--python", str(python or sys.executable)])
     if importlib.util.find_spec("pip"):
         commands.append([sys.executable, "-m", "pip", *of_pip, *options])

@@ -228,8 +228,12 @@ class RobotNodes(OtherInterface, Protocol):
         """The robot that they drive; `keep` is told each action as bytes."""
         ...
 
-    def close(self) -> Findings:
-        """Leaves them; returns what the result says about them."""
+    def close(self, ended_by: str | None = None) -> Findings:
+        """Leaves them; returns what the result says about them.
+
+        Raises:
+            LaunchError: A run that came to its end had no command of theirs.
+        """
         ...
 
 
@@ -332,7 +336,7 @@ class RemoteRobot(Observer):
         self._stop_listening()
         if self._keeper is not None:
             self._keeper.close()
-        of_nodes = self._nodes.close() if self._nodes is not None else Findings()
+        of_nodes = self._nodes.close(ended_by) if self._nodes is not None else Findings()
         if self._driven_by_nodes:
             if self._keeper is not None and self._keeper.error is not None:
                 of_nodes.extra["ros"]["actions_not_kept"] = self._keeper.error

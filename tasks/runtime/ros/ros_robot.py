@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import RunStop
 from ....schemas.runs.ros import RosOptions, RosPlan
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import RobotProgramError
@@ -108,7 +109,9 @@ class RosBridge:
             return False
         self._looked_at_s, self._peers = now_s, self._wire.peers()
         self._commanded_since_s = _since(self._commanded_since_s, now_s, self._peers.commanders > 0)
-        self._heard_since_s = _since(self._heard_since_s, now_s, bool(self._peers.heard))
+        # Who publishes commands of another type would listen for ever: that is told instead.
+        listens = bool(self._peers.heard) and not self._peers.mistyped
+        self._heard_since_s = _since(self._heard_since_s, now_s, listens)
         if self._commanded_since_s is not None:
             return now_s - self._commanded_since_s >= _SETTLE_S
         return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
@@ -149,12 +152,19 @@ class RosBridge:
         """How actions came, in the words of the action log."""
         return "lockstep" if self._options.time == "lockstep" else "free"
 
-    def close(self) -> Findings:
-        """Leaves; returns what the result says about the nodes."""
-        findings = self._agent.findings() if self._agent is not None else Findings()
+    def close(self, ended_by: str | None = None) -> Findings:
+        """Leaves; returns what the result says about the nodes.
+
+        Raises:
+            LaunchError: A run that came to its end had no command of theirs: nothing was tested.
+        """
+        agent = self._agent
+        findings = agent.findings() if agent is not None else Findings()
         self.recorder.detach()
         if self._wire is not None:
             self._wire.close()
+        if agent is not None and not agent.commands and ended_by not in (None, *RunStop):
+            raise agent.silent()
         return findings
 
     @property
@@ -183,6 +193,7 @@ class RosAgent:
         self._has_lidar = named is not None and named.lidar is not None
         self._command = Command(STILL, STILL)
         self._commanded_at_s = -math.inf
+        self._time_s = 0.0
         self._steps = self._commands = self._acted_at = 0
         self._first_command_by_s = clock() + _FIRST_COMMAND_S
         self._looked_at_s = clock()
@@ -203,7 +214,7 @@ class RosAgent:
             LaunchError: No command came at all.
             RunStopped: The run was told to stop.
         """
-        time_s = float(self._environment.physics.data.time)
+        time_s = self._time_s = float(self._environment.physics.data.time)
         self._steps += 1
         self._look(time_s)
         if isinstance(self._timing, Lockstep):
@@ -217,16 +228,24 @@ class RosAgent:
         if command is not None:
             self._take(command, time_s)
         elif not self._commands and self._clock() > self._first_command_by_s:
-            raise LaunchError(
-                f"the nodes of robot application {self._robot} sent no command on {COMMANDS} within "
-                f"{_FIRST_COMMAND_S:g} s of simulated time having begun; topics that they listen to: "
-                f"{', '.join(sorted(self._heard)) or 'none'}",
-                _UNHEALTHY,
-            )
+            raise self.silent()
         action = self._action(time_s)
         # Before the environment sees it, which may not survive it.
         self._keep(action.tobytes())
         return action
+
+    @property
+    def commands(self) -> int:
+        """Commands that have come."""
+        return self._commands
+
+    def silent(self) -> LaunchError:
+        """The error about nodes that send no commands at all."""
+        return LaunchError(
+            f"the nodes of robot application {self._robot} sent no command on {COMMANDS} in {self._time_s:.2f} s of "
+            f"simulated time; topics that they listen to: {', '.join(sorted(self._heard)) or 'none'}",
+            _UNHEALTHY,
+        )
 
     def findings(self) -> Findings:
         """Returns figures about the exchange for the run's result, and what is odd about it."""
