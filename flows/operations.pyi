@@ -4,11 +4,11 @@ from typing import Any, Literal
 
 from prefect import flow
 
+from ..schemas.fleet.operations.deployment_jobs import DeploymentApplicationConfig
+from ..schemas.fleet.operations.deployment_jobs import DeploymentConfig
 from ..schemas.operations.applications import Environment
 from ..schemas.operations.applications import RobotSoftwareSuite
 from ..schemas.operations.applications import SourceConfig
-from ..schemas.operations.deployment_jobs import DeploymentApplicationConfig
-from ..schemas.operations.deployment_jobs import DeploymentConfig
 from ..schemas.operations.simulation_applications import RenderingEngine
 from ..schemas.operations.simulation_applications import SimulationSoftwareSuite
 from ..schemas.operations.simulation_job_batches import BatchPolicy

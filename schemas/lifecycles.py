@@ -4,66 +4,15 @@ These tables are the only way a status changes.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, TypeVar
+from typing import Any
 
-from .operations.deployment_jobs import DeploymentStatus
 from .operations.simulation_job_batches import SimulationJobBatchStatus
 from .operations.simulation_jobs import SimulationJobStatus
 from .operations.world_export_jobs import WorldExportJobStatus
 from .operations.world_generation_jobs import WorldGenerationJobStatus
+from .state_machines import Lifecycle, transition_table
+from .wings import parts_of_wings
 from .wire.base import choices
-from .wire.errors import StateConflictError
-
-State = TypeVar("State", bound=str)
-
-
-@dataclass(frozen=True)
-class Lifecycle(Generic[State]):
-    """A state machine."""
-
-    name: str
-    """Resource that has these states, for messages: `the simulation job`."""
-
-    initial: State
-    """First state of a new resource."""
-
-    states: tuple[State, ...]
-    """All states the interface knows."""
-
-    terminal: frozenset[State]
-    """States that nothing leads out of."""
-
-    transitions: Mapping[tuple[State, str], State]
-    """The state after an event in a state; pairs that are absent are not allowed."""
-
-    not_when_canceled: frozenset[str] = frozenset()
-    """Events that cannot happen any more once a cancellation was requested."""
-
-    @property
-    def events(self) -> frozenset[str]:
-        """Everything that can happen."""
-        return frozenset(event for _, event in self.transitions)
-
-
-def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
-    """The state after an event.
-
-    Raises:
-        StateConflictError: the event cannot happen in that state; the message says what can.
-    """
-    for (before, happened), after in machine.transitions.items():
-        if (before, happened) == (state, event):
-            return after
-    possible = sorted(happened for before, happened in machine.transitions if before == state)
-    hint = f"possible are {', '.join(possible)}" if possible else "nothing is possible any more"
-    raise StateConflictError(f"{machine.name} is {state}: {event!r} cannot happen; {hint}")
-
-
-def _table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[State, str], State]:
-    """Turns `{event: (states before, state after)}` into a transition table."""
-    return {(before, event): after for event, (befores, after) in rows.items() for before in befores}
-
 
 _JOB_ROWS: dict[str, tuple[tuple[SimulationJobStatus, ...], SimulationJobStatus]] = {
     "start": (("Preparing", "Restarting"), "Running"),
@@ -89,7 +38,7 @@ SIMULATION_JOB: Lifecycle[SimulationJobStatus] = Lifecycle(
     initial="Pending",
     states=choices(SimulationJobStatus),
     terminal=frozenset({"Completed", "Failed", "Terminated", "Canceled"}),
-    transitions={**_table(_JOB_ROWS), **_PREPARE_ROWS},
+    transitions={**transition_table(_JOB_ROWS), **_PREPARE_ROWS},
     not_when_canceled=frozenset({"complete"}),
 )
 """One simulation job.
@@ -130,7 +79,7 @@ SIMULATION_JOB_BATCH: Lifecycle[SimulationJobBatchStatus] = Lifecycle(
     initial="Pending",
     states=choices(SimulationJobBatchStatus),
     terminal=frozenset({"Completed", "Failed", "TimedOut", "Canceled"}),
-    transitions=_table(_BATCH_ROWS),
+    transitions=transition_table(_BATCH_ROWS),
 )
 """One batch.
 
@@ -162,7 +111,7 @@ WORLD_GENERATION_JOB: Lifecycle[WorldGenerationJobStatus] = Lifecycle(
     initial="Pending",
     states=choices(WorldGenerationJobStatus),
     terminal=frozenset({"Completed", "PartialFailed", "Failed", "Canceled"}),
-    transitions=_table(_GENERATION_ROWS),
+    transitions=transition_table(_GENERATION_ROWS),
 )
 """One world generation job.
 
@@ -188,7 +137,7 @@ WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
     initial="Pending",
     states=choices(WorldExportJobStatus),
     terminal=frozenset({"Completed", "Failed", "Canceled"}),
-    transitions=_table(_EXPORT_ROWS),
+    transitions=transition_table(_EXPORT_ROWS),
 )
 """One world export job.
 
@@ -200,43 +149,14 @@ WORLD_EXPORT_JOB: Lifecycle[WorldExportJobStatus] = Lifecycle(
 ```
 """
 
-_DEPLOYMENT_ROWS: dict[str, tuple[tuple[DeploymentStatus, ...], DeploymentStatus]] = {
-    "prepare": (("Pending",), "Preparing"),
-    "start": (("Preparing",), "InProgress"),
-    "succeed": (("InProgress",), "Succeeded"),
-    "fail": (("Pending", "Preparing", "InProgress"), "Failed"),
-    "cancel": (("Pending", "Preparing", "InProgress"), "Canceled"),
-}
-
-DEPLOYMENT_JOB: Lifecycle[DeploymentStatus] = Lifecycle(
-    name="the deployment job",
-    initial="Pending",
-    states=choices(DeploymentStatus),
-    terminal=frozenset({"Succeeded", "Failed", "Canceled"}),
-    transitions=_table(_DEPLOYMENT_ROWS),
-)
-"""One deployment job.
-
-```
-          prepare            start             succeed
-  Pending ───────> Preparing ─────> InProgress ───────> Succeeded
-     ├─────────────────┼────────────────┼───── fail ──> Failed
-     └─────────────────┴────────────────┴── cancel ───> Canceled
-```
-
-`prepare`: what robots download is made. `start`: robots get their orders, wave by wave. `succeed`: each robot has
-ended, and fewer failed than the threshold. `fail` comes with a failure code. Neither `fail` nor `cancel` waits for
-robots: one that has begun may still report, which changes its own status only.
-"""
-
 LIFECYCLES: Mapping[str, Lifecycle[Any]] = {
     "simulation-job": SIMULATION_JOB,
     "simulation-job-batch": SIMULATION_JOB_BATCH,
     "world-generation-job": WORLD_GENERATION_JOB,
     "world-export-job": WORLD_EXPORT_JOB,
-    "deployment-job": DEPLOYMENT_JOB,
+    **{kind: machine for part in parts_of_wings("schemas", "lifecycles") for kind, machine in part.LIFECYCLES.items()},
 }
-"""The state machine of each kind of resource that has one."""
+"""The state machine of each kind of resource that has one, those of wings included."""
 
 ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - SIMULATION_JOB.terminal)
 """States in which a simulation job counts for its batch's `maxConcurrency`."""

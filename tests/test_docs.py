@@ -24,8 +24,9 @@ from prefect_robomaker.schemas.operations.registry import OPERATIONS
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.tasks.service.service import Service
 
-PAGES = [REPOSITORY / "README.md", *sorted((REPOSITORY / "docs").glob("*.md"))]
-GUIDE = REPOSITORY / "docs" / "coming-from-robomaker.md"
+DOCS = REPOSITORY / "docs"
+PAGES = [REPOSITORY / "README.md", *sorted((*DOCS.glob("*.md"), *DOCS.glob("fleet/*.md")))]
+GUIDE = DOCS / "coming-from-robomaker.md"
 SHOWN_ENDPOINT = "http://127.0.0.1:8057"
 FOR_SDKS = "boto3.client("
 FOLDERS = ("schemas", "tasks", "flows", "deployments", "tests", "tools", "docs", "prefect_robomaker")
@@ -183,7 +184,7 @@ def test_links_to_files_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize(
     "page",
-    [*PAGES, *sorted((REPOSITORY / "docs" / "decisions").glob("*.md")), REPOSITORY / "CONTRIBUTING.md"],
+    [*PAGES, *sorted((DOCS / "decisions").glob("*.md")), REPOSITORY / "CONTRIBUTING.md"],
     ids=lambda page: page.name,
 )
 def test_files_named_in_the_documentation_exist(page: Path) -> None:
@@ -209,6 +210,6 @@ def test_the_readme_lists_the_commands_there_are() -> None:
 
 
 def test_the_map_of_the_documentation_names_every_page() -> None:
-    linked = set(re.findall(r"\]\(([^)#]+)", (REPOSITORY / "docs" / "index.md").read_text()))
+    linked = set(re.findall(r"\]\(([^)#]+)", (DOCS / "index.md").read_text()))
 
-    assert {page.name for page in (REPOSITORY / "docs").glob("*.md")} - linked == {"index.md"}
+    assert {str(page.relative_to(DOCS)) for page in PAGES[1:]} - linked == {"index.md"}

@@ -10,16 +10,6 @@ def add_output(parser: argparse.ArgumentParser, *forms: str) -> None:
     )
 
 
-def add_deployment(parser: argparse.ArgumentParser) -> None:
-    """Adds the deployment job that a person decides about."""
-    parser.add_argument("job", metavar="ARN", help="ARN of the deployment job")
-
-
-def add_who(parser: argparse.ArgumentParser) -> None:
-    """Adds who decides."""
-    parser.add_argument("--by", metavar="NAME", help="who says so, as DescribeDeploymentJob shows it (default: you)")
-
-
 def add_open(parser: argparse.ArgumentParser, text: str) -> None:
     """Adds `--open` and `--no-open`; neither given is `None`."""
     parser.add_argument("--open", action=argparse.BooleanOptionalAction, default=None, help=text)

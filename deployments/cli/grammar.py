@@ -8,8 +8,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn, Protocol, cast
 
+from ...schemas.wings import WINGS
+
 COMMANDS = Path(__file__).with_name("commands")
-"""The folder of the groups of commands."""
+"""The folder of the groups of commands; each wing's folder `commands` is one more group."""
+
+_DEPLOYMENTS = __name__.rpartition(".cli.")[0]
 
 # What newcomers need stands first in the help, in the order they need it; everything else follows by name.
 _GROUPS = ("specifications", "runs", "operations", "machine")
@@ -34,6 +38,9 @@ class Command(NamedTuple):
     path: Path
     """Its module, or the folder of its commands."""
 
+    module: str
+    """Full name of that module or package."""
+
     summary: str
     """One line for the list of commands."""
 
@@ -42,8 +49,7 @@ class Command(NamedTuple):
 
     def load(self) -> CommandModule:
         """Imports the command's module."""
-        parts = self.path.relative_to(COMMANDS.parent).with_suffix("").parts
-        return cast("CommandModule", importlib.import_module("." + ".".join(parts), __package__))
+        return cast("CommandModule", importlib.import_module(self.module))
 
 
 class Group(NamedTuple):
@@ -53,32 +59,41 @@ class Group(NamedTuple):
     commands: list[Command]
 
 
-def find_groups(folder: Path) -> list[Group]:
-    """Finds the groups of commands in a folder, in the order in which help lists them."""
-    found = [path for path in folder.iterdir() if (path / "__init__.py").is_file()]
+def find_groups() -> list[Group]:
+    """Finds the groups of commands, in the order in which help lists them; those of wings are the last."""
+    own = sorted(COMMANDS.iterdir(), key=lambda path: _place(path.name, _GROUPS))
+    groups = {f"{_DEPLOYMENTS}.cli.commands.{path.name}": path for path in own}
+    groups |= {f"{_DEPLOYMENTS}.{wing}.commands": Path(__file__).parents[1] / wing / "commands" for wing in WINGS}
     return [
-        Group(_description(path / "__init__.py").partition("\n")[0].rstrip("."), find_commands(path))
-        for path in sorted(found, key=lambda path: _place(path.name, _GROUPS))
+        Group(_description(path / "__init__.py").partition("\n")[0].rstrip("."), find_commands(path, package))
+        for package, path in groups.items()
+        if (path / "__init__.py").is_file()
     ]
 
 
-def find_commands(folder: Path) -> list[Command]:
-    """Finds the commands in a folder, in the order in which help lists them."""
-    return sorted(_commands(folder), key=lambda command: _place(command.name, _FIRST))
+def find_commands(folder: Path, package: str) -> list[Command]:
+    """Finds the commands in a folder, in the order in which help lists them.
+
+    Args:
+        folder: the folder.
+        package: its full name as a package.
+    """
+    return sorted(_commands(folder, package), key=lambda command: _place(command.name, _FIRST))
 
 
-def _commands(folder: Path) -> Iterator[Command]:
+def _commands(folder: Path, package: str) -> Iterator[Command]:
     for path in folder.iterdir():
         if path.is_dir() and (path / "__init__.py").is_file():
-            yield _command(path, path / "__init__.py")
+            yield _command(path, path / "__init__.py", package)
         elif path.suffix == ".py" and path.stem != "__init__":
-            yield _command(path, path)
+            yield _command(path, path, package)
 
 
-def _command(path: Path, source: Path) -> Command:
+def _command(path: Path, source: Path, package: str) -> Command:
     description = _description(source)
     first = description.partition("\n")[0].rstrip(".")
-    return Command(path.stem.replace("_", "-"), path, first[0].lower() + first[1:], description)
+    module, summary = f"{package}.{path.stem}", first[0].lower() + first[1:]
+    return Command(path.stem.replace("_", "-"), path, module, summary, description)
 
 
 def _description(source: Path) -> str:
@@ -159,7 +174,7 @@ class CommandParser(Parser):
             actions = self.add_subparsers(
                 parser_class=CommandParser, dest="action", metavar="ACTION", title="actions", required=True
             )
-            _add_commands(actions, find_commands(self._command.path))
+            _add_commands(actions, find_commands(self._command.path, self._command.module))
         else:
             module = self._command.load()
             module.declare(self)
@@ -184,7 +199,7 @@ def build_parser() -> Parser:
     commands: Any = parser.add_subparsers(
         action=_GroupedCommands, parser_class=CommandParser, dest="command", metavar="COMMAND", title="commands"
     )
-    for group in find_groups(COMMANDS):
+    for group in find_groups():
         commands.add_group(group)
     return parser
 

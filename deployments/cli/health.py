@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from ...schemas.settings import Settings
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import RobomakerError
 from ...tasks.nights.missed import has_schedules
 from ..prefect_server.local_server import client_variables, server_status
@@ -75,8 +76,8 @@ def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
         checks["nights"] = lambda: check_nights(settings)
     if settings.notify or notify:
         checks["notifications"] = lambda: check_notifications(settings, notify=notify)
-    if (settings.home / "robots" / "trust" / "root.json").exists():
-        checks["robots' keys"] = lambda: check_robot_keys(without_roles)
+    for part in parts_of_wings("deployments", "doctor"):
+        checks |= part.checks(without_roles)
     return [_examined(subject, check) for subject, check in checks.items()]
 
 
@@ -315,20 +316,6 @@ def check_sandbox(settings: Settings) -> Finding:
         remedy = "allow user namespaces (docs/sandbox.md)"
         return Finding("sandbox", "warning", f"{found}\n{confinement.why_not_more}", remedy)
     return Finding("sandbox", "ok", found)
-
-
-def check_robot_keys(settings: Settings) -> Finding:
-    """Whether what agents trust is signed, and for how long."""
-    from ...tasks.fleet.trust.upkeep import standing_of
-    from ...tasks.service.service import Service
-
-    with Service.opened(settings) as service:
-        roles = standing_of(service)
-    warnings = [role.warning for role in roles if role.warning]
-    if warnings:
-        return Finding("robots' keys", "warning", "\n".join(warnings), "see `robomaker robots keys status`")
-    until = min((role.expires for role in roles if role.role == "root"), default=None)
-    return Finding("robots' keys", "ok", f"the root is valid until {until:%Y-%m-%d}" if until else "nothing published")
 
 
 def check_left_behind(settings: Settings) -> Finding:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...schemas.settings import Settings
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError
 from ...tasks.service.home import prepare_home
 from ..endpoint.calling.access_keys import AccessKey, read_access_keys
@@ -96,7 +97,6 @@ def _run_server(
     from ..endpoint.application import Endpoint, write_access_log
     from ..endpoint.calling.access_keys import AuditLog
     from ..endpoint.server import run_server
-    from ..robots import RobotsBeside
     from ..spec_runs.spec_runs import SpecRuns
 
     if arguments.log_requests:
@@ -106,7 +106,8 @@ def _run_server(
     def tell(arn: str) -> None:
         if worker is not None:
             worker.wake(arn)
-        application.wake()
+        for each in beside:
+            each.wake()
 
     def worker_status() -> Mapping[str, object]:
         return {"state": "elsewhere"} if worker is None else worker.status()
@@ -123,7 +124,10 @@ def _run_server(
         console=HOME,
     )
     console = Console(endpoint, service, access_keys=access_keys, worker_status=worker_status, spec_runs=spec_runs)
-    application = RobotsBeside(console, service)
+    application, beside = console, list[Any]()
+    for part in parts_of_wings("deployments", "serving"):
+        application = part.beside(application, service)
+        beside.append(application)
 
     def announce(port: int) -> None:
         url = _url(arguments, port)

@@ -17,6 +17,7 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import Message, Receive, Scope, Send
 
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,
@@ -38,7 +39,7 @@ from .batch_caches import BatchBriefs, JobLines, Posters
 from .files import published
 from .orders import going, start, worlds_form
 from .orders.forms import read_fields
-from .pages import applications, fleets, nights
+from .pages import applications, nights
 from .rendering import HOME, PAGES, address, asset, render
 from .streams import Streams
 from .visit import Context, Sessions, Visit
@@ -125,14 +126,9 @@ _PAGES: Mapping[str, Page] = {
     "/history": nights.show_all,
     "/history/{name}": nights.show,
     "/compare": nights.compare_runs,
-    "/fleets": fleets.show_all,
-    "/fleets/{id:path}": fleets.show,
-    "/robots": fleets.show_robots,
-    "/robots/{id:path}": fleets.show_robot,
-    "/deployments/{id}": fleets.show_deployment,
-    "/deployments/{id}/live": fleets.follow_deployment,
     "/applications": applications.show_all,
     "/applications/{kind}/{id:path}": applications.show,
+    **{path: page for part in parts_of_wings("deployments", "console.pages") for path, page in part.PAGES.items()},
 }
 
 _FORMS: Mapping[str, Page] = {

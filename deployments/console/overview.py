@@ -9,6 +9,7 @@ from starlette.responses import RedirectResponse, Response
 
 from ...schemas.documents.simulation_jobs import JobInBrief
 from ...schemas.lifecycles import LIFECYCLES
+from ...schemas.wings import parts_of_wings
 from ...tasks.catalog import Resource
 from .batches import BATCH, batch_lines
 from .rendering import HOME, PAGES, address, render
@@ -17,7 +18,8 @@ from .standing import JOB, Look, job_line, look_of_status
 from .streams import Parts
 from .visit import Visit
 
-_OTHER_KINDS = ("world-generation-job", "world-export-job", "deployment-job")
+_OF_WINGS = parts_of_wings("deployments", "console.kinds")
+_OTHER_KINDS = ("world-generation-job", "world-export-job", *(kind for part in _OF_WINGS for kind in part.JOBS))
 _OPEN = {
     kind: [state for state in LIFECYCLES[kind].states if state not in LIFECYCLES[kind].terminal]
     for kind in (BATCH, JOB, *_OTHER_KINDS)
@@ -88,7 +90,10 @@ def _failures(visit: Visit) -> dict[str, Any]:
 
 
 _MOST_CHARACTERS = 1300
-_NAMED = ("world-template", "simulation-application", "robot-application", "deployment-fleet", "robot")
+_NAMED = (
+    *("world-template", "simulation-application", "robot-application"),
+    *(kind for part in _OF_WINGS for kind in part.NAMED),
+)
 
 
 def find(visit: Visit) -> Response:

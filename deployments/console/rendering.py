@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 import jinja2
 
+from ...schemas.wings import parts_of_wings
 from ...tasks.reporting import outcomes, page_environment, page_styles, report_script
 
 _FOLDER = Path(__file__).parent
@@ -53,18 +54,29 @@ def icon(key: str) -> str:
     return f'<svg class="icon" viewBox="0 0 16 16" aria-hidden="true"><use href="#icon-{key}"/></svg>'
 
 
+_OF_WINGS = parts_of_wings("deployments", "console.kinds")
+
 PAGES = {
     "simulation-job": "jobs",
     "simulation-job-batch": "batches",
     "world": "worlds",
     "world-generation-job": "generations",
-    "deployment-fleet": "fleets",
-    "robot": "robots",
-    "deployment-job": "deployments",
     "robot-application": "applications/robot-application",
     "simulation-application": "applications/simulation-application",
+    **{kind: folder for part in _OF_WINGS for kind, folder in part.FOLDERS.items()},
 }
 """Folders of the pages of resources, by kind."""
+
+MENU: tuple[tuple[str, str], ...] = (
+    ("runs", "Runs"),
+    ("batches", "Batches"),
+    ("jobs", "Jobs"),
+    ("worlds", "Worlds"),
+    ("history", "History"),
+    *(entry for part in _OF_WINGS for entry in part.MENU),
+    ("applications", "Applications"),
+)
+"""Folder and title of each page that all pages lead to."""
 
 
 def ago(moment: datetime) -> str:
@@ -80,8 +92,9 @@ def ago(moment: datetime) -> str:
 
 @cache
 def _environment() -> jinja2.Environment:
-    environment = page_environment(_FOLDER / "templates")
+    folders = (folder for part in _OF_WINGS for folder in part.TEMPLATES)
+    environment = page_environment(_FOLDER / "templates", *folders)
     environment.auto_reload = False  # or each part of a page is looked for on the disk, each time
     environment.filters.update(ago=ago, size=outcomes.size)
-    environment.globals.update(HOME=HOME, address=address, asset_address=asset_address)
+    environment.globals.update(HOME=HOME, MENU=MENU, address=address, asset_address=asset_address)
     return environment

@@ -4,13 +4,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from ...schemas.lifecycles import (
-    SIMULATION_JOB,
-    SIMULATION_JOB_BATCH,
-    WORLD_EXPORT_JOB,
-    WORLD_GENERATION_JOB,
-    Lifecycle,
-)
+from ...schemas.lifecycles import SIMULATION_JOB, SIMULATION_JOB_BATCH, WORLD_EXPORT_JOB, WORLD_GENERATION_JOB
+from ...schemas.state_machines import Lifecycle
 
 
 @dataclass(frozen=True)

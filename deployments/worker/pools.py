@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
+from ...schemas.wings import parts_of_wings
+
 _BATCHES_AT_ONCE = 4
 _GENERATIONS_AT_ONCE = 2
 _EXPORTS_AT_ONCE = 2
-_DEPLOYMENTS_AT_ONCE = 20  # they wait for robots nearly all the time
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class JobPool:
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
-    """Returns the pools of all kinds of jobs.
+    """Returns the pools of all kinds of jobs, those of wings included.
 
     Args:
         max_jobs: simulation jobs at once; those of batches share the machine with them.
@@ -34,5 +35,5 @@ def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
         # Each uses all processors.
         JobPool("world-generation-job", "CreateWorldGenerationJob", _GENERATIONS_AT_ONCE),
         JobPool("world-export-job", "CreateWorldExportJob", _EXPORTS_AT_ONCE),
-        JobPool("deployment-job", "CreateDeploymentJob", _DEPLOYMENTS_AT_ONCE),
+        *(pool for part in parts_of_wings("deployments", "pools") for pool in part.POOLS),
     )

@@ -1,18 +1,15 @@
-"""Document class of each kind of resource."""
+"""Document class of each kind of resource, those of wings included."""
 
 from collections.abc import Mapping
 from typing import Any
 
+from ..wings import parts_of_wings
 from .applications import ApplicationDocument
 from .base import Document
-from .fleets import DeploymentJobDocument, FleetDocument, RobotDocument
 from .simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from .worlds import WorldDocument, WorldExportJobDocument, WorldGenerationJobDocument, WorldTemplateDocument
 
 DOCUMENTS: Mapping[str, type[Document]] = {
-    "deployment-fleet": FleetDocument,
-    "deployment-job": DeploymentJobDocument,
-    "robot": RobotDocument,
     "robot-application": ApplicationDocument,
     "robot-application-version": ApplicationDocument,
     "simulation-application": ApplicationDocument,
@@ -23,6 +20,7 @@ DOCUMENTS: Mapping[str, type[Document]] = {
     "world-export-job": WorldExportJobDocument,
     "world-generation-job": WorldGenerationJobDocument,
     "world-template": WorldTemplateDocument,
+    **{kind: document for part in parts_of_wings("schemas", "documents") for kind, document in part.DOCUMENTS.items()},
 }
 
 

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from ..runs.plan import VideoPolicy
-from ..wire.arns import ResourceArn
+from ..wings import parts_of_wings
 from ..wire.base import Shape, choices
 from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
@@ -19,10 +19,7 @@ from ..wire.operation_shape import ErrorClass, OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
 from ..worlds.step_operations import STEP_OPERATIONS
 from . import (
-    deployment_jobs,
-    fleets,
     robot_applications,
-    robots,
     simulation_applications,
     simulation_job_batches,
     simulation_jobs,
@@ -32,7 +29,6 @@ from . import (
     world_templates,
     worlds,
 )
-from .deployment_jobs import CreateDeploymentJobRequest
 from .simulation_job_batches import MOST_PRIORITY, StartSimulationJobBatchRequest
 from .simulation_jobs import SimulationJobRequestMembers
 from .world_generation_jobs import CreateWorldGenerationJobRequest
@@ -46,9 +42,7 @@ _MODULES: Mapping[str, ModuleType] = {
     "Simulation applications": simulation_applications,
     "Simulation jobs": simulation_jobs,
     "Simulation job batches": simulation_job_batches,
-    "Fleets": fleets,
-    "Robots": robots,
-    "Deployment jobs": deployment_jobs,
+    **{title: module for part in parts_of_wings("schemas", "operations") for title, module in part.GROUPS.items()},
     "Tags": tags,
 }
 
@@ -57,8 +51,8 @@ OPERATION_GROUPS: Mapping[str, tuple[OperationShape, ...]] = {
 }
 """The operations by what they are about, in the order in which one needs them."""
 
-RESOURCES: tuple[str, ...] = tuple(sorted(module.__name__.rpartition(".")[2] for module in _MODULES.values()))
-"""Names of the resources' modules."""
+MODULES: tuple[str, ...] = tuple(sorted(module.__name__ for module in _MODULES.values()))
+"""Full names of the resources' modules, those of wings included."""
 
 
 __all__ = [
@@ -66,11 +60,11 @@ __all__ = [
     "STEPS",
     "ErrorClass",
     "OperationShape",
+    "agreed",
     "check_request",
     "operation_shape",
     "parse_request",
     "priority_of",
-    "required_batch_of",
     "seed_of",
     "video_of",
 ]
@@ -78,7 +72,6 @@ __all__ = [
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"
 PRIORITY_TAG = "robomaker:priority"
-REQUIRES_BATCH_TAG = "robomaker:requiresBatch"
 
 _Value = TypeVar("_Value")
 
@@ -153,7 +146,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembe
         return request.seed
     if not re.fullmatch("[0-9]+", tag) or int(tag) > MAX_SEED:
         raise InvalidParameterException(f"tags.{SEED_TAG} is {tag!r}; it has to be a whole number from 0 to {MAX_SEED}")
-    return _agreed("seed", SEED_TAG, request.seed, int(tag))
+    return agreed("seed", SEED_TAG, request.seed, int(tag))
 
 
 def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
@@ -167,7 +160,7 @@ def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
         return request.video
     for policy in choices(VideoPolicy):
         if tag == policy:
-            return _agreed("video", VIDEO_TAG, request.video, policy)
+            return agreed("video", VIDEO_TAG, request.video, policy)
     *others, last = map(repr, choices(VideoPolicy))
     raise InvalidParameterException(f"tags.{VIDEO_TAG} is {tag!r}; it has to be {', '.join(others)} or {last}")
 
@@ -186,32 +179,15 @@ def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
         raise InvalidParameterException(
             f"tags.{PRIORITY_TAG} is {tag!r}; it has to be a whole number from {-MOST_PRIORITY} to {MOST_PRIORITY}"
         )
-    return _agreed("batchPolicy.priority", PRIORITY_TAG, by_member, int(tag))
+    return agreed("batchPolicy.priority", PRIORITY_TAG, by_member, int(tag))
 
 
-def required_batch_of(request: CreateDeploymentJobRequest) -> str | None:
-    """The simulation job batch that a deployment requires, by its configuration or by its tag.
+def agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
+    """Returns what a tag asks for, where a member may ask for the same.
 
     Raises:
-        InvalidParameterException: it is no ARN of a batch, or the tag says something else than the configuration.
+        InvalidParameterException: the member asks for something else.
     """
-    member = "deploymentConfig.requiresBatch"
-    by_member = request.deploymentConfig.requiresBatch if request.deploymentConfig else None
-    tag = (request.tags or {}).get(REQUIRES_BATCH_TAG)
-    for place, arn in {member: by_member, f"tags.{REQUIRES_BATCH_TAG}": tag}.items():
-        if arn is not None:
-            _check_batch_arn(arn, place)
-    return by_member if tag is None else _agreed(member, REQUIRES_BATCH_TAG, by_member, tag)
-
-
-def _check_batch_arn(arn: str, place: str) -> None:
-    try:
-        ResourceArn.parse(arn, "simulation-job-batch")
-    except InvalidParameterException as error:
-        raise InvalidParameterException(f"{place}: {error}") from None
-
-
-def _agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
     if by_member is not None and by_member != by_tag:
         raise InvalidParameterException(
             f"{member} is {by_member!r}, but tags.{tag} is {by_tag!r}; leave one of them out"

@@ -14,7 +14,6 @@ It runs on SQLite, one file that many processes of one machine share, and on Pos
 from .catalog import Catalog, Stored
 from .client_tokens import ClientToken, tokens_of
 from .records import FirstLease, NewResource, Ownership, Page, Resource
-from .rollouts import StoredEvent, StoredRollout
 
 __all__ = [
     "Catalog",
@@ -25,7 +24,5 @@ __all__ = [
     "Page",
     "Resource",
     "Stored",
-    "StoredEvent",
-    "StoredRollout",
     "tokens_of",
 ]

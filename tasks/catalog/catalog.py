@@ -9,7 +9,8 @@ from sqlalchemy.exc import IntegrityError
 
 from ...schemas.documents.base import Changes, Document
 from ...schemas.documents.kinds import upgraded
-from ...schemas.lifecycles import LIFECYCLES, is_terminal, next_state
+from ...schemas.lifecycles import LIFECYCLES, is_terminal
+from ...schemas.state_machines import next_state
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.common import MAX_TAGS
 from ...schemas.wire.errors import InvalidParameterException, LimitExceededException, StateConflictError
@@ -28,7 +29,6 @@ from .queries import (
     resource_of,
 )
 from .records import FirstLease, NewResource, Resource
-from .rollouts import CatalogRollouts
 from .tables import resources
 
 _MAX_ATTEMPTS = 100
@@ -53,7 +53,7 @@ Change = Changes | Mapping[str, Any]
 """Change of a document: a whole `Document`, or `Changes` of some members; a mapping is plain JSON."""
 
 
-class Catalog(CatalogLeases, CatalogRollouts):
+class Catalog(CatalogLeases):
     """Resources in a database; open with `Catalog.open`.
 
     Every method is one transaction, and raises `ServiceUnavailableException` when the database does

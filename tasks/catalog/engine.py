@@ -13,6 +13,7 @@ from urllib.parse import unquote
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, insert, make_url, select, text
 from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
 
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import CatalogAwayError, ConfigurationError
 from .tables import metadata, schema_version
 
@@ -143,6 +144,7 @@ def _migrate(connection: Connection) -> None:
         connection.execute(text("SELECT pg_advisory_xact_lock(:lock)"), {"lock": _MIGRATION_LOCK})
     schema_version.create(connection, checkfirst=True)
     version, newest = connection.scalar(select(func.max(schema_version.c.version))), FIRST_VERSION + len(MIGRATIONS)
+    of_wings = [table for part in parts_of_wings("tasks", "tables") for table in part.TABLES]
     if version is None:
         metadata.create_all(connection)
         version = FIRST_VERSION
@@ -160,6 +162,7 @@ def _migrate(connection: Connection) -> None:
     for number, migration in enumerate(MIGRATIONS[version - FIRST_VERSION :], version + 1):
         migration(connection)
         connection.execute(insert(schema_version).values(version=number))
+    metadata.create_all(connection, of_wings)  # the catalog may have been made where a wing was missing
 
 
 def _reopen_after_fork(engine: Engine) -> None:

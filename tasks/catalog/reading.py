@@ -1,7 +1,7 @@
 """Reading the catalog: one resource, several, those of a parent, pages of lists, what is left to do."""
 
 from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from datetime import UTC, datetime
 
 from sqlalchemy import Connection, Engine, bindparam, func, literal_column, select
@@ -56,6 +56,14 @@ class CatalogReader:
         self._engine = open_engine(url)
         self._writer, self._once = writing(self._engine), reading_once(self._engine)
         self._clock = clock
+
+    def reading(self) -> AbstractContextManager[Connection]:
+        """A transaction that reads, for the tables of wings."""
+        return self._transaction(self._engine)
+
+    def writing(self) -> AbstractContextManager[Connection]:
+        """A transaction that changes, for the tables of wings."""
+        return self._transaction(self._writer)
 
     def close(self) -> None:
         """Closes all connections; the catalog reopens them when it is used again."""

@@ -1,4 +1,4 @@
-"""The catalog's tables, in SQL that SQLite and PostgreSQL both know."""
+"""The catalog's tables but for those of wings, in SQL that SQLite and PostgreSQL both know."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -9,7 +9,6 @@ from sqlalchemy import (
     Boolean,
     Column,
     Dialect,
-    Float,
     ForeignKey,
     Index,
     Integer,
@@ -41,13 +40,13 @@ class UtcTime(TypeDecorator[datetime]):
 
 metadata = MetaData()
 
-# SQLite counts up by itself only in a column declared INTEGER.
-_Sequence = BigInteger().with_variant(Integer, "sqlite")
+SEQUENCE = BigInteger().with_variant(Integer, "sqlite")
+"""Type of numbers that a table counts up; SQLite does so only in a column declared INTEGER."""
 
 resources = Table(
     "resources",
     metadata,
-    Column("sequence", _Sequence, primary_key=True, autoincrement=True, comment="order of creation; lists go by it"),
+    Column("sequence", SEQUENCE, primary_key=True, autoincrement=True, comment="order of creation; lists go by it"),
     Column("arn", String(1224), nullable=False, unique=True),
     Column("kind", String(64), nullable=False),
     Column("id", String(512), nullable=False),
@@ -110,35 +109,6 @@ client_tokens = Table(
     Column("token", String(64), primary_key=True),
     Column("request_hash", String(64), nullable=False),
     Column[str]("arn", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
-)
-
-rollouts = Table(
-    "rollouts",
-    metadata,
-    Column[str]("job", ForeignKey("resources.arn", ondelete="CASCADE"), primary_key=True),
-    Column("revision", Integer, nullable=False),
-    Column("is_open", Boolean, nullable=False, index=True, comment="whether robots may have orders of it"),
-    Column("delivery", JSON, nullable=False, comment="what robots get; it does not change"),
-    Column("rollout", JSON, nullable=False, comment="how it stands"),
-)
-
-robot_orders = Table(
-    "robot_orders",
-    metadata,
-    # PostgreSQL counts a plain integer up to 2147483647, the largest number that robots understand.
-    Column("number", Integer, primary_key=True, autoincrement=True),
-    Column[str]("job", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
-    # Numbers of deleted rows must not come back: a robot would take another's order for its own.
-    sqlite_autoincrement=True,
-)
-
-rollout_events = Table(
-    "rollout_events",
-    metadata,
-    Column("sequence", _Sequence, primary_key=True, autoincrement=True),
-    Column[str]("job", ForeignKey("resources.arn", ondelete="CASCADE"), nullable=False, index=True),
-    Column[float]("at_s", Float, nullable=False, comment="when it happened, in seconds since 1970"),
-    Column("event", JSON, nullable=False),
 )
 
 schema_version = Table(

@@ -5,12 +5,13 @@ import threading
 import time
 from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import TypeVar
 
 from ...schemas.documents.base import Changes, FailureChanges
 from ...schemas.documents.simulation_jobs import Outcome
 from ...schemas.lifecycles import LIFECYCLES, is_terminal
-from ...schemas.rollouts.rollout import Stopped
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
 from ..catalog import Resource, Stored
 from ..service.service import Service
@@ -181,8 +182,22 @@ _MOST_OF_BATCHES = 10
 """The limit for a batch is higher: the job at fault in it reaches its own limit first."""
 
 _CODE = "InternalServiceError"
-_DEPLOYMENT_CODE = "InternalServerError"
 _EVENTS = ("terminate", "fail", "canceled")
+
+
+@dataclass(frozen=True)
+class GivenUp:
+    """How a wing's kind of job is failed from outside; `KINDS` of its module `given_up` has one for each kind."""
+
+    failure_code: str
+    """Its failure code, in place of that of other jobs."""
+
+    tell: Callable[[Resource, Service], None]
+    """Called once it has ended."""
+
+
+def _given_up(kind: str) -> GivenUp | None:
+    return next((part.KINDS[kind] for part in parts_of_wings("tasks", "given_up") if kind in part.KINDS), None)
 
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
@@ -197,8 +212,8 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 def fail_job(lease: Lease, reason: str, service: Service) -> None:
     """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
-    is_deployment = lease.job.kind == "deployment-job"
-    changes = FailureChanges(failure_code=_DEPLOYMENT_CODE if is_deployment else _CODE, failure_reason=reason)
+    own = _given_up(lease.job.kind)
+    changes = FailureChanges(failure_code=_CODE if own is None else own.failure_code, failure_reason=reason)
     if lease.job.kind == "simulation-job":
         changes = Outcome(status="Failed", failure_code=_CODE, failure_reason=reason).announced(finished=None)
     for job in service.catalog.children(lease.job.arn, kind="simulation-job"):
@@ -206,9 +221,8 @@ def fail_job(lease: Lease, reason: str, service: Service) -> None:
     for event in _EVENTS:
         if (lease.job.status, event) in transitions:
             lease.transition(event, changes)
-    if is_deployment:  # its robots are told with the next thing that one of them reports
-        now_s = service.clock().timestamp()
-        service.catalog.add_event(lease.job.arn, Stopped(why="canceled").to_json(), now_s)
+    if own is not None:
+        own.tell(lease.job, service)
 
 
 _WAIT_S = 0.5

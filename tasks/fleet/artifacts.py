@@ -17,7 +17,7 @@ from uuid import uuid4
 from pydantic import ValidationError
 
 from ...schemas.documents.applications import ApplicationDocument, StoredSource
-from ...schemas.rollouts.plan import Artifact
+from ...schemas.fleet.rollouts.plan import Artifact
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     BundleError,

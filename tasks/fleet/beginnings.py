@@ -8,9 +8,13 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ...schemas.documents.base import StoredResource
-from ...schemas.documents.fleets import DeploymentJobDocument, RobotDocument
-from ...schemas.operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentApplicationConfig, DeploymentConfig
-from ...schemas.rollouts.plan import (
+from ...schemas.fleet.documents import DeploymentJobDocument, RobotDocument
+from ...schemas.fleet.operations.deployment_jobs import (
+    DEFAULT_ROBOT_TIMEOUT_S,
+    DeploymentApplicationConfig,
+    DeploymentConfig,
+)
+from ...schemas.fleet.rollouts.plan import (
     DEFAULT_CONCURRENT_PERCENTAGE,
     DEFAULT_THRESHOLD_PERCENTAGE,
     Artifact,
@@ -18,10 +22,11 @@ from ...schemas.rollouts.plan import (
     PlannedRobot,
     RolloutPlan,
 )
-from ...schemas.rollouts.rollout import Canceled, Stopped
+from ...schemas.fleet.rollouts.rollout import Canceled, Stopped
 from ...schemas.wire.arns import ResourceArn
 from ..catalog import Resource
 from ..service.service import Service
+from .catalog_rollouts import Rollouts
 from .kept_rollouts import KeptRollout
 from .rollout.ledger import begin
 
@@ -72,7 +77,7 @@ def _planned(robot: Resource, job: DeploymentJobDocument, has_file: bool) -> Pla
     known = RobotDocument.of(robot)
     planned = PlannedRobot(arn=robot.arn, installed=known.installed)
     if "downloadConditionFile" in job.deployment_config and not known.has_agent:
-        reason = "only agents ask the downloadConditionFile, and this robot has another updater (docs/fleets.md)"
+        reason = "only agents ask the downloadConditionFile, and this robot has another updater (docs/fleet/fleets.md)"
         return planned.model_copy(update={"unfit_code": "DownloadConditionFailed", "unfit_reason": reason})
     (application,) = job.deployment_application_configs
     version = str(application["applicationVersion"])
@@ -122,10 +127,10 @@ def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Ser
     """
     earlier = _end_earlier(job, gets.architectures, service)
     rollout = begin(plan, service.clock().timestamp(), earlier)
-    is_new = service.catalog.begin_rollout(job.arn, gets.to_json(), rollout.to_json())
+    is_new = Rollouts(service.catalog).begin_rollout(job.arn, gets.to_json(), rollout.to_json())
     kept = KeptRollout(job, service)
     taken = {arn: state.earlier_action_id for arn, state in kept.rollout.robots.items() if state.earlier_action_id}
-    service.catalog.move_orders(list(taken.values()), job.arn)
+    Rollouts(service.catalog).move_orders(list(taken.values()), job.arn)
     for other in _others(job, service):
         answered = other.give_away(taken)
         if is_new and answered:  # between the reading of it and the moving
@@ -145,6 +150,6 @@ def _end_earlier(job: Resource, robots: Collection[str], service: Service) -> di
 
 def _others(job: Resource, service: Service) -> list[KeptRollout]:
     """The open rollouts of other jobs."""
-    arns = [arn for arn in service.catalog.open_rollouts() if arn != job.arn]
+    arns = [arn for arn in Rollouts(service.catalog).open_rollouts() if arn != job.arn]
     found = service.catalog.get_many(arns)
     return [KeptRollout(found[arn], service) for arn in arns if arn in found]

@@ -12,11 +12,10 @@ from dataclasses import dataclass
 from pydantic import TypeAdapter
 
 from ...schemas.documents.base import FailureChanges
-from ...schemas.documents.fleets import RobotDocument, RobotMembership
-from ...schemas.lifecycles import is_terminal
-from ...schemas.operations.deployment_jobs import DeploymentLaunchConfig
-from ...schemas.rollouts.plan import Artifact, Delivery
-from ...schemas.rollouts.rollout import (
+from ...schemas.fleet.documents import RobotDocument, RobotMembership
+from ...schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
+from ...schemas.fleet.rollouts.plan import Artifact, Delivery
+from ...schemas.fleet.rollouts.rollout import (
     Canceled,
     Departure,
     Offered,
@@ -29,9 +28,11 @@ from ...schemas.rollouts.rollout import (
     StopCause,
     Stopped,
 )
+from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import ResourceNotFoundException, ServiceUnavailableException, StateConflictError
-from ..catalog import Resource, Stored, StoredEvent
+from ..catalog import Resource, Stored
 from ..service.service import Service
+from .catalog_rollouts import Rollouts, StoredEvent
 from .rollout.ledger import Ledger
 from .rollout.statuses import robot_status
 
@@ -99,7 +100,7 @@ class KeptRollout:
 
     def is_outdated(self) -> bool:
         """Whether another process has changed it since it was read here."""
-        return self._service.catalog.rollout_revision(self.job.arn) != self._read.revision
+        return Rollouts(self._service.catalog).rollout_revision(self.job.arn) != self._read.revision
 
     def note_rollback(self, rollback: Rollback) -> None:
         """Stores how robots go back to the version before."""
@@ -142,7 +143,7 @@ class KeptRollout:
     def _fold(self, events: Sequence[RolloutEvent]) -> bool:
         try:
             for _ in range(_MAX_ATTEMPTS):
-                waiting = self._service.catalog.events(self.job.arn)
+                waiting = Rollouts(self._service.catalog).events(self.job.arn)
                 if not self._take_in(waiting, events):
                     return False
                 if self._store(self._ledger, waiting):
@@ -169,7 +170,7 @@ class KeptRollout:
 
     def _offer(self, ledger: Ledger, now_s: float) -> bool:
         offers = ledger.offers()
-        numbers = self._service.catalog.number_orders(self.job.arn, len(offers)) if offers else []
+        numbers = Rollouts(self._service.catalog).number_orders(self.job.arn, len(offers)) if offers else []
         for robot, number in zip(offers, numbers, strict=True):
             ledger.apply(Offered(robot=robot, action_id=number), now_s)
         return bool(offers)
@@ -178,7 +179,7 @@ class KeptRollout:
         before, after = self.rollout, ledger.rollout()
         numbers = [each.sequence for each in applied]
         revision = self._read.revision
-        stored = self._service.catalog.replace_rollout(
+        stored = Rollouts(self._service.catalog).replace_rollout(
             self.job.arn, revision, after.to_json(), is_open=has_orders(after), applied=numbers
         )
         if stored:
@@ -206,7 +207,7 @@ class KeptRollout:
             catalog.transition(self.job.arn, _ENDS[rollout.status], document_changes=changes)
 
     def _load(self) -> None:
-        stored = self._service.catalog.rollout(self.job.arn)
+        stored = Rollouts(self._service.catalog).rollout(self.job.arn)
         if stored is None:
             raise ResourceNotFoundException(f"{self.job.arn} has no rollout")
         self._read = _Read(stored.revision, Rollout.of_json(dict(stored.rollout)))
@@ -284,7 +285,7 @@ def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = 
     No run takes that in any more. It is done for all reports together, since each time the whole rollout is read.
     """
     catalog = service.catalog
-    for job in catalog.get_many(catalog.jobs_with_events()).values():
+    for job in catalog.get_many(Rollouts(catalog).jobs_with_events()).values():
         if is_terminal(job.kind, job.status):
             with suppress(ResourceNotFoundException):  # it was deleted meanwhile
                 KeptRollout(job, service).fold()
@@ -305,11 +306,11 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
         ServiceUnavailableException: the catalog does not answer.
     """
     found: list[OpenRollout] = []
-    for job, revision in service.catalog.open_rollouts().items():
+    for job, revision in Rollouts(service.catalog).open_rollouts().items():
         before = (known or {}).get(job)
         if before is not None and before.revision == revision:
             found.append(before)
-        elif (stored := service.catalog.rollout(job)) is not None:
+        elif (stored := Rollouts(service.catalog).rollout(job)) is not None:
             delivery = Delivery.of_json(dict(stored.delivery))
             rollout = Rollout.of_json(dict(stored.rollout))
             found.append(OpenRollout(job, stored.revision, rollout, delivery.by_robot(), delivery.launch))
@@ -331,13 +332,13 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
         ServiceUnavailableException: the catalog does not answer; the robot has to say it again.
     """
     with suppress(ResourceNotFoundException):
-        service.catalog.add_event(job, event.to_json(), at_s, order=event.action_id)
+        Rollouts(service.catalog).add_event(job, event.to_json(), at_s, order=event.action_id)
 
 
 def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> None:
     """Tells the rollouts of a fleet that a robot left it or was deleted."""
     event = RobotGone(robot=robot, how=how)
-    for job in service.catalog.open_rollouts(fleet):
+    for job in Rollouts(service.catalog).open_rollouts(fleet):
         _note(service, job, event, service.clock().timestamp())
 
 
@@ -347,7 +348,7 @@ def stop(job: str, why: StopCause, service: Service) -> bool:
     Returns:
         False if it has no rollout, so that nothing was done.
     """
-    if service.catalog.rollout(job) is None:
+    if Rollouts(service.catalog).rollout(job) is None:
         return False
     KeptRollout(service.catalog.get(job), service).fold(Stopped(why=why))
     return True
@@ -355,7 +356,7 @@ def stop(job: str, why: StopCause, service: Service) -> bool:
 
 def _note(service: Service, job: str, event: RolloutEvent, at_s: float) -> None:
     catalog = service.catalog
-    catalog.add_event(job, event.to_json(), at_s)
+    Rollouts(catalog).add_event(job, event.to_json(), at_s)
     found = catalog.get(job)
     if is_terminal(found.kind, found.status):  # no run takes it in
         KeptRollout(found, service).fold()

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import cast, get_args
 
-from ...schemas.operations.deployment_jobs import RobotDeploymentStep
-from ...schemas.rollouts.plan import Artifact
-from ...schemas.rollouts.rollout import (
+from ...schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
+from ...schemas.fleet.rollouts.plan import Artifact
+from ...schemas.fleet.rollouts.rollout import (
     OPEN,
     Canceled,
     CancelRefused,

@@ -21,7 +21,7 @@ from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
 from ...schemas.documents.base import FailureChanges
-from ...schemas.documents.fleets import (
+from ...schemas.fleet.documents import (
     DeploymentJobDocument,
     FleetChanges,
     FleetDocument,
@@ -29,7 +29,7 @@ from ...schemas.documents.fleets import (
     RobotEnrolment,
     RobotMembership,
 )
-from ...schemas.rollouts.rollout import Rollout, StopCause
+from ...schemas.fleet.rollouts.rollout import Rollout, StopCause
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
     InvalidParameterException,
@@ -39,6 +39,7 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource, Stored
 from ..service.service import Service
+from .catalog_rollouts import Rollouts
 from .ddi.open_orders import OpenOrders
 from .ddi.orders import hash_token, is_robot_id, new_token
 from .kept_rollouts import stop
@@ -107,7 +108,7 @@ def last_deployment(fleet: str, service: Service) -> Resource | None:
 
 def rollout_of(job: str, service: Service) -> Rollout | None:
     """The rollout of the deployment job of an ARN; nothing: it has not begun."""
-    stored = service.catalog.rollout(job)
+    stored = Rollouts(service.catalog).rollout(job)
     return None if stored is None else Rollout.of_json(dict(stored.rollout))
 
 

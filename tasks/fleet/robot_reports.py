@@ -4,8 +4,8 @@ import threading
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from ...schemas.documents.fleets import RobotAttributes, RobotDocument, RobotInstallation, RobotSighting
-from ...schemas.rollouts.rollout import Progressed, Report, ReportedCode, Succeeded
+from ...schemas.fleet.documents import RobotAttributes, RobotDocument, RobotInstallation, RobotSighting
+from ...schemas.fleet.rollouts.rollout import Progressed, Report, ReportedCode, Succeeded
 from ...schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,

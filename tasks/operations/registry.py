@@ -20,7 +20,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Protocol
 
-from ...schemas.operations.registry import OPERATIONS, RESOURCES, OperationShape, parse_request
+from ...schemas.operations.registry import MODULES, OPERATIONS, OperationShape, parse_request
 from ...schemas.wire.base import STORED, Shape
 from ...schemas.wire.common import filter_values
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
@@ -174,9 +174,9 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
 @cache
 def registry() -> Mapping[str, Operation]:
-    """All operations, by name."""
-    for module in RESOURCES:
-        importlib.import_module(f".{module}", __package__)
+    """All operations, by name; the handlers of a resource are where its shapes are, in `tasks` instead of `schemas`."""
+    for module in MODULES:
+        importlib.import_module(module.replace(".schemas.", ".tasks.", 1))
     return dict(sorted(_registry.items()))
 
 

@@ -8,15 +8,14 @@ from .outcomes import Outcome, classify
 from .render import (
     page_environment,
     page_styles,
-    render_deployment,
     render_history,
+    render_page,
     render_report,
     report_script,
-    write_deployment,
     write_history,
+    write_page,
     write_report,
 )
-from .rollouts.view import view_rollout
 from .summaries import case_names, summarize
 from .view import view_report
 from .worlds import WorldView, view_worlds
@@ -32,16 +31,15 @@ __all__ = [
     "junit_xml",
     "page_environment",
     "page_styles",
-    "render_deployment",
     "render_history",
+    "render_page",
     "render_report",
     "report_script",
     "summarize",
     "view_history",
     "view_report",
-    "view_rollout",
     "view_worlds",
-    "write_deployment",
     "write_history",
+    "write_page",
     "write_report",
 ]

@@ -1,4 +1,4 @@
-"""Renders a report, a specification's history, or a deployment, as one HTML file."""
+"""Renders a report, a specification's history, or a page of a wing, as one HTML file."""
 
 import base64
 import hashlib
@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from ...schemas.reports.history import History
 from ...schemas.reports.report import Report
-from ...schemas.rollouts.rollout import DeploymentReport
+from ...schemas.wings import parts_of_wings
 from ..results.table import ResultTable
 from . import outcomes
 from .nights.changes import (
@@ -25,7 +25,6 @@ from .nights.changes import (
     since_in_words,
 )
 from .nights.view import view_history
-from .rollouts.view import view_rollout
 from .view import view_report
 
 _FOLDER = Path(__file__).parent
@@ -44,7 +43,7 @@ def render_report(report: Report, results: ResultTable | None = None) -> str:
     Returns:
         The document.
     """
-    return _page("report.html.j2", ("report.css",), view_report(report, results))
+    return render_page("report.html.j2", (), view_report(report, results))
 
 
 def render_history(history: History, folder: Path) -> str:
@@ -54,26 +53,26 @@ def render_history(history: History, folder: Path) -> str:
         history: what to show; of at least one run.
         folder: the folder the page will be in, which its links to reports start from.
     """
-    return _page("history.html.j2", ("report.css", "history.css"), view_history(history, folder))
+    return render_page("history.html.j2", ("history.css",), view_history(history, folder))
 
 
-def render_deployment(report: DeploymentReport) -> str:
-    """Renders the report of a deployment as one HTML document that loads nothing from anywhere.
+def render_page(template: str, styles: Sequence[str], page: object, *folders: Path) -> str:
+    """Renders a page as one HTML document that loads nothing from anywhere.
 
     Args:
-        report: what to show.
+        template: name of its template.
+        styles: names of its style sheets, which follow that of reports.
+        page: what the template shows.
+        folders: further folders with templates and style sheets, which are looked in before that of reports.
     """
-    return _page("rollout.html.j2", ("report.css", "rollout.css"), view_rollout(report))
-
-
-def _page(template: str, styles: Sequence[str], page: object) -> str:
-    style, script = "".join(map(_asset, styles)), _asset("report.js")
+    style = "".join(_asset(name, *folders) for name in ("report.css", *styles))
+    script = _asset("report.js")
     # Only the page's own style sheet and script may run, and nothing may be fetched.
     policy = (
         f"default-src 'none'; img-src data:; style-src '{_digest(style)}'; script-src '{_digest(script)}'; "
         "base-uri 'none'; form-action 'none'"
     )
-    filled = _environment().get_template(template)
+    filled = _environment(*folders).get_template(template)
     return filled.render(page=page, policy=policy, style=Markup(style), script=Markup(script))  # noqa: S704
 
 
@@ -88,7 +87,7 @@ def write_report(report: Report, path: Path, results: ResultTable | None = None)
     Returns:
         The path.
     """
-    return _write(render_report(report, results), path)
+    return write_page(render_report(report, results), path)
 
 
 def write_history(history: History, path: Path) -> Path:
@@ -101,23 +100,11 @@ def write_history(history: History, path: Path) -> Path:
     Returns:
         The path.
     """
-    return _write(render_history(history, path.absolute().parent), path)
+    return write_page(render_history(history, path.absolute().parent), path)
 
 
-def write_deployment(report: DeploymentReport, path: Path) -> Path:
-    """Renders the report of a deployment into a file, which appears only when it is whole.
-
-    Args:
-        report: what to show.
-        path: the file; its folder is made if needed.
-
-    Returns:
-        The path.
-    """
-    return _write(render_deployment(report), path)
-
-
-def _write(page: str, path: Path) -> Path:
+def write_page(page: str, path: Path) -> Path:
+    """Writes a page into a file, which appears only when it is whole; its folder is made if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -130,8 +117,9 @@ def _write(page: str, path: Path) -> Path:
 
 
 @cache
-def _asset(name: str) -> str:
-    return (_FOLDER / name).read_text(encoding="utf-8")
+def _asset(name: str, *folders: Path) -> str:
+    found = next(folder / name for folder in (*folders, _FOLDER) if (folder / name).is_file())
+    return found.read_text(encoding="utf-8")
 
 
 def _digest(text: str) -> str:
@@ -139,8 +127,9 @@ def _digest(text: str) -> str:
 
 
 def page_styles() -> str:
-    """The style sheets of reports, histories and deployments, for other pages that look like them."""
-    return "".join(map(_asset, ("report.css", "history.css", "rollout.css")))
+    """The style sheets of reports, histories and pages of wings, for other pages that look like them."""
+    own = [path.read_text(encoding="utf-8") for part in parts_of_wings("tasks", "reporting") for path in part.STYLES]
+    return "".join([*map(_asset, ("report.css", "history.css")), *own])
 
 
 def report_script() -> str:
@@ -149,8 +138,8 @@ def report_script() -> str:
 
 
 @cache
-def _environment() -> jinja2.Environment:
-    return page_environment()
+def _environment(*folders: Path) -> jinja2.Environment:
+    return page_environment(*folders)
 
 
 def page_environment(*folders: Path) -> jinja2.Environment:

@@ -10,6 +10,7 @@ from pydantic import ValidationError
 from ...schemas.documents.worlds import WorldDocument
 from ...schemas.reports.retention import GcAction, GcItem, GcReport, RetentionPolicy
 from ...schemas.runs.plan import RunResult
+from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import ConfigurationError, RobomakerError, ServiceUnavailableException, StorageError
 from ..catalog import Resource
 from ..runtime.episode.results import RESULT_FILE
@@ -21,9 +22,9 @@ from .inventory import (
     find_orders,
     find_runs,
     find_worlds,
-    required_batches,
     takers_over,
     with_failure,
+    with_jobs_of,
     worlds_of_jobs,
 )
 from .policy import named_by, why_kept
@@ -37,7 +38,6 @@ from .removal import (
     spared_jobs,
     thin_unit,
 )
-from .robot_files import collect_robot_files
 
 
 @dataclass(frozen=True)
@@ -84,9 +84,9 @@ def _collect(policy: RetentionPolicy, service: Service, *, act: bool) -> GcRepor
         with_worlds = {bundle.last_part for world in chosen.worlds if (bundle := WorldDocument.of(world).bundle)}
         items += collect_copies(policy.older_than, with_worlds, service, act=act)
     notes = list(chosen.notes)
-    if policy.keep_deployments is not None:
-        files, told = collect_robot_files(policy.keep_deployments, service, act=act)
-        items, notes = [*items, *files], [*notes, *told]
+    for part in parts_of_wings("tasks", "retention"):
+        more, told = part.collect(policy, service, act=act)
+        items, notes = [*items, *more], [*notes, *told]
     return GcReport(dry_run=not act, policy=policy, items=items, notes=notes)
 
 
@@ -99,7 +99,9 @@ def _choose(policy: RetentionPolicy, service: Service) -> _Chosen:
         notes.append("a run's record cannot be read, so jobs of SDKs and worlds are left: it may name them")
     if policy.sdk_jobs and readable:
         units += [_judged(unit, policy, service) for unit in find_orders(service, runs)]
-    required = required_batches(service)
+    required = dict[str, str]()
+    for part in parts_of_wings("tasks", "retention"):
+        required |= with_jobs_of(part.needed_orders(service), service)
     needed = {arn: f"{deployment} requires it" for arn, deployment in required.items()}
     reasons = why_kept((unit.candidate for unit in units), policy, service.clock()) | needed
     names = {unit.candidate.id: unit.names for unit in units}

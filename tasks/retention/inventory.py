@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from ...schemas.documents.fleets import DeploymentJobDocument, FleetDocument
 from ...schemas.documents.kinds import DOCUMENTS
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobDocument
 from ...schemas.lifecycles import is_terminal
@@ -104,19 +103,14 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
     return {origin.job: job.arn for job in others if (origin := _origin(job))}
 
 
-def required_batches(service: Service) -> dict[str, str]:
-    """Says of batches that the last deployments of fleets require, and of their jobs, by ARN, which deployment does.
+def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
+    """The same orders with the jobs of those that are batches.
 
-    Repeating that deployment for robots that lack it needs them again.
+    Args:
+        orders: who needs an order, by the order's ARN.
+        service: where they are stored.
     """
-    last = (FleetDocument.of(fleet).last_deployment_job for fleet in _all(service, ("deployment-fleet",)))
-    deployments = service.catalog.get_many([arn for arn in last if arn is not None]).values()
-    return {
-        arn: job.arn
-        for job in deployments
-        if (batch := DeploymentJobDocument.of(job).required_batch) is not None
-        for arn in _with_children([batch], service)
-    }
+    return {arn: who for order, who in orders.items() for arn in _with_children([order], service)}
 
 
 def open_since(runs: list[Unit]) -> datetime | None:

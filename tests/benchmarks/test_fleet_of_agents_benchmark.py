@@ -21,7 +21,8 @@ from helpers.local_agents import LocalAgents, agent_as_on_robots, local_agents
 from helpers.processes import descendants, started, wait_for
 from helpers.tuf_repository import bundle
 
-from prefect_robomaker.schemas.rollouts.rollout import RobotDeploymentState, Rollout
+from prefect_robomaker.schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
+from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
 from prefect_robomaker.tasks.fleet.records import enrollable
 from prefect_robomaker.tasks.fleet.trust.enrolment import offer
 from prefect_robomaker.tasks.service.service import Service
@@ -161,7 +162,7 @@ def test_a_rollout_to_a_hundred_agents(
         began_s, took_s, job = _deployed(served, fleets, fleet, application)
         used = [_cpu_s(robots) - before[0], _cpu_s(ours) - before[1]]
         copying_s, transfer_s = _copying_s(tmp_path), _transfer_s(tmp_path)
-    stored = service.catalog.rollout(job)
+    stored = Rollouts(service.catalog).rollout(job)
     assert stored is not None
     launching_s = HEALTH_S * -(-100 // SHARE)
     cores = len(os.sched_getaffinity(0))

@@ -8,10 +8,10 @@ import pytest
 from helpers.fleet_calls import Fleets
 from helpers.simulated_rollouts import report_of, simulate
 
-from prefect_robomaker.schemas.documents.fleets import RobotSighting
-from prefect_robomaker.schemas.rollouts.rollout import Rollout
+from prefect_robomaker.schemas.fleet.documents import RobotSighting
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Rollout
+from prefect_robomaker.tasks.fleet.reporting.render import render_deployment
 from prefect_robomaker.tasks.fleet.views.standings import find_fleet, fleet_standing
-from prefect_robomaker.tasks.reporting import render_deployment
 from prefect_robomaker.tasks.service.service import Service
 
 ROBOTS = 10_000

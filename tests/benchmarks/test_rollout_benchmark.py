@@ -10,8 +10,16 @@ from itertools import count
 import pytest
 from helpers.rollout_ledger import advance, plan_of
 
-from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.rollout import Failed, Fetched, Offered, Progressed, Report, Rollout, Succeeded
+from prefect_robomaker.schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
+    Failed,
+    Fetched,
+    Offered,
+    Progressed,
+    Report,
+    Rollout,
+    Succeeded,
+)
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 ROBOTS = 10_000

@@ -21,8 +21,8 @@ import uvicorn
 from helpers.processes import descendants, wait_for
 from helpers.robot_orders import robot_order
 from helpers.tuf_repository import TufRepository
-from prefect_robomaker.deployments.robot_door.door import DoorSettings, RobotDoor
-from prefect_robomaker.deployments.robot_door.downloads import part_of
+from prefect_robomaker.deployments.fleet.robot_door.door import DoorSettings, RobotDoor
+from prefect_robomaker.deployments.fleet.robot_door.downloads import part_of
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
 from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderEnd, OrderFeedback, RobotReport
 

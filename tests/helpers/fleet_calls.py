@@ -5,7 +5,7 @@ from typing import Any
 
 from helpers.application_calls import Applications
 from prefect_robomaker.schemas.documents.base import Changes
-from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument, RobotEnrolment
+from prefect_robomaker.schemas.fleet.documents import DeploymentJobDocument, RobotEnrolment
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
 from prefect_robomaker.tasks.fleet.records import robots_of
 from prefect_robomaker.tasks.operations.registry import call

@@ -12,7 +12,7 @@ from typing import Any
 
 from helpers.processes import wait_for
 from prefect_robomaker.tasks.execution.job_leases import run_under_lease
-from prefect_robomaker.tasks.jobs.deployment_runs import DeploymentRun
+from prefect_robomaker.tasks.fleet.deployment_runs import DeploymentRun
 from prefect_robomaker.tasks.service.service import Service
 
 

@@ -80,7 +80,7 @@ async def constant(scope: Any, receive: Any, send: Any) -> None:
 def main() -> None:
     """Serves until it is killed; prints the port."""
     from prefect_robomaker.deployments.endpoint.server import run_server
-    from prefect_robomaker.deployments.robot_door.door import RobotDoor
+    from prefect_robomaker.deployments.fleet.robot_door.door import RobotDoor
 
     application: Any = constant
     if "bare" not in sys.argv:

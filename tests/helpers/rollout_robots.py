@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from itertools import count
 from typing import Literal, Protocol
 
-from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,

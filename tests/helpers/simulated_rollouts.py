@@ -5,14 +5,14 @@ import itertools
 import random
 from collections.abc import Callable
 
-from prefect_robomaker.schemas.operations.deployment_jobs import (
+from prefect_robomaker.schemas.fleet.operations.deployment_jobs import (
     DeploymentConfig,
     DeploymentLaunchConfig,
     MaintenanceWindow,
     RobotDeploymentStep,
 )
-from prefect_robomaker.schemas.rollouts.plan import Artifact, Delivery, PlannedRobot, RolloutPlan
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.rollouts.plan import Artifact, Delivery, PlannedRobot, RolloutPlan
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     DeploymentReport,
     Failed,
     Fetched,

@@ -1,8 +1,8 @@
 """Rollouts of a few robots, driven by hand: offers what is due, and says what robots do."""
 
 from helpers.rollout_ledger import cancellations, plan_of
-from prefect_robomaker.schemas.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,

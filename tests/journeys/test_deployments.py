@@ -18,7 +18,7 @@ from helpers.processes import started, wait_for
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterState, FlowRunFilterStateName
 
-from prefect_robomaker.schemas.documents.fleets import RobotDocument
+from prefect_robomaker.schemas.fleet.documents import RobotDocument
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.fleet.control.decisions import approve
 from prefect_robomaker.tasks.fleet.control.rollbacks import TAG

@@ -12,7 +12,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.tasks.service.service import Service
 
-PAGE = (REPOSITORY / "docs" / "fleet-tutorial.md").read_text()
+PAGE = (REPOSITORY / "docs" / "fleet" / "fleet-tutorial.md").read_text()
 ADDRESS = "http://127.0.0.1:8057"
 
 

@@ -11,7 +11,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.tasks.service.service import Service
 
-PAGE = (REPOSITORY / "docs" / "moving-fleets.md").read_text()
+PAGE = (REPOSITORY / "docs" / "fleet" / "moving-fleets.md").read_text()
 
 
 @pytest.mark.deep

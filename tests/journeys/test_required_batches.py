@@ -15,6 +15,7 @@ from helpers.swing_fixtures import Simulate
 
 from prefect_robomaker.tasks.fleet.attestations.envelopes import attestation_key
 from prefect_robomaker.tasks.fleet.attestations.required_batches import check_deployment
+from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
 from prefect_robomaker.tasks.fleet.records import enrol
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
@@ -70,7 +71,7 @@ def test_what_passed_the_night_is_deployed_and_what_failed_is_not(yard: Yard, ni
     assert (job["status"], job["failureCode"]) == ("Failed", "MissingRobotDeploymentResource")
     assert f"job {failing} of the required batch {bad['arn']} has the verdict FAIL: low" in job["failureReason"]
     assert yard.offered == []
-    assert not service.catalog.open_rollouts()
+    assert not Rollouts(service.catalog).open_rollouts()
 
     passed = night("1000", "1000")
     job = deploy(yard, passed, "good")

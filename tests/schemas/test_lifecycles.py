@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.lifecycles import ACTIVE, LIFECYCLES, Lifecycle, batch_outcome, is_terminal, next_state
+from prefect_robomaker.schemas.lifecycles import ACTIVE, LIFECYCLES, batch_outcome, is_terminal
+from prefect_robomaker.schemas.state_machines import Lifecycle, next_state
 from prefect_robomaker.schemas.wire.errors import StateConflictError
 
 NEVER_REACHED = {"simulation-job": {"Terminated"}}

@@ -45,10 +45,10 @@ PRIORITY = (
     "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "
     "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
 )
-ROLLOUTS = "Extension: control over a rollout. See [Control a rollout](fleets.md#control-a-rollout)."
+ROLLOUTS = "Extension: control over a rollout. See [Control a rollout](fleet/fleets.md#control-a-rollout)."
 REQUIRES_BATCH = (
     "Extension: the simulation job batch without which no robot gets the version; the job's tag "
-    "`robomaker:requiresBatch` says the same. See [Attestations](attestations.md)."
+    "`robomaker:requiresBatch` says the same. See [Attestations](fleet/attestations.md)."
 )
 BARE_NAME = "Extension: an application's bare name is as good as its ARN."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."

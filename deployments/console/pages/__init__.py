@@ -1,1 +1,1 @@
-"""Pages of fleets, robots, deployments and applications, and of a specification's nights; all only show."""
+"""Pages of applications, and of a specification's nights; all only show."""

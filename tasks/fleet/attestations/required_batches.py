@@ -14,9 +14,9 @@ from typing import Literal
 from pydantic import Field
 
 from ....schemas.documents.applications import ApplicationDocument
-from ....schemas.documents.fleets import DeploymentJobDocument
 from ....schemas.exit_codes import BROKE, OK, VERDICT_FAILED
-from ....schemas.rollouts.plan import Delivery
+from ....schemas.fleet.documents import DeploymentJobDocument
+from ....schemas.fleet.rollouts.plan import Delivery
 from ....schemas.wire.base import Model
 from ....schemas.wire.errors import (
     AttestationError,
@@ -28,6 +28,7 @@ from ....schemas.wire.errors import (
 )
 from ...catalog import Resource
 from ...service.service import Service
+from ..catalog_rollouts import Rollouts
 from ..sources import fetch_source, place_of
 from .envelopes import PublicKey, attestation_key, known_public_key, sign, verified
 from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
@@ -212,7 +213,7 @@ def check_deployment(job: Resource, key: PublicKey, service: Service) -> Deploym
     batch = DeploymentJobDocument.of(job).required_batch
     if batch is None:
         return _unverified(job, "nothing to verify", "it requires no batch", None)
-    stored = service.catalog.rollout(job.arn)
+    stored = Rollouts(service.catalog).rollout(job.arn)
     if stored is None:
         return _unverified(job, "nothing to verify", f"it is {job.status}, and robots have got nothing by it", batch)
     try:

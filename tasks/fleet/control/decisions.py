@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from ....schemas.documents.applications import ApplicationDocument
-from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.documents import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.operations.deployment_jobs import DeploymentConfig, DeploymentWait
+from ....schemas.fleet.rollouts.rollout import Approved, Paused, Resumed, Rollout, RolloutEvent, Stopped
 from ....schemas.lifecycles import is_terminal
-from ....schemas.operations.deployment_jobs import DeploymentConfig, DeploymentWait
-from ....schemas.rollouts.rollout import Approved, Paused, Resumed, Rollout, RolloutEvent, Stopped
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
+from ..catalog_rollouts import Rollouts
 from ..kept_rollouts import KeptRollout
 from ..records import DEPLOYMENT, fleet_held, settle
 from ..rollout.ledger import Ledger
@@ -89,7 +90,7 @@ def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
         job: ARN of the deployment job.
         service: where it is stored.
     """
-    said = [each for each in service.catalog.events(job) if each.event.get("kind") in ("paused", "resumed")]
+    said = [each for each in Rollouts(service.catalog).events(job) if each.event.get("kind") in ("paused", "resumed")]
     if not said or said[-1].event["kind"] == "resumed":
         return None
     since = datetime.fromtimestamp(said[-1].at_s, UTC)
@@ -105,7 +106,7 @@ def _under_way(arn: str, service: Service) -> Resource:
 
 
 def _check_waits(job: Resource, service: Service) -> None:
-    stored = service.catalog.rollout(job.arn)
+    stored = Rollouts(service.catalog).rollout(job.arn)
     if stored is None:
         raise InvalidParameterException(
             f"{job.arn} is {job.status}: it has not begun, so it does not wait for approval"
@@ -129,8 +130,8 @@ def _why_not(rollout: Rollout) -> str:
 
 
 def _tell(job: Resource, event: RolloutEvent, service: Service) -> None:
-    service.catalog.add_event(job.arn, event.to_json(), service.clock().timestamp())
-    if service.catalog.rollout(job.arn) is not None:
+    Rollouts(service.catalog).add_event(job.arn, event.to_json(), service.clock().timestamp())
+    if Rollouts(service.catalog).rollout(job.arn) is not None:
         KeptRollout(job, service).fold()
 
 
@@ -155,7 +156,7 @@ def check_robots(
     if "downloadConditionFile" in document.deployment_config and not any(each.has_agent for each in documents):
         raise InvalidParameterException(
             f"deploymentConfig.downloadConditionFile: only agents ask it, and no robot of {fleet} has one; "
-            "enroll robots with `robomaker robots enroll NAME --agent` first, or leave it out (docs/fleets.md)"
+            "enroll robots with `robomaker robots enroll NAME --agent` first, or leave it out (docs/fleet/fleets.md)"
         )
     architectures = {each.architecture for each in documents}
     served = served_architectures(application)

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from ....schemas.documents.applications import ApplicationDocument
-from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.documents import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.operations.deployment_jobs import MaintenanceWindow
+from ....schemas.fleet.rollouts.plan import RolloutPlan
 from ....schemas.lifecycles import is_terminal
-from ....schemas.operations.deployment_jobs import MaintenanceWindow
-from ....schemas.rollouts.plan import RolloutPlan
 from ...catalog import Resource
 from ...service.service import Service
 from ..beginnings import plan_of

@@ -11,9 +11,9 @@ import logging
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from ....schemas.documents.fleets import DeploymentJobDocument, RobotsRolledBack
+from ....schemas.fleet.documents import DeploymentJobDocument, RobotsRolledBack
+from ....schemas.fleet.rollouts.rollout import Rollback, Rollout
 from ....schemas.lifecycles import is_terminal
-from ....schemas.rollouts.rollout import Rollback, Rollout
 from ....schemas.wire.errors import ResourceNotFoundException, ThrottlingException
 from ...catalog import ClientToken, Resource
 from ...service.service import Service

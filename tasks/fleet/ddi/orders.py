@@ -8,7 +8,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ....schemas.operations.deployment_jobs import DeploymentLaunchConfig
+from ....schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
 
 MAX_ACTION_ID = 2**31 - 1
 """The largest action id: SWUpdate turns larger ones into this one, and texts into 0."""

@@ -28,9 +28,9 @@ The status of a rollout that has ended stays; its robots may still change, by wh
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.plan import RolloutPlan
-from ....schemas.rollouts.rollout import (
+from ....schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
+from ....schemas.fleet.rollouts.plan import RolloutPlan
+from ....schemas.fleet.rollouts.rollout import (
     UNANSWERED,
     Approved,
     Offered,

@@ -3,9 +3,9 @@
 import math
 from typing import Any
 
-from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.rollout import Canceled, CancelRefused, Failed, Fetched, Progressed, Report, Succeeded
-from ....schemas.rollouts.rollout import RobotDeploymentState as State
+from ....schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
+from ....schemas.fleet.rollouts.rollout import Canceled, CancelRefused, Failed, Fetched, Progressed, Report, Succeeded
+from ....schemas.fleet.rollouts.rollout import RobotDeploymentState as State
 from ....schemas.wire.common import shorten
 
 _DOWNLOAD = "DownloadingExtracting"

@@ -4,9 +4,14 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import UTC, datetime
 
-from ....schemas.operations.deployment_jobs import DeploymentRollback, DeploymentWait, ProgressDetail, RobotDeployment
-from ....schemas.operations.robots import RobotStatus
-from ....schemas.rollouts.rollout import RobotDeploymentState, Rollout
+from ....schemas.fleet.operations.deployment_jobs import (
+    DeploymentRollback,
+    DeploymentWait,
+    ProgressDetail,
+    RobotDeployment,
+)
+from ....schemas.fleet.operations.robots import RobotStatus
+from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from .ledger import Ledger
 from .orders import remaining_s
 from .windows import is_open, opens_s

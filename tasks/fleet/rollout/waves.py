@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from itertools import islice
 from math import ceil
 
-from ....schemas.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.rollouts.plan import RolloutPlan
-from ....schemas.rollouts.rollout import RobotDeploymentState, RolloutStatus
+from ....schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
+from ....schemas.fleet.rollouts.plan import RolloutPlan
+from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, RolloutStatus
 
 _MOST_WAVES = 100  # each is a task run
 

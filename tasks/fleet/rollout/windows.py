@@ -10,8 +10,8 @@ from datetime import UTC, date, datetime, time, timedelta
 from typing import get_args
 from zoneinfo import ZoneInfo
 
-from ....schemas.operations.deployment_jobs import MaintenanceWindow, Weekday
-from ....schemas.rollouts.rollout import Pause, Paused, Resumed, RobotDeploymentState
+from ....schemas.fleet.operations.deployment_jobs import MaintenanceWindow, Weekday
+from ....schemas.fleet.rollouts.rollout import Pause, Paused, Resumed, RobotDeploymentState
 
 _DAYS: tuple[str, ...] = get_args(get_args(Weekday)[0])
 _AHEAD_DAYS = 8

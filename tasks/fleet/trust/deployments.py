@@ -15,9 +15,13 @@ from pydantic import BaseModel, ConfigDict, Field
 from tuf.api.metadata import TargetFile
 
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
-from ....schemas.documents.fleets import DeploymentJobDocument
-from ....schemas.operations.deployment_jobs import DeploymentApplicationConfig, DeploymentConfig, DeploymentLaunchConfig
-from ....schemas.rollouts.plan import Artifact
+from ....schemas.fleet.documents import DeploymentJobDocument
+from ....schemas.fleet.operations.deployment_jobs import (
+    DeploymentApplicationConfig,
+    DeploymentConfig,
+    DeploymentLaunchConfig,
+)
+from ....schemas.fleet.rollouts.plan import Artifact
 from ....schemas.wire.errors import DeploymentError
 from ...catalog import Resource
 from ...service.service import Service
@@ -250,7 +254,7 @@ def _check_attested(
     if not attestations and attested.demands(application):
         raise DeploymentError(
             f"agents install no version of {application} that was not attested, and this deployment requires no batch; "
-            "give it deploymentConfig.requiresBatch (docs/attestations.md)",
+            "give it deploymentConfig.requiresBatch (docs/fleet/attestations.md)",
             "MissingRobotDeploymentResource",
         )
     is_read = attested.keys and (is_required or attested.demands(application))

@@ -9,7 +9,7 @@ import hmac
 import re
 from typing import NamedTuple
 
-from ....schemas.documents.fleets import RobotDocument, RobotEnrolment
+from ....schemas.fleet.documents import RobotDocument, RobotEnrolment
 from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service

@@ -106,7 +106,7 @@ class KeyFolder:
         if not found:
             raise ConfigurationError(
                 f"{self.path} has no key with which robots let the role {role} sign; "
-                "copy the folder from the machine that made the keys (docs/fleet-trust.md)"
+                "copy the folder from the machine that made the keys (docs/fleet/fleet-trust.md)"
             )
         return found
 

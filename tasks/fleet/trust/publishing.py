@@ -90,7 +90,7 @@ class Publisher:
         if not self.files.write("root", root.signed.version, to_bytes(root)):
             raise ConfigurationError(
                 f"the object store has the repository of other keys already; copy {self.machine.folder} from the "
-                "machine that made it (docs/fleet-trust.md)"
+                "machine that made it (docs/fleet/fleet-trust.md)"
             )
 
     def read(self, root: Metadata[Root], applications: Sequence[str] | None = ()) -> Repository | None:

@@ -3,14 +3,15 @@
 from collections.abc import Iterator
 from pathlib import Path
 
-from ....schemas.documents.fleets import DeploymentJobDocument
-from ....schemas.operations.deployment_jobs import DeploymentConfig
-from ....schemas.rollouts.plan import Delivery
-from ....schemas.rollouts.rollout import DeploymentReport, Pause, Rollout
+from ....schemas.fleet.documents import DeploymentJobDocument
+from ....schemas.fleet.operations.deployment_jobs import DeploymentConfig
+from ....schemas.fleet.rollouts.plan import Delivery
+from ....schemas.fleet.rollouts.rollout import DeploymentReport, Pause, Rollout
 from ....schemas.wire.arns import ResourceArn
 from ...catalog import Resource
-from ...reporting import write_deployment
 from ...service.service import Service
+from ..catalog_rollouts import Rollouts
+from ..reporting.render import write_deployment
 from ..rollout.waves import waves_of
 from ..rollout.windows import closed_spans
 from .standings import deployed_by, deployment_standing
@@ -44,7 +45,7 @@ def write_report(job: Resource, service: Service, path: Path | None = None) -> P
 def report_of(job: Resource, service: Service) -> DeploymentReport:
     """Collects the content of a deployment job's report."""
     document = DeploymentJobDocument.of(job)
-    stored = service.catalog.rollout(job.arn)
+    stored = Rollouts(service.catalog).rollout(job.arn)
     rollout = None if stored is None else Rollout.of_json(dict(stored.rollout))
     application, version = deployed_by(job)
     now_s = service.clock().timestamp()

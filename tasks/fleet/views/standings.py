@@ -5,14 +5,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
-from ....schemas.documents.fleets import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.documents import DeploymentJobDocument, RobotDocument
+from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
+from ....schemas.fleet.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ....schemas.lifecycles import is_terminal
-from ....schemas.rollouts.rollout import RobotDeploymentState, Rollout
-from ....schemas.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
+from ..catalog_rollouts import Rollouts
 from ..records import DEPLOYMENT, FLEET, last_deployment, robots_of, rollout_of
 from ..rollout.statuses import counts_of, current_wave, shown_rollback, waits_for
 from ..rollout.waves import Tally, waves_of
@@ -216,7 +217,7 @@ def follow(job: Resource, service: Service, sleep: Callable[[float], object]) ->
             return
         sleep(LOOK_S)
         job = service.catalog.get(job.arn)
-        now = service.catalog.open_rollouts(str(job.parent)).get(job.arn)
+        now = Rollouts(service.catalog).open_rollouts(str(job.parent)).get(job.arn)
         if now is None or now != revision or is_terminal(DEPLOYMENT, job.status):
             look, revision = _look(job, service), now
         else:

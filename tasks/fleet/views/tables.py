@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Iterator
 
-from ....schemas.rollouts.rollout import Rollout
-from ....schemas.rollouts.standings import DeploymentStanding
+from ....schemas.fleet.rollouts.rollout import Rollout
+from ....schemas.fleet.rollouts.standings import DeploymentStanding
 from ....schemas.wire.arns import ResourceArn
 from ..rollout.statuses import in_words, robot_status
 

@@ -9,17 +9,19 @@ import sys
 
 import pytest
 
-from prefect_robomaker.deployments.cli.grammar import COMMANDS, Command, build_parser, find_commands, find_groups
+from prefect_robomaker.deployments.cli.grammar import Command, build_parser, find_commands, find_groups
 
 
 def every_command() -> list[Command]:
-    return [each for group in find_groups(COMMANDS) for top in group.commands for each in below(top)]
+    return [each for group in find_groups() for top in group.commands for each in below(top)]
 
 
 def below(command: Command) -> list[Command]:
     """The commands of a folder, also of folders in it; otherwise the command itself."""
     return (
-        [each for inner in find_commands(command.path) for each in below(inner)] if command.path.is_dir() else [command]
+        [each for inner in find_commands(command.path, command.module) for each in below(inner)]
+        if command.path.is_dir()
+        else [command]
     )
 
 
@@ -55,7 +57,7 @@ def test_a_module_that_is_put_there_is_a_command(robomaker, monkeypatch, tmp_pat
 
 def test_help_imports_no_command_and_a_command_only_itself() -> None:
     code = "import sys; from prefect_robomaker.deployments.cli.main import main\ntry: main(sys.argv[1:])\n"
-    code += "except SystemExit: pass\nprint(*(n for n in sys.modules if '.cli.commands.' in n), file=sys.stderr)"
+    code += "except SystemExit: pass\nprint(*(n for n in sys.modules if '.commands.' in n), file=sys.stderr)"
     for words, expected in (
         (["--help"], []),
         (["plan", "--help"], ["specifications", "plan"]),

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
-from prefect_robomaker.schemas.documents.fleets import RobotAttributes, RobotDocument, RobotSighting
+from prefect_robomaker.schemas.fleet.documents import RobotAttributes, RobotDocument, RobotSighting
 from prefect_robomaker.tasks.catalog import Catalog, NewResource
 
 MakeResource = Callable[..., NewResource]

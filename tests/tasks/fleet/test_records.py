@@ -72,7 +72,7 @@ def test_a_change_that_broke_off_is_finished_by_the_next(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("prefect_robomaker.tasks.operations.deployment_jobs.settle", killed)
+        patch.setattr("prefect_robomaker.tasks.fleet.operations.deployment_jobs.settle", killed)
         with pytest.raises(KeyboardInterrupt):
             fleets.deploy(yard, application)
     job = last_deployment(yard, service)

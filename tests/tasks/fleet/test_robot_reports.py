@@ -8,8 +8,8 @@ from helpers.fleet_calls import Fleets
 from helpers.kept_orders import open_rollout, order
 from helpers.robot_orders import TOKEN
 
-from prefect_robomaker.schemas.documents.fleets import RobotDocument
-from prefect_robomaker.schemas.rollouts.rollout import Failed, Progressed, Report, Succeeded
+from prefect_robomaker.schemas.fleet.documents import RobotDocument
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Failed, Progressed, Report, Succeeded
 from prefect_robomaker.schemas.wire.errors import (
     ObjectNotFoundError,
     ResourceNotFoundException,

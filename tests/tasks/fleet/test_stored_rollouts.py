@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import Yard, deployable, good, silent, slow
 
-from prefect_robomaker.schemas.rollouts.rollout import Failed, Progressed
-from prefect_robomaker.tasks.catalog import Catalog
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Failed, Progressed
+from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts, served_rollouts
 from prefect_robomaker.tasks.service.service import Service
 
@@ -15,13 +15,13 @@ from prefect_robomaker.tasks.service.service import Service
 def reads(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """The jobs whose rollouts were read."""
     found: list[str] = []
-    read = Catalog.rollout
+    read = Rollouts.rollout
 
-    def noted(self: Catalog, job: str) -> Any:
+    def noted(self: Rollouts, job: str) -> Any:
         found.append(job)
         return read(self, job)
 
-    monkeypatch.setattr(Catalog, "rollout", noted)
+    monkeypatch.setattr(Rollouts, "rollout", noted)
     return found
 
 
@@ -51,7 +51,7 @@ def test_reports_after_the_end_are_taken_in_together(service: Service, reads: li
     assert served_rollouts(yard.service) == []
     assert reads.count(job) <= 2
     assert yard.statuses()["r2"] == "Failed"
-    assert yard.service.catalog.jobs_with_events() == []
+    assert Rollouts(yard.service.catalog).jobs_with_events() == []
     reads.clear()
     served_rollouts(yard.service)
     assert reads == []

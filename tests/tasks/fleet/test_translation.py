@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Canceled,
     CancelRefused,
     Failed,

@@ -6,14 +6,6 @@ import os
 from .....schemas.wire.errors import ConfigurationError, InvalidParameterException
 from ...arguments import add_output
 
-_OPERATIONS = {
-    "simulation-job": "CreateSimulationJob",
-    "simulation-job-batch": "StartSimulationJobBatch",
-    "world-generation-job": "CreateWorldGenerationJob",
-    "world-export-job": "CreateWorldExportJob",
-    "deployment-job": "CreateDeploymentJob",
-}
-
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments."""
@@ -25,14 +17,17 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs the job to its end and prints its final description; the exit code tells its outcome."""
     from .....schemas.settings import Settings
     from .....schemas.wire.arns import ResourceArn
+    from ....worker.pools import job_pools
     from ...job import perform
 
     if not arguments.arn.startswith("arn:"):
         return _finish(arguments)
     kind = ResourceArn.parse(arguments.arn).kind
-    if kind not in _OPERATIONS:
+    settings = Settings.from_environment(os.environ)
+    operations = {pool.kind: pool.operation for pool in job_pools(settings.max_jobs)}
+    if kind not in operations:
         raise InvalidParameterException(f"{arguments.arn} names a {kind}; jobs and batches can be performed")
-    return perform(_OPERATIONS[kind], arguments.arn, Settings.from_environment(os.environ), arguments.output)
+    return perform(operations[kind], arguments.arn, settings, arguments.output)
 
 
 def _finish(arguments: argparse.Namespace) -> int:

@@ -9,6 +9,7 @@ import os
 import sys
 from typing import TYPE_CHECKING
 
+from .....schemas.wings import parts_of_wings
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_output
 from ...output.answers import print_either
@@ -34,12 +35,8 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--sdk-jobs", action="store_true", help="also jobs that SDKs or `call` ordered, not a run")
     parser.add_argument("--orphaned-worlds", action="store_true", help="also worlds that no run and no job names")
-    parser.add_argument(
-        "--keep-deployments",
-        metavar="N",
-        type=int,
-        help="also files for robots that neither the newest N deployments of a fleet nor a robot needs",
-    )
+    for part in parts_of_wings("deployments", "gc"):
+        part.declare(parser)
     parser.add_argument("--dry-run", action="store_true", help="only show what would be removed")
     parser.add_argument("-y", "--yes", action="store_true", help="do not ask")
     add_output(parser, "text", "json")
@@ -80,10 +77,7 @@ def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
 
     if arguments.keep_runs is not None and arguments.keep_runs < 0:
         raise ConfigurationError(f"--keep-runs is {arguments.keep_runs}; it has to be a whole number from 0")
-    if arguments.keep_deployments is not None and arguments.keep_deployments < 0:
-        raise ConfigurationError(
-            f"--keep-deployments is {arguments.keep_deployments}; it has to be a whole number from 0"
-        )
+    of_wings = [part.rules(arguments) for part in parts_of_wings("deployments", "gc")]
     return RetentionPolicy(
         older_than=time_span(arguments.older_than, "--older-than") if arguments.older_than is not None else None,
         keep_runs=arguments.keep_runs,
@@ -91,7 +85,7 @@ def _policy(arguments: argparse.Namespace) -> "RetentionPolicy":
         keep_results=arguments.keep_results,
         sdk_jobs=arguments.sdk_jobs,
         orphaned_worlds=arguments.orphaned_worlds,
-        keep_deployments=arguments.keep_deployments,
+        **{name: value for rules in of_wings for name, value in rules.items()},
     )
 
 

@@ -6,7 +6,7 @@ import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, slow
 from helpers.tested_batches import Batches
 
-from prefect_robomaker.schemas.documents.fleets import DeploymentJobDocument, RobotInstallation
+from prefect_robomaker.schemas.fleet.documents import DeploymentJobDocument, RobotInstallation
 from prefect_robomaker.tasks.fleet.attestations.required_batches import attestations_of
 from prefect_robomaker.tasks.fleet.control.rollbacks import TAG, EndedRollouts, roll_back
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts

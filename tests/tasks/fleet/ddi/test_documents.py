@@ -5,7 +5,7 @@ import pytest
 from helpers.robot_orders import robot_order
 from pydantic import ValidationError
 
-from prefect_robomaker.schemas.operations.deployment_jobs import DeploymentLaunchConfig
+from prefect_robomaker.schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
 from prefect_robomaker.tasks.fleet.ddi.open_orders import (
     LAUNCH_KEY,
     RobotState,

@@ -10,7 +10,7 @@ from helpers.rollout_robots import CODES, Attempt, Script, watch
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Approved,
     Departure,
     Paused,

@@ -3,7 +3,7 @@
 import pytest
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     CancelRefused,
     Failed,
     Fetched,

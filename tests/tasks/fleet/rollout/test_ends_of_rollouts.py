@@ -3,7 +3,7 @@
 import pytest
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.rollout import Offered, Paused, Resumed, RobotGone, StopCause, Stopped
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Offered, Paused, Resumed, RobotGone, StopCause, Stopped
 
 
 @pytest.mark.parametrize(("robots", "percent", "at_once"), [(10, 25, 2), (3, 20, 1), (7, 100, 7), (200, 1, 2)])

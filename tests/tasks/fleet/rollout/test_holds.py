@@ -2,7 +2,7 @@
 
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.rollout import Approved, Outage, Paused, Resumed, Stopped
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Approved, Outage, Paused, Resumed, Stopped
 from prefect_robomaker.tasks.fleet.rollout.statuses import in_words, waits_for
 
 UNTIL_1050 = {"startTime": "00:15", "durationInSeconds": 150}  # rollouts begin at 1000 s, which is 00:16:40

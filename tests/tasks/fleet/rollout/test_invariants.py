@@ -8,8 +8,8 @@ from helpers.rollout_ledger import advance, cancellations, plan_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.plan import RolloutPlan
-from prefect_robomaker.schemas.rollouts.rollout import (
+from prefect_robomaker.schemas.fleet.rollouts.plan import RolloutPlan
+from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Approved,
     Canceled,
     CancelRefused,

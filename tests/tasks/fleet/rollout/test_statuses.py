@@ -2,7 +2,7 @@
 
 from helpers.small_rollouts import SmallRollout
 
-from prefect_robomaker.schemas.rollouts.rollout import Failed, RobotGone
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Failed, RobotGone
 from prefect_robomaker.tasks.fleet.rollout.statuses import robot_deployments
 
 NAME = "arn:aws:robomaker:us-east-1:000000000000:robot/rover/"

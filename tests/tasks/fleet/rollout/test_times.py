@@ -6,7 +6,7 @@ from helpers.small_rollouts import SmallRollout
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.rollouts.rollout import Pause, Paused, Resumed, Rollout
+from prefect_robomaker.schemas.fleet.rollouts.rollout import Pause, Paused, Resumed, Rollout
 from prefect_robomaker.tasks.fleet.rollout.windows import MOST_PAUSES, with_pause
 
 

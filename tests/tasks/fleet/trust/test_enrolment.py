@@ -8,7 +8,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from helpers.fleet_calls import Fleets
 
-from prefect_robomaker.schemas.documents.fleets import RobotDocument
+from prefect_robomaker.schemas.fleet.documents import RobotDocument
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
 from prefect_robomaker.tasks.fleet.records import enrol, enrollable

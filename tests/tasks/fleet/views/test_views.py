@@ -5,9 +5,10 @@ from datetime import timedelta
 import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, slow
 
-from prefect_robomaker.schemas.documents.fleets import RobotInstallation, RobotSighting
+from prefect_robomaker.schemas.fleet.documents import RobotInstallation, RobotSighting
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
-from prefect_robomaker.tasks.catalog import Catalog
+from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
+from prefect_robomaker.tasks.fleet.deployment_runs import POLL_S
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
 from prefect_robomaker.tasks.fleet.records import enrol, last_deployment
 from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path, write_report
@@ -20,7 +21,6 @@ from prefect_robomaker.tasks.fleet.views.standings import (
     follow,
 )
 from prefect_robomaker.tasks.fleet.views.tables import robot_rows
-from prefect_robomaker.tasks.jobs.deployment_runs import POLL_S
 from prefect_robomaker.tasks.service.service import Service
 
 HALF = {"concurrentDeploymentPercentage": 50, "failureThresholdPercentage": 60}
@@ -124,8 +124,8 @@ def test_a_deployment_is_followed_to_its_end(yard: Yard, monkeypatch: pytest.Mon
     looks: list[Look] = []
     steps = yard.service
     reads: list[str] = []
-    read = Catalog.rollout
-    monkeypatch.setattr(Catalog, "rollout", lambda self, arn: reads.append(arn) or read(self, arn))
+    read = Rollouts.rollout
+    monkeypatch.setattr(Rollouts, "rollout", lambda self, arn: reads.append(arn) or read(self, arn))
     slept: list[float] = []
 
     def sleep(duration_s: float) -> None:
@@ -150,8 +150,8 @@ def test_what_has_not_changed_is_not_read_again(yard: Yard, monkeypatch: pytest.
     job = deploy(yard)
     run_for(yard, job, 4)
     reads: list[str] = []
-    read = Catalog.rollout
-    monkeypatch.setattr(Catalog, "rollout", lambda self, arn: reads.append(arn) or read(self, arn))
+    read = Rollouts.rollout
+    monkeypatch.setattr(Rollouts, "rollout", lambda self, arn: reads.append(arn) or read(self, arn))
 
     looks = follow(find_deployment(job, yard.service), yard.service, lambda _: None)
     seen = [next(looks) for _ in range(5)]

@@ -1,0 +1,13 @@
+"""Arguments that several commands of the wing have."""
+
+import argparse
+
+
+def add_deployment(parser: argparse.ArgumentParser) -> None:
+    """Adds the deployment job that a person decides about."""
+    parser.add_argument("job", metavar="ARN", help="ARN of the deployment job")
+
+
+def add_who(parser: argparse.ArgumentParser) -> None:
+    """Adds who decides."""
+    parser.add_argument("--by", metavar="NAME", help="who says so, as DescribeDeploymentJob shows it (default: you)")

@@ -1,0 +1,6 @@
+"""Bring applications to robots in the field.
+
+The commands of the wing: one module each, as in `deployments.cli.commands`.
+"""
+
+__all__: list[str] = []

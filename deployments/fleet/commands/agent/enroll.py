@@ -1,0 +1,25 @@
+"""Exchange a one-time token for the robot's own, and for the root of trust.
+
+Run it on the robot; `robomaker robots enroll NAME --agent` prints the token.
+"""
+
+import argparse
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    from .....tasks.fleet.agent.command_line import declare_enroll
+
+    declare_enroll(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Enrols the robot."""
+    from .....schemas.wire.errors import ConfigurationError
+    from .....tasks.fleet.agent import command_line
+    from .....tasks.fleet.agent.errors import AgentError
+
+    try:
+        return command_line.enroll(arguments)
+    except AgentError as error:
+        raise ConfigurationError(str(error)) from error

@@ -1,0 +1,25 @@
+"""Let a paused deployment go on.
+
+Robots whose turn it is get their orders within a second, if a maintenance window is open.
+"""
+
+import argparse
+import sys
+
+from ....cli.inputs.options import open_service
+from ...arguments import add_deployment
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    add_deployment(parser)
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Resumes it."""
+    from .....tasks.fleet.control.decisions import resume
+
+    service = open_service()
+    resume(arguments.job, service)
+    sys.stdout.write(f"{arguments.job}: not paused any more\n")
+    return 0

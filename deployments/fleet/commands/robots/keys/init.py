@@ -1,0 +1,52 @@
+"""Make the keys of the robots' repository, with root keys that lie elsewhere.
+
+Without it, the first agent that is enrolled makes all keys in the data home, one root key among them.
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from .....cli.inputs.options import open_service
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("--root-keys", type=int, default=3, metavar="N", help="how many root keys (default: 3)")
+    parser.add_argument(
+        "--threshold", type=int, default=2, metavar="M", help="how many of them have to sign a root (default: 2)"
+    )
+    parser.add_argument("--to", type=Path, required=True, metavar="FOLDER", help="where the root keys go")
+    parser.add_argument(
+        "--attestation-key",
+        type=Path,
+        action="append",
+        default=[],
+        metavar="FILE",
+        help="a public key whose attestations agents believe (default: this machine's)",
+    )
+    parser.add_argument(
+        "--attested",
+        action="append",
+        default=[],
+        metavar="APPLICATION",
+        help="agents install nothing of it that was not attested; '*': of any",
+    )
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Makes the keys and the first root."""
+    from ......tasks.fleet.attestations.envelopes import read_public_key
+    from ......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
+    from ......tasks.fleet.trust.publishing import publisher_of
+
+    publisher = publisher_of(open_service())
+    change = AttestedChange(tuple(map(read_public_key, arguments.attestation_key)), tuple(arguments.attested))
+    begin_apart(publisher, arguments.root_keys, arguments.threshold, arguments.to, change)
+    written = sorted(arguments.to.glob("root-*.pem"))
+    sys.stdout.write("".join(f"{path}\n" for path in written))
+    sys.stderr.write(
+        f"{arguments.threshold} of these {arguments.root_keys} root keys sign the next root. Give each to another "
+        f"holder, and leave none here. The other keys are in {publisher.machine.folder}.\n"
+    )
+    return 0

@@ -1,0 +1,23 @@
+"""Replace the key that signs for the applications; it needs no root key.
+
+Robots follow at their next deployment.
+"""
+
+import argparse
+import sys
+
+from .....cli.inputs.options import open_service
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds no arguments."""
+
+
+def execute(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - the signature of all commands
+    """Replaces the key."""
+    from ......tasks.fleet.trust.ceremonies import rotate_applications
+    from ......tasks.fleet.trust.publishing import publisher_of
+
+    rotate_applications(publisher_of(open_service()))
+    sys.stdout.write("The applications have a new key.\n")
+    return 0

@@ -1,0 +1,1 @@
+"""The console's pages of fleets, robots and deployments."""

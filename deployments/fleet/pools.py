@@ -1,0 +1,7 @@
+"""The pool of deployment jobs."""
+
+from ..worker.pools import JobPool
+
+_AT_ONCE = 20  # they wait for robots nearly all the time
+
+POOLS = (JobPool("deployment-job", "CreateDeploymentJob", _AT_ONCE),)

@@ -1,0 +1,113 @@
+"""Answers to robots, and the bodies that robots send. Success is always 200: clients take neither 201 nor 204."""
+
+import asyncio
+import json
+from collections.abc import Iterable
+
+from starlette.types import Receive, Send
+
+from ....schemas.wire.errors import RobomakerError
+
+HAL = b"application/hal+json"
+"""Media type of documents that robots read."""
+
+_JSON = b"application/json"
+_CODES = {
+    400: "request.invalid",
+    401: "token.missing-or-wrong",
+    404: "not-found",
+    405: "not-allowed",
+    408: "request.timeout",
+    410: "action.gone",
+    413: "request.too-large",
+    416: "range.not-satisfiable",
+    429: "quota.exceeded",
+    503: "unavailable",
+}
+
+Headers = Iterable[tuple[bytes, bytes]]
+
+
+class DoorRefusal(RobomakerError):
+    """A request that is refused, with status and reason."""
+
+    def __init__(self, status: int, message: str, headers: Headers = ()) -> None:
+        super().__init__(message)
+        self.status = status
+        """Status of the answer."""
+
+        self.headers = tuple(headers)
+        """Headers besides the usual ones."""
+
+
+async def send_document(send: Send, document: bytes) -> None:
+    """Answers with a document, or with an empty body."""
+    await _send(send, 200, document, HAL)
+
+
+async def send_plain(send: Send, document: bytes) -> None:
+    """Answers with a document that is plain JSON."""
+    await _send(send, 200, document, _JSON)
+
+
+async def send_refusal(send: Send, refusal: DoorRefusal) -> None:
+    """Answers with an error."""
+    body = {"errorCode": f"robomaker.{_CODES[refusal.status]}", "message": str(refusal)}
+    await _send(send, refusal.status, json.dumps(body).encode(), _JSON, refusal.headers)
+
+
+async def _send(send: Send, status: int, body: bytes, media_type: bytes, headers: Headers = ()) -> None:
+    await send(
+        {
+            "type": "http.response.start",
+            "status": status,
+            "headers": [
+                (b"content-type", media_type),
+                (b"content-length", b"%d" % len(body)),
+                (b"cache-control", b"no-store"),
+                *headers,
+            ],
+        }
+    )
+    await send({"type": "http.response.body", "body": body})
+
+
+MAX_BODY_BYTES = 64 * 1024
+TIMEOUT_S = 15.0
+
+
+class Disconnected(Exception):
+    """The robot hung up; there is no one to answer."""
+
+
+async def read_body(receive: Receive, declared: bytes | None) -> bytes:
+    """Reads a body.
+
+    Args:
+        receive: where it comes from.
+        declared: the header `Content-Length`.
+
+    Raises:
+        DoorRefusal: it is too long (413), or did not arrive in time (408).
+        Disconnected: the robot hung up.
+    """
+    if declared is not None and (len(declared) > 18 or not declared.isdigit() or int(declared) > MAX_BODY_BYTES):
+        raise _too_long()
+    body = bytearray()
+    try:
+        async with asyncio.timeout(TIMEOUT_S):
+            while True:
+                message = await receive()
+                if message["type"] == "http.disconnect":
+                    raise Disconnected
+                body += message.get("body", b"")
+                if len(body) > MAX_BODY_BYTES:
+                    raise _too_long()
+                if not message.get("more_body"):
+                    return bytes(body)
+    except TimeoutError:
+        raise DoorRefusal(408, f"the body did not arrive within {TIMEOUT_S:g} s") from None
+
+
+def _too_long() -> DoorRefusal:
+    return DoorRefusal(413, f"the body may have at most {MAX_BODY_BYTES} bytes")

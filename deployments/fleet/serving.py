@@ -1,0 +1,204 @@
+"""The doors of robots within the server: mounts them, lets agents in, and keeps the fleet's metadata fresh."""
+
+import asyncio
+import logging
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError, StorageError
+from ...tasks.fleet.control.rollbacks import EndedRollouts
+from ...tasks.fleet.ddi.open_orders import OpenOrders
+from ...tasks.fleet.ddi.orders import RobotOrder
+from ...tasks.fleet.kept_rollouts import report, served_rollouts
+from ...tasks.fleet.order_keeping import OrderKeeper
+from ...tasks.fleet.order_watch import BundleFiles, OrderWatch
+from ...tasks.fleet.records import KnownRobots
+from ...tasks.fleet.robot_reports import RobotReports
+from ...tasks.fleet.trust.roles import RepositoryReader
+from ...tasks.service.service import Service
+from .robot_door.door import DoorSettings, RobotDoor
+from .robot_door.downloads import ServedFile, reader_of_files
+
+
+class ServedAgents:
+    """Answers the door, from any thread.
+
+    Args:
+        service: where robots and repository are stored.
+        enrolled: told when an agent was let in, so that it is known soon.
+    """
+
+    def __init__(self, service: Service, enrolled: Callable[[], None]) -> None:
+        self._service = service
+        self._enrolled = enrolled
+        self._reader = RepositoryReader(service)
+
+    def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
+        """Lets an agent in; see `enrolment.take`."""
+        from ...tasks.fleet.trust.enrolment import take  # it needs the extra `fleet`
+
+        root = take(robot, secret, token_sha256, self._service)
+        if root is not None:
+            self._enrolled()
+        return root
+
+    def metadata(self, name: str) -> bytes:
+        """A file of the repository's metadata; see `RepositoryReader.metadata`."""
+        return self._reader.metadata(name)
+
+    def target(self, path: str) -> ServedFile:
+        """A target; see `RepositoryReader.target`."""
+        here = self._reader.target(path)
+        try:
+            size_bytes = here.stat().st_size
+        except OSError as error:
+            raise ObjectNotFoundError(f"there is no target {path}: {error.strerror}") from error
+        # The name begins with the content's hash.
+        sha256 = path.rpartition("/")[2].partition(".")[0]
+        return ServedFile(f"the target {path}", size_bytes, sha256, lambda start, length: _read(here, start, length))
+
+
+def _read(path: Path, start: int, length: int) -> bytes:
+    try:
+        with path.open("rb") as file:
+            file.seek(start)
+            return file.read(length)
+    except OSError as error:
+        raise StorageError(f"{path.name} cannot be read: {error.strerror}") from error
+
+
+LOGGER = logging.getLogger("robomaker.robots")
+
+PAUSE_S = 600.0
+"""Between two looks; the timestamp is signed again every six hours."""
+
+
+class TrustUpkeep:
+    """Looks, in a thread of its own.
+
+    Args:
+        service: where the repository is stored.
+        pause_s: between two looks, in seconds.
+    """
+
+    def __init__(self, service: Service, pause_s: float = PAUSE_S) -> None:
+        self._service = service
+        self._pause_s = pause_s
+        self._stopped = threading.Event()
+        self._problem = ""
+        self._thread = threading.Thread(target=self._keep_up, name="trust-upkeep", daemon=True)
+
+    def start(self) -> None:
+        """Begins to look."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Ends; returns when the last look is over."""
+        self._stopped.set()
+        self._thread.join()
+
+    def _keep_up(self) -> None:
+        while not self._stopped.is_set():
+            self._tell(self._problem_now())
+            self._stopped.wait(self._pause_s)
+
+    def _problem_now(self) -> str:
+        if not (self._service.settings.home / "robots" / "trust" / "root.json").exists():
+            return ""  # no agent has been enrolled from here
+        try:
+            from ...tasks.fleet.trust.publishing import publisher_of  # it needs the extra `fleet`
+
+            publisher_of(self._service).keep_up()
+        except (RobomakerError, ImportError) as error:
+            return f"the robots' repository is not signed again: {error}"
+        except Exception as error:
+            LOGGER.exception("the robots' repository is not signed again")
+            return str(error)
+        return ""
+
+    def _tell(self, problem: str) -> None:
+        """Logs a problem once, and that it is over."""
+        if problem != self._problem:
+            LOGGER.warning("%s", problem or "the robots' repository is signed again")
+        self._problem = problem
+
+
+class RobotsBeside:
+    """Serves robots, and passes everything else on.
+
+    Args:
+        endpoint: the application of all other paths.
+        service: where robots, rollouts and files are stored.
+
+    Raises:
+        ConfigurationError: the service's `robots_url` is not right.
+    """
+
+    def __init__(self, endpoint: ASGIApp, service: Service) -> None:
+        self.checks_signatures = getattr(endpoint, "checks_signatures", False)
+        """Whether requests of clients have to be signed."""
+
+        self._endpoint = endpoint
+        orders = OpenOrders()
+        robots = KnownRobots(orders)
+        keeper = OrderKeeper(orders, robots)
+        files = BundleFiles(service, keeper)
+        self._reports = RobotReports(service, robots, keeper, report)
+        self._watch = OrderWatch(service, robots, keeper, files, served_rollouts, EndedRollouts(service).tend)
+        self._read_file = reader_of_files(files.path_of)
+        self._door = RobotDoor(
+            orders,
+            read_part=self._read_part,
+            sink=self._reports.take,
+            clock=time.time,
+            chance=service.chance.random,
+            settings=DoorSettings(public_url=service.settings.robots_url, idle_sleep_s=service.settings.robot_poll_s),
+            agents=ServedAgents(service, self._watch.wake_for_robots),
+        )
+        self._upkeep = TrustUpkeep(service)
+
+    def wake(self) -> None:
+        """Has orders looked for at once."""
+        self._watch.wake()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serves one request, or the server's start and end."""
+        if scope["type"] == "http" and scope["path"].startswith(self._door.prefixes):
+            await self._door(scope, receive, send)
+        elif scope["type"] == "lifespan":
+            await self._endpoint(scope, receive, self._with_life(send))
+        else:
+            await self._endpoint(scope, receive, send)
+
+    def _with_life(self, send: Send) -> Send:
+        """Begins and ends together with the endpoint."""
+
+        async def sent(message: Message) -> None:
+            if message["type"] == "lifespan.startup.complete":
+                self._watch.start()
+                self._upkeep.start()
+            elif message["type"] == "lifespan.shutdown.complete":
+                await self._door.close()
+                await asyncio.to_thread(self._watch.stop)
+                await asyncio.to_thread(self._upkeep.stop)
+            await send(message)
+
+        return sent
+
+    def _read_part(self, order: RobotOrder, start: int, length: int) -> bytes:
+        try:
+            part = self._read_file(order, start, length)
+        except StorageError as error:
+            self._reports.note_withheld(order, error)
+            raise
+        self._reports.note_sent(order, start + length, time.time())
+        return part
+
+
+def beside(application: ASGIApp, service: Service) -> RobotsBeside:
+    """Puts the doors of robots beside the application of all other paths; called once, by `robomaker serve`."""
+    return RobotsBeside(application, service)

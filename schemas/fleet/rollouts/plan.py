@@ -1,0 +1,200 @@
+"""The plan of a rollout: which robots, in which order, how many at a time, and when it stops.
+
+Nothing published says which percentages hold if a request has none. Here both are 20:
+
+* At most a fifth of a fleet is without its application at the same time, and a rollout takes five rounds.
+* A version that breaks each robot of the first round stops there. A good version is not stopped by robots that are
+  away, unless a fifth of the fleet is.
+"""
+
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic.alias_generators import to_camel
+
+from ...wire.base import optional
+from ...wire.errors import InvalidParameterException
+from ..operations.deployment_jobs import DEFAULT_ROBOT_TIMEOUT_S, DeploymentLaunchConfig, MaintenanceWindow
+
+MAX_ACTION_ID = 2**31 - 1
+"""Largest number of an order: what clients of hawkBit hold as a signed integer of 32 bits."""
+
+ActionId = Annotated[int, Field(ge=1, le=MAX_ACTION_ID)]
+"""The number of one order to one robot, unlike that of any other order of the catalog."""
+
+TimeS = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+"""A moment, in seconds since the epoch."""
+
+
+class StoredPart(BaseModel):
+    """A frozen object, stored under camelCase names; members that newer releases added are left alone.
+
+    `documents.base.Part` is the same for small documents: it makes its JSON in Python, which takes five times as long,
+    and the rollout of a large fleet is written again and again.
+    """
+
+    model_config = ConfigDict(
+        alias_generator=to_camel,
+        validate_by_name=True,
+        validate_by_alias=True,
+        frozen=True,
+        extra="ignore",
+        defer_build=True,
+    )
+
+    def to_json(self) -> dict[str, Any]:
+        """The object as plain JSON values, without members that are absent."""
+        return self.model_dump(mode="json", by_alias=True, exclude_none=True)
+
+    @classmethod
+    def of_json(cls, stored: dict[str, Any]) -> Self:
+        """Reads what `to_json` made."""
+        return cls.model_validate(stored)
+
+
+DEFAULT_CONCURRENT_PERCENTAGE = 20
+"""Share of a fleet that is deployed to at the same time if a request does not say, in percent."""
+
+DEFAULT_THRESHOLD_PERCENTAGE = 20
+"""Share of a fleet that has to fail for a deployment to stop if a request does not say, in percent."""
+
+JOB_TIMEOUT_S = 30 * 24 * 3600.0
+"""How long a whole deployment may take, in seconds."""
+
+UnfitCode = Literal[
+    "DownloadConditionFailed",
+    "MissingRobotApplicationArchitecture",
+    "MissingRobotArchitecture",
+    "MissingRobotDeploymentResource",
+]
+"""Why a robot cannot get the application at all."""
+
+
+class PlannedRobot(StoredPart):
+    """A robot that a rollout is meant for."""
+
+    arn: str = Field(description="ARN of the robot.")
+    installed: str | None = optional("Application and version that it had before, such as `courier 1`; absent: none.")
+    unfit_code: UnfitCode | None = optional(
+        "Why it cannot get the application; absent: it can. It fails, and counts for nothing."
+    )
+    unfit_reason: str | None = optional("The same in words.")
+    earlier_job: str | None = optional(
+        "ARN of the deployment job that brought the version it had when the rollout began, where that is "
+        "another version; absent: there is none to go back to."
+    )
+
+
+class RolloutPlan(StoredPart):
+    """Plan of a rollout: its robots in order, and its limits; it does not change."""
+
+    robots: tuple[PlannedRobot, ...] = Field(description="The fleet's robots, in the order in which their turn comes.")
+    concurrent_percentage: int = Field(
+        default=DEFAULT_CONCURRENT_PERCENTAGE,
+        ge=1,
+        le=100,
+        description="Share of the robots that is deployed to at the same time, in percent, rounded down to robots; "
+        "one robot at least.",
+    )
+    threshold_percentage: int = Field(
+        default=DEFAULT_THRESHOLD_PERCENTAGE,
+        ge=1,
+        le=100,
+        description="Share of the robots that take part which has to fail for the rollout to stop, in percent.",
+    )
+    robot_timeout_s: float = Field(
+        default=float(DEFAULT_ROBOT_TIMEOUT_S),
+        gt=0,
+        allow_inf_nan=False,
+        description="How long a robot may take to fetch its order, and then again to carry it out, in seconds.",
+    )
+    job_timeout_s: float = Field(
+        default=JOB_TIMEOUT_S, gt=0, allow_inf_nan=False, description="How long the whole may take, in seconds."
+    )
+    canaries: tuple[str, ...] = Field(
+        default=(),
+        description="ARNs of robots whose turn comes first; the others wait until all of these have ended.",
+    )
+    requires_approval: bool = Field(
+        default=False,
+        description="Whether robots that are no canaries wait until a person has approved, once the canaries ended.",
+    )
+    windows: tuple[MaintenanceWindow, ...] = Field(
+        default=(), description="When robots may get and fetch orders; empty: at all times."
+    )
+    rolls_back: bool = Field(
+        default=False, description="Whether robots go back to the version before, once the threshold is reached."
+    )
+
+    @model_validator(mode="after")
+    def _checked(self) -> Self:
+        """Refuses plans whose robots are missing, repeated or unknown."""
+        known = _each_once("robots", self.order)
+        if not known:
+            raise InvalidParameterException(
+                "robots: the plan of a rollout has none; register some with the fleet first"
+            )
+        if strange := _each_once("canaries", self.canaries) - known:
+            raise InvalidParameterException(
+                f"canaries: {min(strange)} is not among the robots; name robots of the fleet"
+            )
+        return self
+
+    @property
+    def order(self) -> tuple[str, ...]:
+        """The robots' ARNs, in order."""
+        return tuple(robot.arn for robot in self.robots)
+
+    @property
+    def concurrency(self) -> int:
+        """How many robots may have an open order at the same time."""
+        return max(1, len(self.robots) * self.concurrent_percentage // 100)
+
+
+def _each_once(member: str, arns: tuple[str, ...]) -> set[str]:
+    seen: set[str] = set()
+    for arn in arns:
+        if arn in seen:
+            raise InvalidParameterException(f"{member}: {arn} is there twice; name each robot once")
+        seen.add(arn)
+    return seen
+
+
+class Artifact(StoredPart):
+    """A file that robots install, as orders describe it; it lies in the object store."""
+
+    bucket: str = Field(description="Its bucket.")
+    key: str = Field(description="Its key.")
+    file_name: str = Field(description="Its name in orders; SWUpdate takes only `.swu`.")
+    size_bytes: int = Field(ge=1, description="Its length, in bytes.")
+    sha256: str = Field(description="Its SHA-256, in hexadecimal digits.")
+    sha1: str = Field(description="Its SHA-1, in hexadecimal digits.")
+    md5: str = Field(description="Its MD5, in hexadecimal digits.")
+    archive_sha256: str | None = optional(
+        "SHA-256 of the application's archive in it, in hexadecimal digits; absent: it is the archive."
+    )
+    name: str = Field(description="Name of the application in it.")
+    version: str = Field(description="Version of the application in it.")
+    target: str | None = optional("Path of the signed deployment document that an agent fetches; absent: none.")
+
+    @property
+    def delivers(self) -> str:
+        """SHA-256 of the application's archive that a robot gets by it, in hexadecimal digits."""
+        return self.archive_sha256 or self.sha256
+
+
+class Delivery(StoredPart):
+    """Files and launch configuration that the robots of a rollout get; they do not change."""
+
+    artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
+    agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")
+    agents: frozenset[str] = Field(default=frozenset(), description="The robots that have an agent, by ARN.")
+    architectures: dict[str, str] = Field(description="The architecture of each robot that gets one, by ARN.")
+    launch: DeploymentLaunchConfig = Field(description="How the application is started.")
+
+    def by_robot(self) -> dict[str, Artifact]:
+        """The file of each robot, by ARN."""
+        return {robot: self._files(robot)[architecture] for robot, architecture in self.architectures.items()}
+
+    def _files(self, robot: str) -> dict[str, Artifact]:
+        return self.agent_artifacts if robot in self.agents else self.artifacts

@@ -1,0 +1,280 @@
+"""The rollout: its plan, its events, how each robot stands, how the whole ended, and the facts for its report."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ...wire.base import optional
+from ..operations.deployment_jobs import DeploymentConfig, DeploymentJobErrorCode, DeploymentStatus, RobotDeploymentStep
+from .plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
+
+OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
+Departure = Literal["left", "deleted"]
+"""How a robot departed from a fleet."""
+
+OPEN: frozenset[OrderState] = frozenset({"offered", "fetched"})
+"""States of orders that count for the concurrency."""
+
+UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
+"""States of orders that were canceled, and that the robot may still carry out."""
+
+
+class RobotDeploymentState(StoredPart):
+    """How one robot of a rollout stands."""
+
+    order: OrderState = Field(default="none", description="State of its latest order.")
+    action_id: ActionId | None = optional("Number of its latest order; absent: it has had none.")
+    earlier_action_id: ActionId | None = optional(
+        "Number of an order of an earlier rollout that it has not answered; it gets that one's "
+        "cancellation first, and its order of this rollout after it."
+    )
+    outcome: Literal["succeeded", "failed"] | None = optional("How it ended; absent: not yet.")
+    gone: Departure | None = optional("Whether it left the fleet or was deleted; it gets no order any more.")
+    returned: bool = Field(
+        default=False, description="Whether it was away, has been heard of again, and waits for another order."
+    )
+    step: RobotDeploymentStep | None = optional("Step that it last reported.")
+    percent_done: float | None = Field(default=None, ge=0, le=100, description="Share of its download, in percent.")
+    percent_at_s: TimeS | None = optional("When it reported that share.")
+    download_from_percent: float | None = Field(
+        default=None, ge=0, le=100, description="Share of the download that was there when it was first reported."
+    )
+    download_from_s: TimeS | None = optional("When the download was first reported.")
+    heard_s: TimeS | None = optional("When it last reported anything about its order.")
+    deadline_s: TimeS | None = optional("When its open order times out.")
+    offered_s: TimeS | None = optional("When it got its latest order.")
+    left_s: float | None = Field(
+        default=None,
+        ge=0,
+        allow_inf_nan=False,
+        description="Time that is left to fetch its order, in seconds, while the order is held back; it stands still.",
+    )
+    started_s: TimeS | None = optional("When it fetched its latest order.")
+    step_times: dict[RobotDeploymentStep, TimeS] = Field(
+        default={}, description="When it first reported each step of its latest order, to a tenth of a second."
+    )
+    finished_s: TimeS | None = optional("When its outcome was decided.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
+
+    @property
+    def is_open(self) -> bool:
+        """Whether its order counts for the concurrency."""
+        return self.order in OPEN
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the rollout has nothing to wait for with this robot."""
+        return self.outcome is not None or self.gone is not None
+
+    @property
+    def no_response(self) -> bool:
+        """Whether it failed since it never fetched its order, so that it gets another when it returns."""
+        return self.failure_code == "RobotDeploymentNoResponse"
+
+
+RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
+"""Statuses of a deployment job that a rollout has; what comes before is preparation."""
+
+
+class Pause(StoredPart):
+    """A time in which no robot got an order, since a person wanted it so."""
+
+    from_s: TimeS = Field(description="When it began.")
+    until_s: TimeS | None = optional("When the rollout was resumed; absent: not yet.")
+
+
+class Rollback(StoredPart):
+    """How robots go back to the version that they had before a rollout."""
+
+    jobs: tuple[str, ...] = Field(default=(), description="ARNs of the deployment jobs that bring them back.")
+    left: tuple[str, ...] = Field(
+        default=(), description="ARNs of robots that have the new version and had none before; they keep it."
+    )
+    is_complete: bool = Field(default=False, description="Whether all jobs that are needed have been made.")
+    reason: str | None = optional("Why robots do not go back; absent: they do.")
+
+
+class Rollout(StoredPart):
+    """A rollout as it is stored."""
+
+    plan: RolloutPlan = Field(description="Plan of the rollout.")
+    robots: dict[str, RobotDeploymentState] = Field(description="How each robot stands, by ARN.")
+    began_s: TimeS = Field(description="When it began.")
+    now_s: TimeS = Field(description="Up to when events and time-outs are part of it; it never goes back.")
+    status: RolloutStatus = Field(default="InProgress", description="Status of the deployment job.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
+    ended_s: TimeS | None = optional("When it ended; absent: not yet.")
+    pauses: tuple[Pause, ...] = Field(default=(), description="When it was paused, the latest hundred times.")
+    paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
+    paused_by: str | None = optional("Person who paused it; absent: not said, or it is not paused.")
+    paused_s: TimeS | None = optional("When it was paused; absent: it is not.")
+    held: bool = Field(
+        default=False,
+        description="Whether orders are held back: it is paused, or no maintenance window is open. No robot gets an "
+        "order or fetches one; robots that have begun go on.",
+    )
+    approved_by: str | None = optional("Person who approved it; absent: not said.")
+    approved_s: TimeS | None = optional("When it was approved; absent: it was not.")
+    rollback: Rollback | None = optional("How robots go back; absent: they do not, or not yet.")
+    takes_returns: bool = Field(
+        default=True, description="Whether robots that were away and return get an order, also after its end."
+    )
+
+    @property
+    def rollback_is_due(self) -> bool:
+        """Whether robots are to go back now: the threshold was reached, and those that had begun have ended."""
+        if not self.plan.rolls_back or self.failure_code != "FailureThresholdBreached":
+            return False
+        is_complete = self.rollback is not None and self.rollback.is_complete
+        return not is_complete and all(state.order != "fetched" for state in self.robots.values())
+
+
+ReportedCode = Literal[
+    "BadPermissionError",
+    "DownloadConditionFailed",
+    "EnvironmentSetupError",
+    "EtagMismatch",
+    "ExtractingBundleFailure",
+    "InternalServerError",
+    "PostLaunchFileFailure",
+    "PreLaunchFileFailure",
+    "ResourceNotFound",
+    "RobotDeploymentAborted",
+]
+"""Failure codes that a robot may report; the others are found by the service."""
+
+StopCause = Literal["canceled", "rejected", "fleet_deleted", "application_deleted", "superseded"]
+"""Why a rollout is ended from outside."""
+
+
+class _OfOrder(StoredPart):
+    robot: str = Field(description="ARN of the robot.")
+    action_id: ActionId = Field(description="Number of the order.")
+
+
+class Offered(_OfOrder):
+    """A robot whose turn it is was given an order; its number came from the catalog."""
+
+    kind: Literal["offered"] = Field(default="offered", description="Kind of event.")
+
+
+class Fetched(_OfOrder):
+    """The robot has read its order."""
+
+    kind: Literal["fetched"] = Field(default="fetched", description="Kind of event.")
+
+
+class Progressed(_OfOrder):
+    """The robot said how far it is."""
+
+    kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
+    step: RobotDeploymentStep | None = optional("Step that the robot is at; absent: the same as before.")
+    percent_done: float | None = Field(
+        default=None, ge=0, le=100, description="Share of its download, in percent; absent: not reported."
+    )
+
+
+class Succeeded(_OfOrder):
+    """The robot runs the new version."""
+
+    kind: Literal["succeeded"] = Field(default="succeeded", description="Kind of event.")
+
+
+class Failed(_OfOrder):
+    """The robot could not carry out its order."""
+
+    kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
+    code: ReportedCode = Field(description="Why.")
+    reason: str | None = optional("The same in words.")
+
+
+class Canceled(_OfOrder):
+    """The robot has given up its order, because it was told to or by itself."""
+
+    kind: Literal["canceled"] = Field(default="canceled", description="Kind of event.")
+
+
+class CancelRefused(_OfOrder):
+    """The robot cannot give up its order any more and carries it to its end."""
+
+    kind: Literal["cancel_refused"] = Field(default="cancel_refused", description="Kind of event.")
+
+
+class RobotGone(StoredPart):
+    """A robot left the fleet or was deleted."""
+
+    kind: Literal["robot_gone"] = Field(default="robot_gone", description="Kind of event.")
+    robot: str = Field(description="ARN of the robot.")
+    how: Departure = Field(description="Whether it left the fleet or was deleted.")
+
+
+class Stopped(StoredPart):
+    """The whole rollout was ended.
+
+    By a person who canceled it, or did not approve it; by the deletion of its fleet or of its application; or, after
+    its end, by the fleet's next deployment, so that robots that return do not get this one any more.
+    """
+
+    kind: Literal["stopped"] = Field(default="stopped", description="Kind of event.")
+    why: StopCause = Field(description="Cause of the end.")
+    by: str | None = optional("Person who did not approve it; absent: not said.")
+
+
+class Paused(StoredPart):
+    """A person wants no robot to begin until the rollout is resumed; robots that have begun go on."""
+
+    kind: Literal["paused"] = Field(default="paused", description="Kind of event.")
+    by: str | None = optional("Person who paused it; absent: not said.")
+
+
+class Resumed(StoredPart):
+    """A person lets a paused rollout go on."""
+
+    kind: Literal["resumed"] = Field(default="resumed", description="Kind of event.")
+
+
+class Approved(StoredPart):
+    """A person lets a rollout that waits for approval go on; of no effect on one that does not wait for it."""
+
+    kind: Literal["approved"] = Field(default="approved", description="Kind of event.")
+    by: str | None = optional("Person who approved it; absent: not said.")
+
+
+class Outage(StoredPart):
+    """Robots could not reach the service until now; time-outs of robots stand still for so long."""
+
+    kind: Literal["outage"] = Field(default="outage", description="Kind of event.")
+    since_s: TimeS = Field(description="When it began.")
+
+
+Report = Fetched | Progressed | Succeeded | Failed | Canceled | CancelRefused
+"""Reports of a robot about an order."""
+
+RolloutEvent = Annotated[
+    Report | Offered | RobotGone | Stopped | Paused | Resumed | Approved | Outage,
+    Field(discriminator="kind"),
+]
+
+
+class DeploymentReport(StoredPart):
+    """A deployment as it stands, or stood at its end."""
+
+    job: str = Field(description="ARN of the deployment job.")
+    fleet: str = Field(description="Name of its fleet.")
+    application: str = Field(description="Name of the application.")
+    version: str = Field(description="Version of the application.")
+    status: DeploymentStatus = Field(description="Status of the job.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
+    created_s: TimeS = Field(description="When it was ordered.")
+    now_s: TimeS = Field(description="When the report is written.")
+    config: DeploymentConfig = Field(description="How careful it is.")
+    delivery: Delivery | None = optional("Files and launch configuration that robots get; absent: it was not prepared.")
+    rollout: Rollout | None = optional("How each robot stands; absent: it has not begun.")
+    notes: tuple[str, ...] = Field(
+        default=(), description="Causes for which it waits, and how robots go back, in words."
+    )
+    closed: tuple[Pause, ...] = Field(default=(), description="When no maintenance window was open.")
+    waves: tuple[tuple[str, ...], ...] = Field(default=(), description="ARNs of the robots of each wave, in order.")

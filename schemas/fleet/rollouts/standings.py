@@ -1,0 +1,85 @@
+"""How fleets, their robots and their latest deployments stand, for people and programs that look."""
+
+from datetime import datetime
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field
+
+from ...wire.base import optional
+from ..operations.deployment_jobs import (
+    DeploymentJobErrorCode,
+    DeploymentRollback,
+    DeploymentStatus,
+    DeploymentWait,
+    RobotDeploymentStep,
+)
+
+RobotKind = Literal["agent", "updater"]
+
+
+class _Standing(BaseModel):
+    """A part of what is shown; names of members are those of the JSON."""
+
+    model_config = ConfigDict(frozen=True)
+
+
+class OrderStanding(_Standing):
+    """The order that a robot carries out, or is to give up."""
+
+    number: int = Field(description="Its number, as the robot knows it.")
+    state: str = Field(description="offered, fetched, canceling or refused.")
+    step: RobotDeploymentStep | None = optional("Step that the robot last reported.")
+    percent_done: float | None = optional("Share of its download, in percent.")
+
+
+class RobotStanding(_Standing):
+    """A robot of a fleet."""
+
+    robot: str = Field(description="Its name.")
+    kind: RobotKind | None = optional("Kind of program that updates it; absent: it is not enrolled.")
+    status: str = Field(description="Its status, as DescribeRobot has it.")
+    version: str | None = optional("Application and version that it installed last.")
+    last_seen: datetime | None = optional("When it polled last; absent: never.")
+    order: OrderStanding | None = optional("Order that is open for it; absent: none.")
+    failure_code: DeploymentJobErrorCode | None = optional("Why the latest deployment to it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
+
+
+class DeploymentStanding(_Standing):
+    """A deployment."""
+
+    job: str = Field(description="ARN of the deployment job.")
+    status: DeploymentStatus = Field(description="Its status.")
+    application: str = Field(description="Name of the application.")
+    version: str = Field(description="Its version.")
+    created_at: datetime = Field(description="When it was ordered.")
+    robots: int = Field(default=0, description="How many robots it is meant for.")
+    counts: dict[str, int] = Field(
+        default={}, description="How many of these succeeded, failed, were canceled, are deploying, or are waiting."
+    )
+    wave: int | None = optional("Number of its current wave; absent: it has not begun.")
+    waves: int | None = optional("How many waves it has; absent: it has not begun.")
+    failed_percent: float | None = optional("Share of the robots taking part that has failed so far, in percent.")
+    threshold_percent: int | None = optional("At which share it stops, in percent.")
+    paused: bool = Field(default=False, description="Whether a person wants no robot to begin for now.")
+    waits: tuple[DeploymentWait, ...] = Field(default=(), description="Causes for which it waits, besides robots.")
+    rolls_back: str | None = optional(
+        "ARN of the deployment that failed and whose robots it brings back; absent: none."
+    )
+    rollback_is_due: bool = Field(
+        default=False, description="Whether the threshold is reached and a deployment that brings robots back follows."
+    )
+    rollback: DeploymentRollback | None = optional(
+        "How robots go back to the version before; absent: they do not, or not yet."
+    )
+    failure_code: DeploymentJobErrorCode | None = optional("Why it failed; absent if not.")
+    failure_reason: str | None = optional("The same in words.")
+
+
+class FleetStanding(_Standing):
+    """A fleet."""
+
+    fleet: str = Field(description="Its name.")
+    arn: str = Field(description="Its ARN.")
+    robots: tuple[RobotStanding, ...] = Field(description="Its robots, those registered first first.")
+    deployment: DeploymentStanding | None = optional("Its latest deployment; absent: none.")

@@ -1,0 +1,56 @@
+"""State machines: the states of a resource, and which event leads from which to which."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from .wire.errors import StateConflictError
+
+State = TypeVar("State", bound=str)
+
+
+@dataclass(frozen=True)
+class Lifecycle(Generic[State]):
+    """A state machine."""
+
+    name: str
+    """Resource that has these states, for messages: `the simulation job`."""
+
+    initial: State
+    """First state of a new resource."""
+
+    states: tuple[State, ...]
+    """All states the interface knows."""
+
+    terminal: frozenset[State]
+    """States that nothing leads out of."""
+
+    transitions: Mapping[tuple[State, str], State]
+    """The state after an event in a state; pairs that are absent are not allowed."""
+
+    not_when_canceled: frozenset[str] = frozenset()
+    """Events that cannot happen any more once a cancellation was requested."""
+
+    @property
+    def events(self) -> frozenset[str]:
+        """Everything that can happen."""
+        return frozenset(event for _, event in self.transitions)
+
+
+def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
+    """The state after an event.
+
+    Raises:
+        StateConflictError: the event cannot happen in that state; the message says what can.
+    """
+    for (before, happened), after in machine.transitions.items():
+        if (before, happened) == (state, event):
+            return after
+    possible = sorted(happened for before, happened in machine.transitions if before == state)
+    hint = f"possible are {', '.join(possible)}" if possible else "nothing is possible any more"
+    raise StateConflictError(f"{machine.name} is {state}: {event!r} cannot happen; {hint}")
+
+
+def transition_table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[State, str], State]:
+    """Turns `{event: (states before, state after)}` into a transition table."""
+    return {(before, event): after for event, (befores, after) in rows.items() for before in befores}

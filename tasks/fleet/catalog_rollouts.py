@@ -1,0 +1,179 @@
+"""Rollouts of deployment jobs: how each stands, the numbers of orders, and what has happened but is not part of it yet.
+
+```
+  add_event ──> rollout_events ──> read, applied, replace_rollout (one transaction) ──> rollouts
+```
+
+A rollout is changed by compare-and-set on its revision. Events that were applied are removed in the same transaction,
+so each counts, and none is lost if the process dies in between.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import and_, delete, insert, select, update
+from sqlalchemy.exc import IntegrityError
+
+from ..catalog import Catalog
+from ..catalog.queries import changed_one, not_found
+from ..catalog.tables import resources
+from .tables import robot_orders, rollout_events, rollouts
+
+_MOST_EVENTS = 1000
+
+
+@dataclass(frozen=True)
+class StoredRollout:
+    """A rollout as it is stored, in plain JSON."""
+
+    job: str
+    revision: int
+    is_open: bool
+    delivery: Mapping[str, Any]
+    rollout: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class StoredEvent:
+    """An event that is not part of its rollout yet, in plain JSON."""
+
+    sequence: int
+    at_s: float
+    event: Mapping[str, Any]
+
+
+class Rollouts:
+    """The rollouts of the deployment jobs of a catalog; each method is one transaction, as those of the catalog are.
+
+    Args:
+        catalog: keeps them beside its resources.
+    """
+
+    def __init__(self, catalog: Catalog) -> None:
+        self._catalog = catalog
+
+    def begin_rollout(self, job: str, delivery: Mapping[str, Any], rollout: Mapping[str, Any]) -> bool:
+        """Adds the rollout of a job.
+
+        Returns:
+            False if the job has one, which stays as it is.
+
+        Raises:
+            ResourceNotFoundException: there is no such job.
+        """
+        row = {"job": job, "revision": 1, "is_open": True, "delivery": dict(delivery), "rollout": dict(rollout)}
+        try:
+            with self._catalog.writing() as connection:
+                connection.execute(insert(rollouts).values(row))
+        except IntegrityError:
+            if self.rollout(job) is None:
+                raise not_found(job) from None
+            return False
+        return True
+
+    def rollout(self, job: str) -> StoredRollout | None:
+        """The rollout of a job; nothing: it has none yet, or there is no such job."""
+        with self._catalog.reading() as connection:
+            row = connection.execute(select(rollouts).where(rollouts.c.job == job)).mappings().one_or_none()
+        return None if row is None else StoredRollout(**row)
+
+    def rollout_revision(self, job: str) -> int | None:
+        """The revision of a job's rollout; nothing: it has none."""
+        with self._catalog.reading() as connection:
+            return connection.scalar(select(rollouts.c.revision).where(rollouts.c.job == job))
+
+    def open_rollouts(self, fleet: str | None = None) -> dict[str, int]:
+        """The rollouts whose robots may have orders: their revisions, by job, oldest first.
+
+        Args:
+            fleet: whose; nothing: of all fleets.
+        """
+        query = select(rollouts.c.job, rollouts.c.revision).join(resources, resources.c.arn == rollouts.c.job)
+        query = query.where(rollouts.c.is_open).order_by(resources.c.sequence)
+        if fleet is not None:
+            query = query.where(resources.c.parent == fleet)
+        with self._catalog.reading() as connection:
+            return {row[0]: row[1] for row in connection.execute(query)}
+
+    def replace_rollout(
+        self, job: str, revision: int, rollout: Mapping[str, Any], *, is_open: bool, applied: Sequence[int] = ()
+    ) -> bool:
+        """Stores a rollout after events, and removes these, unless others changed it since it was read.
+
+        Args:
+            job: ARN of its deployment job.
+            revision: the revision that was read; the next is one more.
+            rollout: how it stands now.
+            is_open: whether its robots may have orders.
+            applied: the `sequence` of each event that it has taken in.
+
+        Returns:
+            Whether it was stored.
+        """
+        unchanged = and_(rollouts.c.job == job, rollouts.c.revision == revision)
+        values = {"revision": revision + 1, "rollout": dict(rollout), "is_open": is_open}
+        with self._catalog.writing() as connection:
+            if not changed_one(connection.execute(update(rollouts).where(unchanged).values(values))):
+                return False
+            if applied:  # each by its own number: PostgreSQL may show a smaller one later
+                connection.execute(delete(rollout_events).where(rollout_events.c.sequence.in_(applied)))
+        return True
+
+    def number_orders(self, job: str, count: int) -> list[int]:
+        """Draws numbers for orders; none is ever drawn twice, and each is larger than those before.
+
+        Raises:
+            ResourceNotFoundException: there is no such job.
+        """
+        try:
+            with self._catalog.writing() as connection:
+                added = insert(robot_orders).values(job=job).returning(robot_orders.c.number)
+                return [int(connection.execute(added).scalar_one()) for _ in range(count)]
+        except IntegrityError:
+            raise not_found(job) from None
+
+    def move_orders(self, numbers: Sequence[int], job: str) -> None:
+        """Has events about orders go to another job's rollout from now on, which waits for robots to give them up."""
+        with self._catalog.writing() as connection:
+            for start in range(0, len(numbers), 500):
+                chunk = numbers[start : start + 500]
+                moved = update(robot_orders).where(robot_orders.c.number.in_(chunk)).values(job=job)
+                connection.execute(moved)
+
+    def add_event(self, job: str, event: Mapping[str, Any], at_s: float, *, order: int | None = None) -> str:
+        """Stores an event for the rollout of a job.
+
+        Args:
+            job: ARN of the deployment job.
+            event: what happened.
+            at_s: when, in seconds since the epoch.
+            order: the number of the order that it is about; it decides the job, if that order was moved.
+
+        Returns:
+            The job that it was stored for.
+
+        Raises:
+            ResourceNotFoundException: there is no such job.
+        """
+        try:
+            with self._catalog.writing() as connection:
+                owner = select(robot_orders.c.job).where(robot_orders.c.number == order)
+                meant = (connection.scalar(owner) if order is not None else None) or job
+                connection.execute(insert(rollout_events).values(job=meant, at_s=at_s, event=dict(event)))
+                return str(meant)
+        except IntegrityError:
+            raise not_found(job) from None
+
+    def jobs_with_events(self) -> list[str]:
+        """ARNs of the jobs with events that are not part of their rollouts yet."""
+        query = select(rollout_events.c.job).distinct()
+        with self._catalog.reading() as connection:
+            return sorted(connection.scalars(query))
+
+    def events(self, job: str) -> tuple[StoredEvent, ...]:
+        """Events that are not part of a job's rollout yet, in the order of storing; the first thousand."""
+        columns = (rollout_events.c.sequence, rollout_events.c.at_s, rollout_events.c.event)
+        query = select(*columns).where(rollout_events.c.job == job).order_by(rollout_events.c.sequence)
+        with self._catalog.reading() as connection:
+            return tuple(StoredEvent(*row) for row in connection.execute(query.limit(_MOST_EVENTS)))

@@ -1,0 +1,1 @@
+"""Handlers of the operations about fleets, robots and deployment jobs."""

@@ -1,0 +1,236 @@
+"""Drawings of a rollout: bars of robots, blocks of waves, shares of large fleets, and the time axis."""
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from markupsafe import Markup
+
+from ....schemas.fleet.rollouts.rollout import Pause, Rollout
+from ...reporting import outcomes
+from ...reporting.drawings.svg import element
+from .spans import PHASES, Phase, Span
+
+_STEPS_S = (
+    0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 432000,
+)  # fmt: skip
+_MOST_TICKS = 6
+
+
+@dataclass(frozen=True)
+class Scale:
+    """From when to when the chart reaches, in seconds since the epoch."""
+
+    from_s: float
+    until_s: float
+
+    @property
+    def length_s(self) -> float:
+        """How long that is; never nothing, so that a rollout that ended at once can be drawn."""
+        return max(self.until_s - self.from_s, 0.1)
+
+    def part(self, at_s: float) -> float:
+        """Position of a moment, from 0 at the left to 1 at the right."""
+        return min(1.0, max(0.0, (at_s - self.from_s) / self.length_s))
+
+    def at(self, at_s: float) -> str:
+        """Position of a moment, as a coordinate of SVG, in percent of the width."""
+        return percent(self.part(at_s))
+
+    def width(self, from_s: float, until_s: float) -> str:
+        """How wide a time is, as a length."""
+        return percent(self.part(until_s) - self.part(from_s))
+
+    def ticks(self) -> list[tuple[float, str]]:
+        """Round times since the beginning, at most seven: where, from 0 to 1, and in words."""
+        step_s = next((step for step in _STEPS_S if self.length_s / step <= _MOST_TICKS), self.length_s / _MOST_TICKS)
+        times = [number * step_s for number in range(int(self.length_s / step_s) + 1)]
+        return [(min(1.0, time_s / self.length_s), _in_words(time_s)) for time_s in times]
+
+
+def _in_words(time_s: float) -> str:
+    return outcomes.duration(time_s).replace(".0 s", " s") if time_s else "0"
+
+
+def percent(part: float) -> str:
+    """A part of the width as SVG has it, to a hundredth of a percent."""
+    return f"{100 * part:.2f}".rstrip("0").rstrip(".") + "%"
+
+
+COLUMNS = 120
+"""Into how many columns the time is cut."""
+
+
+@dataclass(frozen=True)
+class Block:
+    """Robots that did the same for some columns; neighbours with as many are one block."""
+
+    phase: Phase
+    column: int
+    columns: int
+    below: float
+    """Share of the wave's robots that are drawn below it."""
+
+    share: float
+    """Share of the wave's robots that did this."""
+
+
+def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
+    """Phases of the robots of a wave, as blocks on top of one another.
+
+    Args:
+        robots: the spans of each.
+        scale: the time.
+    """
+    columns = _columns(robots, scale)
+    blocks: list[Block] = []
+    for phase in PHASES:
+        begun, before = 0, (0, 0)
+        for column in range(COLUMNS + 1):
+            now = _height(columns, column, phase)
+            if now == before:
+                continue
+            if before[1]:
+                below, count = (each / len(robots) for each in before)
+                blocks.append(Block(phase, begun, column - begun, below, count))
+            begun, before = column, now
+    return blocks
+
+
+def _columns(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Counter[Phase]]:
+    """How many robots are in which phase in the middle of each column."""
+    columns: list[Counter[Phase]] = [Counter() for _ in range(COLUMNS)]
+    for spans in robots:
+        for span in spans:
+            first, last = (round(scale.part(at_s) * COLUMNS) for at_s in (span.from_s, span.until_s))
+            for column in range(first, min(last, COLUMNS)):
+                columns[column][span.phase] += 1
+    return columns
+
+
+def _height(columns: Sequence[Counter[Phase]], column: int, phase: Phase) -> tuple[int, int]:
+    """How many robots are drawn below a phase in a column, and how many in it; none behind the last column."""
+    if column == len(columns):
+        return 0, 0
+    counts = columns[column]
+    below = 0
+    for each in reversed(PHASES):  # those that are furthest lie at the bottom
+        if each == phase:
+            break
+        below += counts[each]
+    return (below, counts[phase]) if counts[phase] else (0, 0)
+
+
+BAR, WAVE, PANEL = 18, 44, 72
+"""Heights of a robot's row, a wave's row and the panel of failures, in pixels."""
+
+HEIGHTS: dict[Phase, int] = {"offered": 2, "downloading": 6, "installing": 11, "launching": 16}
+_GAP = 6
+_CELLS = 200
+"""Changes of the share of failures that are nearer than this part of the width are drawn as one."""
+
+
+def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
+    """Marks that all rows share: pauses, times without an open window, the moment of the threshold."""
+    parts = [
+        element("rect", class_=kind, x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
+        for kind, pauses in (("closed", closed), ("pause", rollout.pauses))
+        for begin_s, end_s in pauses_of(pauses, scale)
+    ]
+    if (breached_s := breach_of(rollout)) is not None:
+        at = scale.at(breached_s)
+        parts.append(element("line", class_="breach", x1=at, x2=at, y1="0", y2="100%"))
+    return element("g", *parts, id="rollout-marks")
+
+
+def breach_of(rollout: Rollout) -> float | None:
+    """When the threshold was reached, in seconds since the epoch; nothing: it was not."""
+    return rollout.ended_s if rollout.failure_code == "FailureThresholdBreached" else None
+
+
+def pauses_of(pauses: Iterable[Pause], scale: Scale) -> list[tuple[float, float]]:
+    """From when to when no robot got an order; a pause that goes on reaches up to the end of the chart."""
+    return [(pause.from_s, scale.until_s if pause.until_s is None else pause.until_s) for pause in pauses]
+
+
+def robot_bar(spans: Sequence[Span], scale: Scale, label: str) -> Markup:
+    """The row of a robot."""
+    return _row([_bar(span, scale) for span in spans], BAR, label)
+
+
+def wave_blocks(blocks: Iterable[Block], label: str) -> Markup:
+    """The row of a wave: how many of its robots did what."""
+    return _row([_block(block) for block in blocks], WAVE, label)
+
+
+def axis(scale: Scale) -> Markup:
+    """The times above the rows; narrow screens show every other."""
+    last = len(scale.ticks()) - 1
+    words = []
+    for number, (part, text) in enumerate(scale.ticks()):
+        place = "first" if number == 0 else "last" if number == last and part > 0.93 else ""
+        parity = "odd" if number % 2 else "even"
+        words.append(element("text", text, class_=f"tick {place} {parity}".replace("  ", " "), x=percent(part), y="12"))
+    return element("svg", *words, class_="time", height="16", aria_hidden="true")
+
+
+def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, scale: Scale) -> Markup:
+    """The share of robots that have failed, and the threshold.
+
+    Args:
+        times_s: when each robot failed, in seconds since the epoch.
+        robots: how many take part.
+        threshold_percentage: at which share the rollout stops, in percent.
+        scale: the time.
+    """
+    steps = _steps(sorted(times_s), scale)
+    shares = [100 * count / max(robots, 1) for _, count in steps]
+    top = min(100.0, 1.25 * max(threshold_percentage, *shares))
+    height = [PANEL - _GAP - (PANEL - 2 * _GAP) * share / top for share in shares]
+    lines: list[Markup] = []
+    ends = [*(part for part, _ in steps[1:]), 1.0]
+    for number, ((part, _), end, y) in enumerate(zip(steps, ends, height, strict=True)):
+        if number:
+            x = percent(part)
+            lines.append(element("line", class_="failing", x1=x, x2=x, y1=height[number - 1], y2=y))
+        lines.append(element("line", class_="failing", x1=percent(part), x2=percent(end), y1=y, y2=y))
+    limit = PANEL - _GAP - (PANEL - 2 * _GAP) * threshold_percentage / top
+    lines.append(element("line", class_="limit", x1="0", x2="100%", y1=limit, y2=limit))
+    label = f"{shares[-1]:.3g} percent of the robots failed; the threshold is {threshold_percentage} percent"
+    return _row(lines, PANEL, label)
+
+
+def _steps(times_s: Sequence[float], scale: Scale) -> list[tuple[float, int]]:
+    """Positions at which the number of failures changes, with the new number; it begins with none, at 0."""
+    steps = {0.0: 0}
+    for count, at_s in enumerate(times_s, 1):
+        steps[round(scale.part(at_s) * _CELLS) / _CELLS] = count
+    return sorted(steps.items())
+
+
+def _bar(span: Span, scale: Scale) -> Markup:
+    height = HEIGHTS[span.phase]
+    return element(
+        "rect",
+        class_=span.phase,
+        x=scale.at(span.from_s),
+        y=(BAR - height) / 2,
+        width=scale.width(span.from_s, span.until_s),
+        height=height,
+    )
+
+
+def _block(block: Block) -> Markup:
+    return element(
+        "rect",
+        class_=block.phase,
+        x=percent(block.column / COLUMNS),
+        y=f"{100 * (1 - block.below - block.share):.2f}%",
+        width=percent(block.columns / COLUMNS),
+        height=f"{100 * block.share:.2f}%",
+    )
+
+
+def _row(parts: Sequence[Markup], height: int, label: str) -> Markup:
+    common = element("use", href="#rollout-marks")
+    return element("svg", common, *parts, class_="row", height=height, role="img", aria_label=label)

@@ -1,0 +1,30 @@
+"""Renders a deployment as one HTML file."""
+
+from pathlib import Path
+
+from ....schemas.fleet.rollouts.rollout import DeploymentReport
+from ...reporting import render_page, write_page
+from . import FOLDER, STYLES
+from .view import view_rollout
+
+
+def render_deployment(report: DeploymentReport) -> str:
+    """Renders the report of a deployment as one HTML document that loads nothing from anywhere.
+
+    Args:
+        report: what to show.
+    """
+    return render_page("rollout.html.j2", [path.name for path in STYLES], view_rollout(report), FOLDER)
+
+
+def write_deployment(report: DeploymentReport, path: Path) -> Path:
+    """Renders the report of a deployment into a file, which appears only when it is whole.
+
+    Args:
+        report: what to show.
+        path: the file; its folder is made if needed.
+
+    Returns:
+        The path.
+    """
+    return write_page(render_deployment(report), path)

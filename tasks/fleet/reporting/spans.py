@@ -1,0 +1,104 @@
+"""Phases of a robot in a rollout, with start, end and outcome; pure functions of its stored state."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from ....schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
+from ....schemas.fleet.rollouts.rollout import DeploymentReport, RobotDeploymentState, Rollout
+from ...reporting.outcomes import Outcome
+
+Phase = Literal["offered", "downloading", "installing", "launching"]
+
+PHASES: dict[Phase, str] = {
+    "offered": "has an order, has not fetched it",
+    "downloading": "validates, downloads, asks the condition",
+    "installing": "runs the file before the launch",
+    "launching": "launches, runs the file after it",
+}
+"""Phases of a robot, in order, and their texts."""
+
+_PHASE_OF: dict[RobotDeploymentStep, Phase] = {
+    "Validating": "downloading",
+    "DownloadingExtracting": "downloading",
+    "ExecutingDownloadCondition": "downloading",
+    "ExecutingPreLaunch": "installing",
+    "Launching": "launching",
+    "ExecutingPostLaunch": "launching",
+}
+_ORDER = list(PHASES)
+_LONGEST_AFTER = 0.5
+"""Robots that returned long after the end would leave no room for the rollout itself: part of its length."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """A phase of one robot; times are seconds since the epoch."""
+
+    phase: Phase
+    from_s: float
+    until_s: float
+
+
+@dataclass(frozen=True)
+class RobotEnd:
+    """How the deployment stands with a robot."""
+
+    outcome: Outcome
+    """Sign and colour."""
+
+    word: str
+
+
+def last_moment(report: DeploymentReport, rollout: Rollout) -> float:
+    """Up to when the chart reaches, in seconds since the epoch."""
+    if rollout.ended_s is None:
+        return max(report.now_s, rollout.began_s)
+    latest_s = rollout.ended_s + _LONGEST_AFTER * (rollout.ended_s - rollout.began_s)
+    ends = [state.finished_s for state in rollout.robots.values() if state.finished_s is not None]
+    return max(rollout.ended_s, min(latest_s, max(ends, default=0.0)))
+
+
+def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
+    """Phases of a robot, in order.
+
+    Args:
+        state: the robot; of its orders, the latest is known.
+        until_s: where what goes on is cut off, in seconds since the epoch.
+    """
+    if state.offered_s is None:
+        return []
+    ended_s = state.finished_s if state.finished_s is not None and state.finished_s >= state.offered_s else until_s
+    begins: list[tuple[float, Phase]] = [(state.offered_s, "offered")]
+    if state.started_s is not None:
+        begins.append((state.started_s, "downloading"))
+    for step, at_s in state.step_times.items():
+        # A robot that lost power may go back; it is shown where it came to first.
+        if (phase := _PHASE_OF.get(step)) is not None and _ORDER.index(phase) > _ORDER.index(begins[-1][1]):
+            begins.append((max(at_s, begins[-1][0]), phase))
+    ends = [*(at_s for at_s, _ in begins[1:]), ended_s]
+    spans = (Span(phase, at_s, min(end_s, until_s)) for (at_s, phase), end_s in zip(begins, ends, strict=True))
+    return [span for span in spans if span.until_s > span.from_s]
+
+
+def end_of(state: RobotDeploymentState, *, active: bool) -> RobotEnd:
+    """How the deployment stands with a robot.
+
+    Args:
+        state: the robot.
+        active: whether the rollout goes on.
+    """
+    if state.outcome == "succeeded":
+        return RobotEnd(Outcome.PASSED, "in sync")
+    if state.outcome == "failed":
+        if state.no_response:
+            return RobotEnd(Outcome.BROKEN, "no response")
+        if state.failure_code == "RobotDeploymentAborted":
+            return RobotEnd(Outcome.CANCELED, "aborted")
+        return RobotEnd(Outcome.FAILED, "failed")
+    if state.gone is not None:
+        return RobotEnd(Outcome.CANCELED, "left the fleet" if state.gone == "left" else "deleted")
+    if state.order == "fetched":
+        return RobotEnd(Outcome.UNFINISHED, "deploying")
+    if active:
+        return RobotEnd(Outcome.UNFINISHED, "has an order" if state.order == "offered" else "waits")
+    return RobotEnd(Outcome.UNJUDGED, "not reached")

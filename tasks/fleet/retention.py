@@ -1,0 +1,141 @@
+"""Files that robots download, and batches that deployments require: those stay that are still needed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from ...schemas.fleet.documents import DeploymentJobDocument, FleetDocument, RobotDocument
+from ...schemas.fleet.rollouts.plan import Artifact, Delivery
+from ...schemas.lifecycles import is_terminal
+from ...schemas.reports.retention import GcItem, RetentionPolicy
+from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException
+from ..catalog import Resource
+from ..service.service import Service
+from ..storage.base import ObjectInfo
+from .catalog_rollouts import Rollouts
+
+FOLDER = "robots/"
+
+_DEPLOYMENT, _ROBOT = "deployment-job", "robot"
+_WRAPPED = (".swu", ".json")
+_PAGE = 500
+
+
+@dataclass(frozen=True)
+class _Needed:
+    keys: frozenset[str]
+    documents: frozenset[str]
+
+
+def needed_orders(service: Service) -> dict[str, str]:
+    """Says of batches that the last deployments of fleets require, by ARN, which deployment does.
+
+    Repeating that deployment for robots that lack it needs them again.
+    """
+    last = (FleetDocument.of(fleet).last_deployment_job for fleet in _all("deployment-fleet", service))
+    deployments = service.catalog.get_many([arn for arn in last if arn is not None]).values()
+    required = ((DeploymentJobDocument.of(job).required_batch, job.arn) for job in deployments)
+    return {batch: job for batch, job in required if batch is not None}
+
+
+def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[list[GcItem], list[str]]:
+    """Removes files that no robot needs, if the policy says how many deployments keep theirs.
+
+    Args:
+        policy: says how many of the newest deployments of each fleet keep their files.
+        service: where they are stored.
+        act: whether they are removed; otherwise it is only said what would be.
+
+    Returns:
+        What goes, as one item, and what else is to be known.
+    """
+    keep = policy.keep_deployments
+    if keep is None:
+        return [], []
+    preparing = next((job for job in _all(_DEPLOYMENT, service) if _is_preparing(job)), None)
+    if preparing is not None:
+        return [], [f"files for robots are left: {preparing.arn} is {preparing.status}, and may need them"]
+    needed = _needed(keep, service)
+    wrapped = [info for info in _wrapped(service) if info.key not in needed.keys]
+    objects, size_bytes, problem = len(wrapped), sum(info.size_bytes for info in wrapped), None
+    try:
+        if act:
+            # Records of files first: a file without one is made again.
+            for info in sorted(wrapped, key=lambda info: info.key.endswith(".swu")):
+                service.store.delete(info.bucket, info.key)
+        more = _collect_repository(needed, service, act=act)
+        objects, size_bytes = objects + len(more), size_bytes + sum(info.size_bytes for info in more)
+    except ServiceUnavailableException:
+        raise
+    except RobomakerError as error:
+        problem = str(error)
+    if not objects and problem is None:
+        return [], []
+    about = GcItem(kind="robot-files", id=FOLDER, action="remove", problem=problem)
+    return [about.model_copy(update={"objects": objects, "size_bytes": size_bytes})], []
+
+
+def _collect_repository(needed: _Needed, service: Service, *, act: bool) -> tuple[ObjectInfo, ...]:
+    if not (service.settings.home / "robots" / "trust" / "root.json").exists():
+        return ()
+    from .trust.publishing import publisher_of
+    from .trust.upkeep import find_unneeded, remove_unneeded  # they need the extra `fleet`
+
+    publisher = publisher_of(service)
+    unneeded = find_unneeded(publisher, needed.documents)
+    if act:
+        remove_unneeded(publisher, unneeded)
+    return unneeded.objects
+
+
+def _needed(keep: int, service: Service) -> _Needed:
+    """Artifacts needed by the newest deployments, by those that are open, and by the last one of each robot."""
+    jobs = set(Rollouts(service.catalog).open_rollouts())
+    jobs |= {job for robot in _all(_ROBOT, service) if (job := RobotDocument.of(robot).last_deployment_job)}
+    counts: dict[str, int] = {}
+    for job in _all(_DEPLOYMENT, service):  # newest first
+        fleet = str(job.parent)
+        counts[fleet] = counts.get(fleet, 0) + 1
+        if counts[fleet] <= keep or not is_terminal(job.kind, job.status):
+            jobs.add(job.arn)
+    artifacts = [artifact for job in jobs for artifact in _artifacts(job, service)]
+    keys = {artifact.key for artifact in artifacts}
+    records = {info.key for info in _wrapped(service) if info.key.endswith(".json") and _named(info, service) in keys}
+    return _Needed(frozenset(keys | records), frozenset(each.target for each in artifacts if each.target))
+
+
+def _artifacts(job: str, service: Service) -> list[Artifact]:
+    stored = Rollouts(service.catalog).rollout(job)
+    if stored is None:
+        return []
+    delivery = Delivery.of_json(dict(stored.delivery))
+    return [*delivery.artifacts.values(), *delivery.agent_artifacts.values()]
+
+
+def _wrapped(service: Service) -> list[ObjectInfo]:
+    """Signed files of updaters, and records of which they are; not what lies in folders."""
+    try:
+        found = list(service.store.list(service.settings.bucket, FOLDER))
+    except BucketNotFoundError:
+        return []
+    return [info for info in found if "/" not in info.key.removeprefix(FOLDER) and info.key.endswith(_WRAPPED)]
+
+
+def _named(record: ObjectInfo, service: Service) -> str:
+    """The key of the file that a record is about; empty if it cannot be read."""
+    try:
+        return Artifact.model_validate_json(service.store.get_bytes(record.bucket, record.key)).key
+    except (RobomakerError, ValueError):
+        return ""
+
+
+def _is_preparing(job: Resource) -> bool:
+    return job.status in ("Pending", "Preparing")
+
+
+def _all(kind: str, service: Service) -> Iterator[Resource]:
+    after = None
+    while True:
+        page = service.catalog.list(kind, limit=_PAGE, after=after)
+        yield from page.resources
+        if (after := page.next_token) is None:
+            return

@@ -1,0 +1,3 @@
+"""A console to look at."""
+
+from helpers.console_visitors import browser, visitor  # noqa: F401 - fixtures
