@@ -28,9 +28,6 @@
 | `ROBOMAKER_JOBS_CREATE_JOBS` | `1`: a job may create jobs with its own role and applications | `0` |
 | `ROBOMAKER_TRUSTED_PROXIES` | addresses of proxies before `robomaker serve`, with commas between | none |
 | `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
-| `ROBOMAKER_ROBOT_POLL_S` | seconds between two polls of a robot that has nothing to do, 1 to 86399 | 30 |
-| `ROBOMAKER_ROBOTS_URL` | where robots reach `robomaker serve`, such as a proxy that adds TLS | as robots ask for it |
-| `ROBOMAKER_ROBOT_FOLDER` | folder on robots that applications are unpacked below | `/opt/robomaker` |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
 | `ROBOMAKER_FINISH_WITHIN_HOURS` | hours in which a run whose process died is finished by another; `0`: none | 24 |
 | `ROBOMAKER_NOTIFY` | who is told how runs ended: addresses of apprise, with spaces between | none: nothing is sent |
@@ -45,13 +42,15 @@ import re
 from collections.abc import Callable, Mapping
 from ipaddress import ip_network
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypeVar, get_args
 from urllib.parse import quote
 
 import platformdirs
 from pydantic import Field, IPvAnyNetwork, ValidationError
+from pydantic.fields import FieldInfo
 
 from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
+from .wings import parts_of_wings
 from .wire.base import Model, optional
 from .wire.errors import ConfigurationError
 from .wire.request_problems import problems_of
@@ -167,22 +166,6 @@ class Settings(Model):
     roles_file: Path | None = optional(
         "File of the roles that `iamRole` names; None: jobs act with the credentials of their job worker."
     )
-    robots_url: str | None = Field(
-        default=None,
-        pattern=r"^https?://[^/\s]+/?$",
-        description="Address at which robots reach the endpoint, without a path; None: as each of their requests says.",
-    )
-    robot_poll_s: int = Field(
-        default=30,  # the shortest that hawkBit asks for
-        ge=1,
-        le=24 * 3600 - 1,  # the longest that clients of hawkBit can be told
-        description="Between two polls of a robot that has nothing to do, in seconds.",
-    )
-    robot_folder: str = Field(
-        default="/opt/robomaker",
-        pattern=r"^(/[A-Za-z0-9_][A-Za-z0-9._-]*)+$",
-        description="Folder on robots that applications are unpacked below, an absolute path.",
-    )
     max_late_hours: int = Field(
         default=6, ge=1, description="How late a scheduled run may begin; a later one is skipped."
     )
@@ -206,6 +189,8 @@ class Settings(Model):
         "may hold secrets. None: nothing is called.",
     )
 
+    of_wings: Mapping[str, Model] = Field(default={}, description="Settings of wings, by the wing's name.")
+
     @classmethod
     def from_environment(cls, environ: Mapping[str, str]) -> "Settings":
         """Reads the settings.
@@ -219,12 +204,35 @@ class Settings(Model):
         home = Path(environ.get("ROBOMAKER_HOME") or platformdirs.user_data_path("robomaker")).expanduser().resolve()
         catalog = f"sqlite:///{quote(str(home), safe=_PLAIN_IN_URLS)}/catalog.db"
         values = {"catalog_url": catalog, "object_store": str(home / "objects"), "max_jobs": os.cpu_count() or 1}
-        values |= {name: given for name in cls.model_fields if (given := _given(name, environ)) is not None}
-        try:
-            return cls.model_validate({**values, "home": home})
-        except ValidationError as error:
-            problem = problems_of(error, cls)[0]
-            raise ConfigurationError(f"ROBOMAKER_{problem.path}".upper() + f" {problem.message}") from error
+        parts = parts_of_wings("schemas", "settings")
+        of_wings = {part.WING: _read(part.SETTINGS, environ, {}, {}) for part in parts}
+        return _read(cls, environ, values, {"home": home, "of_wings": of_wings})
+
+
+_Settings = TypeVar("_Settings", bound=Model)
+
+
+def _read(
+    model: type[_Settings], environ: Mapping[str, str], defaults: Mapping[str, Any], known: Mapping[str, Any]
+) -> _Settings:
+    """Reads settings from their variables.
+
+    Args:
+        model: the settings.
+        environ: environment variables.
+        defaults: values of settings whose variables are not set.
+        known: values that no variable has.
+
+    Raises:
+        ConfigurationError: a variable has a value that cannot be used.
+    """
+    fields = {name: field for name, field in model.model_fields.items() if name not in known}
+    read = {name: given for name, field in fields.items() if (given := _given(name, field, environ)) is not None}
+    try:
+        return model.model_validate({**defaults, **read, **known})
+    except ValidationError as error:
+        problem = problems_of(error, model)[0]
+        raise ConfigurationError(f"ROBOMAKER_{problem.path}".upper() + f" {problem.message}") from error
 
 
 def max_worlds_per_job(environ: Mapping[str, str]) -> int:
@@ -237,12 +245,13 @@ def max_worlds_per_job(environ: Mapping[str, str]) -> int:
         ConfigurationError: the variable has a value that cannot be used.
     """
     name = "max_worlds_per_job"
-    return _given(name, environ) or Settings.model_fields[name].default
+    field = Settings.model_fields[name]
+    return _given(name, field, environ) or field.default
 
 
-def _given(name: str, environ: Mapping[str, str]) -> Any:
+def _given(name: str, field: FieldInfo, environ: Mapping[str, str]) -> Any:
     """The value of a setting in its variable; `None` where that is not set, or empty."""
-    variable, field = f"ROBOMAKER_{name.upper()}", Settings.model_fields[name]
+    variable = f"ROBOMAKER_{name.upper()}"
     if not (given := environ.get(variable)):
         return None
     if read := _READERS.get(name):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from ...schemas.fleet.settings import FleetSettings
 from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError, StorageError
 from ...tasks.fleet.control.rollbacks import EndedRollouts
 from ...tasks.fleet.ddi.open_orders import OpenOrders
@@ -135,7 +136,7 @@ class RobotsBeside:
         service: where robots, rollouts and files are stored.
 
     Raises:
-        ConfigurationError: the service's `robots_url` is not right.
+        ConfigurationError: the setting `robots_url` is not right.
     """
 
     def __init__(self, endpoint: ASGIApp, service: Service) -> None:
@@ -143,6 +144,7 @@ class RobotsBeside:
         """Whether requests of clients have to be signed."""
 
         self._endpoint = endpoint
+        settings = FleetSettings.of(service.settings)
         orders = OpenOrders()
         robots = KnownRobots(orders)
         keeper = OrderKeeper(orders, robots)
@@ -156,7 +158,7 @@ class RobotsBeside:
             sink=self._reports.take,
             clock=time.time,
             chance=service.chance.random,
-            settings=DoorSettings(public_url=service.settings.robots_url, idle_sleep_s=service.settings.robot_poll_s),
+            settings=DoorSettings(public_url=settings.robots_url, idle_sleep_s=settings.robot_poll_s),
             agents=ServedAgents(service, self._watch.wake_for_robots),
         )
         self._upkeep = TrustUpkeep(service)

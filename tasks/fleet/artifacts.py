@@ -18,6 +18,7 @@ from pydantic import ValidationError
 
 from ...schemas.documents.applications import ApplicationDocument, StoredSource
 from ...schemas.fleet.rollouts.plan import Artifact
+from ...schemas.fleet.settings import FleetSettings
 from ...schemas.wire.errors import (
     BucketNotFoundError,
     BundleError,
@@ -135,7 +136,7 @@ def prepare(application: Resource, architectures: Iterable[str], service: Servic
 
 def _artifact(application: Resource, source: StoredSource, key: SigningKey, service: Service) -> Artifact:
     version = ApplicationDocument.of(application).version
-    folder = f"{service.settings.robot_folder}/{application.name}/{version}"
+    folder = f"{FleetSettings.of(service.settings).robot_folder}/{application.name}/{version}"
     release = Release(application.name, version, folder, _ANY_HARDWARE)
     record = f"{_FOLDER}/{_hash_of(source, release, key)}.json"
     if (known := _known(record, service)) is not None:

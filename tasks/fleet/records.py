@@ -50,6 +50,9 @@ ROBOT = "robot"
 DEPLOYMENT = "deployment-job"
 
 _NOT_BEGUN = ("Pending", "Preparing")
+PATIENCE_S = 10.0
+"""How long a change of a fleet waits for the changes of others."""
+
 _LEASE_S = 60.0  # how long a fleet stays locked when the process that changes it dies
 _PAUSE_S = 0.01
 _PAGE = 500
@@ -66,11 +69,11 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
     Raises:
         InvalidParameterException: it is no ARN of a fleet.
         ResourceNotFoundException: there is no such fleet.
-        ThrottlingException: others have kept changing it for `Timing.fleet_patience_s`.
+        ThrottlingException: others have kept changing it for `PATIENCE_S`.
     """
     ResourceArn.parse(arn, FLEET)
     owner = uuid.uuid4().hex
-    deadline = time.monotonic() + service.timing.fleet_patience_s
+    deadline = time.monotonic() + PATIENCE_S
     while not service.catalog.claim(arn, owner, _LEASE_S):
         if time.monotonic() > deadline:
             raise ThrottlingException(f"{arn} is being changed by others; try again")

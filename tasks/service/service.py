@@ -43,9 +43,6 @@ class Timing:
     renew_lease_every_s: float = 5.0
     """How often the holder of a lease renews it."""
 
-    fleet_patience_s: float = 10.0
-    """How long a change of a fleet waits for the changes of others."""
-
     upload_every_s: float = 5.0
     """How often a job with rolling uploads looks for finished files."""
 

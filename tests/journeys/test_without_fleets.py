@@ -120,7 +120,7 @@ def test_a_night_runs_and_is_looked_at(
     monkeypatch.setattr(endpoint_process, "COMMAND", [str(python), *endpoint_process.COMMAND[1:]])
     monkeypatch.delenv("PYTHONPATH", raising=False)
     monkeypatch.chdir(tmp_path)  # Python looks where it is started, and the repository's folders are no whole package
-    with serving(tmp_path / "home", tmp_path, "--execute-jobs", "none") as served:
+    with serving(tmp_path / "home", tmp_path, "--execute", "none") as served:
         with urllib.request.urlopen(f"{served.url}/console", timeout=200) as page:
             assert b"Fleets" not in page.read()
         with pytest.raises(urllib.error.HTTPError) as refused:

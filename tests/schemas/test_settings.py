@@ -19,8 +19,6 @@ def test_defaults_leave_a_healthy_machine_alone() -> None:
         ("ROBOMAKER_NICE", "-1", "0 to 19"),
         ("ROBOMAKER_JOB_MEMORY_MB", "half", "0 to 9999999"),
         ("ROBOMAKER_MIN_FREE_DISK_MB", "10000000", "0 to 9999999"),
-        ("ROBOMAKER_ROBOT_POLL_S", "0", "1 to 86399"),
-        ("ROBOMAKER_ROBOT_POLL_S", "86400", "1 to 86399"),
         ("ROBOMAKER_MAX_JOBS", "0", "1 to 9999"),
         ("ROBOMAKER_MAX_JOBS", "10000", "1 to 9999"),
     ],

@@ -1,7 +1,5 @@
 """Who may change a fleet, and what a change that broke off leaves to the next."""
 
-from dataclasses import replace
-
 import pytest
 from helpers.fleet_calls import Fleets
 
@@ -10,8 +8,9 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     ThrottlingException,
 )
+from prefect_robomaker.tasks.fleet import records
 from prefect_robomaker.tasks.fleet.records import fleet_held, last_deployment, robots_of
-from prefect_robomaker.tasks.service.service import Service, Timing
+from prefect_robomaker.tasks.service.service import Service
 
 
 @pytest.fixture
@@ -29,8 +28,10 @@ def test_a_change_waits_for_the_one_before(fleets: Fleets, service: Service) -> 
     assert service.catalog.claim(yard, "the next", 1)  # it was given back
 
 
-def test_a_fleet_that_others_keep_is_to_be_asked_for_again(service: Service) -> None:
-    fleets = Fleets(replace(service, timing=Timing(fleet_patience_s=0.05)))
+def test_a_fleet_that_others_keep_is_to_be_asked_for_again(
+    fleets: Fleets, service: Service, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(records, "PATIENCE_S", 0.05)
     yard, rover = fleets.fleet(), fleets.robot()
     service.catalog.claim(yard, "another process", 60)
 

@@ -47,8 +47,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Stores the token's hash; prints the token and what the robot needs besides."""
+    from .....schemas.fleet.settings import FleetSettings
+
     service = open_service()
-    url = (service.settings.robots_url or _DEFAULT_URL).rstrip("/")
+    url = (FleetSettings.of(service.settings).robots_url or _DEFAULT_URL).rstrip("/")
     return (_enrol_agent if arguments.agent else _enrol_updater)(arguments, url, service)
 
 
