@@ -2,12 +2,16 @@
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from datetime import datetime
 
 import pytest
+from sqlalchemy import create_engine
+from sqlalchemy.pool import NullPool
 
 from prefect_robomaker.schemas.wire.errors import ResourceNotFoundException
 from prefect_robomaker.tasks.catalog import Catalog, NewResource
 from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
+from prefect_robomaker.tasks.fleet.tables import TABLES
 
 MakeResource = Callable[..., NewResource]
 FLEETS = ("yard", "dock")
@@ -101,3 +105,16 @@ def test_what_belongs_to_no_job_is_refused(catalog: Catalog, rollouts: Rollouts,
     ):
         with pytest.raises(ResourceNotFoundException):
             refused()
+
+
+def test_a_catalog_that_was_made_without_the_wing_gets_its_tables(url: str, clock: Callable[[], datetime]) -> None:
+    Catalog.open(url, clock=clock).close()
+    engine = create_engine(url, poolclass=NullPool)
+    for table in reversed(TABLES):
+        table.drop(engine)
+
+    catalog = Catalog.open(url, clock=clock)
+
+    assert Rollouts(catalog).open_rollouts() == {}
+    assert Rollouts(catalog).jobs_with_events() == []
+    catalog.close()
