@@ -1,5 +1,6 @@
 """Files beside a recording: Foxglove's layout and the metadata of rosbag2."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -154,10 +155,30 @@ METADATA_FILE = "metadata.yaml"
 _VERSION = 9
 _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot"})
 """Topics that are sent once; a player has to keep them for subscribers that come later."""
+
+
+class Offer(NamedTuple):
+    """How a topic is offered to subscribers."""
+
+    is_latched: bool = False
+    """Whether a subscriber that comes later gets the last messages (`transient local`)."""
+
+    is_reliable: bool = True
+    """Whether messages that were lost are sent again."""
+
+    depth: int = 10
+    """Messages that are kept for a subscriber."""
+
+
+def own_offer(topic: str) -> Offer:
+    """Returns how a topic of the simulation is offered."""
+    return Offer(is_latched=topic in _LATCHED)
+
+
 _INFINITE = "{sec: 9223372036, nsec: 854775807}"
 _QOS = f"""\
 - history: %s
-  depth: 10
+  depth: %d
   reliability: %s
   durability: %s
   deadline: {_INFINITE}
@@ -216,15 +237,33 @@ class RecordedTopic(NamedTuple):
     messages: int
     """Number of messages."""
 
+    offer: Offer | None = None
+    """How it was offered; `None`: as the simulation offers a topic of this name."""
 
-def channel_metadata(topic: str, type_hash: str) -> dict[str, str]:
+
+def channel_metadata(topic: str, type_hash: str, offer: Offer | None = None) -> dict[str, str]:
     """Returns what `rosbag2_storage_mcap` notes of a topic in the file itself.
 
     `ros2 bag play` offers a topic as it was offered when it was recorded.
+
+    Args:
+        topic: Its name.
+        type_hash: The hash of its type, `RIHS01_…`.
+        offer: How it was offered; `None`: as the simulation offers a topic of this name.
     """
-    # Numbers, as all versions read them here: keep last, reliable, transient local or volatile, automatic.
-    qos = _QOS % (1, 1, 1 if topic in _LATCHED else 2, 1)
+    is_latched, is_reliable, depth = offer or own_offer(topic)
+    # Numbers, as all versions read them here: keep last, reliable or not, transient local or volatile, automatic.
+    qos = _QOS % (1, depth, 1 if is_reliable else 2, 1 if is_latched else 2, 1)
     return {"offered_qos_profiles": qos, "topic_type_hash": type_hash}
+
+
+_OFFERED = re.compile(r"^  (depth|reliability|durability): (\d+)$", re.MULTILINE)
+
+
+def offer_in(noted: Mapping[str, str]) -> Offer:
+    """Reads how a topic was offered from what `channel_metadata` has noted of it."""
+    found = {name: int(number) for name, number in _OFFERED.findall(noted.get("offered_qos_profiles", ""))}
+    return Offer(found.get("durability") == 1, found.get("reliability", 1) == 1, found.get("depth", 10))
 
 
 def metadata(path: str, topics: Sequence[RecordedTopic], start_ns: int, end_ns: int) -> str:
@@ -247,11 +286,13 @@ def metadata(path: str, topics: Sequence[RecordedTopic], start_ns: int, end_ns: 
 
 
 def _topic(topic: RecordedTopic) -> str:
-    durability = "transient_local" if topic.name in _LATCHED else "volatile"
-    qos = _QOS % ("keep_last", "reliable", durability, "automatic")
+    is_latched, is_reliable, depth = topic.offer or own_offer(topic.name)
+    reliability = "reliable" if is_reliable else "best_effort"
+    durability = "transient_local" if is_latched else "volatile"
+    qos = _QOS % ("keep_last", depth, reliability, durability, "automatic")
     indented = "\n".join(" " * 10 + line for line in qos.splitlines())
     return _TOPIC.format(
-        name=_quoted(topic.name), type=topic.type, qos=indented, hash=topic.type_hash, count=topic.messages
+        name=_quoted(topic.name), type=topic.type, qos=indented, hash=topic.type_hash or '""', count=topic.messages
     )
 
 

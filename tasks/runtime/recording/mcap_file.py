@@ -140,7 +140,8 @@ class McapFile:
         self._compressor = zstandard.ZstdCompressor(_COMPRESSION_LEVEL)
         self._introductions = bytearray()
         """Schemas and channels that the next chunk begins with."""
-        self._schemas: dict[str, Schema] = {}
+        self._schemas: dict[tuple[str, str], Schema] = {}
+        """Schemas by type and definition: nodes may have different ideas of one type."""
         self._channels: list[Channel] = []
         self._messages: list[tuple[int, int, bytes]] = []
         """Time, channel and record of the messages that wait for their chunk."""
@@ -155,16 +156,17 @@ class McapFile:
         Args:
             topic: `/odom`.
             message_type: ROS type, `nav_msgs/msg/Odometry`.
-            definition: What the type looks like, as concatenated `.msg` files.
+            definition: What the type looks like, as concatenated `.msg` files; empty: that is not known.
             metadata: What else a player has to know of the topic.
 
         Returns:
             The channel's number, for `add_message`.
         """
-        schema = self._schemas.get(message_type)
+        schema = self._schemas.get((message_type, definition))
         if schema is None:
-            schema = Schema(len(self._schemas) + 1, definition.encode(), "ros2msg", message_type)
-            self._schemas[message_type] = schema
+            encoding = "ros2msg" if definition else ""  # as `rosbag2_storage_mcap` says that it does not know
+            schema = Schema(len(self._schemas) + 1, definition.encode(), encoding, message_type)
+            self._schemas[message_type, definition] = schema
             self._introductions += _bytes_of(schema)
         channel = Channel(len(self._channels) + 1, topic, "cdr", metadata, schema.id)
         self._channels.append(channel)

@@ -1,7 +1,7 @@
 """DDS as ROS 2 speaks it: participants, writers and readers of messages as bytes, by Eclipse Cyclone DDS.
 
-The only module that knows `cyclonedds`. Writing and reading bytes needs two private functions of it, so that exactly
-one release is taken. Names and QoS are those of ROS 2's middleware interface (`rmw`); the traps are in the comments.
+Writing and reading bytes needs two private functions of `cyclonedds`, which only this module knows, so that exactly one
+release is taken. Names and QoS are those of ROS 2's middleware interface (`rmw`); the traps are in the comments.
 """
 
 # cyclonedds' decorators hide the types of what they make.
@@ -25,6 +25,10 @@ from ..recording.cdr import fields_of, is_known, type_hash
 CYCLONEDDS = "11.0.1"
 """The release whose private functions are known, and the first with `IgnoreTypeInformation`."""
 
+SIMULATION_MARK = b"robomaker=simulation;"
+"""Among the user data of the participant of a simulation: what it publishes is in its own recording."""
+_ENCLAVE = b"enclave=/;"
+"""ROS 2's participants have this among theirs."""
 _WRITE_BLOCKED_MS = 100
 """A reliable reader whose buffers are full holds a writer up so long; ROS 2 has the same."""
 _MAX_TAKEN = 64
@@ -97,10 +101,13 @@ def configuration(reach: Reach) -> str:
         f"<General><Interfaces>{interfaces}</Interfaces><AllowMulticast>{multicast}</AllowMulticast></General>"
         # Each participant of a domain on this host takes an index; the default admits ten.
         "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>60</MaxAutoParticipantIndex>"
+        # Nodes whose own search does not reach loopback are found by ours; the default is 8 s.
+        "<SPDPInterval>1s</SPDPInterval>"
         f"<Peers>{peers}</Peers></Discovery>"
         # Fast DDS answers type information with its own, and Cyclone then waits for ever or refuses: Jazzy got
-        # nothing at all, Kilted only types without strings and sequences. 1.15 is eProsima's number as a vendor.
-        "<Compatibility><IgnoreTypeInformation>1.15</IgnoreTypeInformation></Compatibility>"
+        # nothing at all, Kilted only types without strings and sequences. 1.15 is eProsima's number as a vendor, 1.1
+        # RTI's. 1.16 is Cyclone's own: the recorder reads what the simulation and others of Cyclone write by name only.
+        "<Compatibility><IgnoreTypeInformation>1.15,1.1,1.16</IgnoreTypeInformation></Compatibility>"
         "</Domain></CycloneDDS>"
     )
 
@@ -122,12 +129,13 @@ def _checked_release() -> None:
 class Participant:
     """One member of a domain."""
 
-    def __init__(self, domain: int, reach: Reach) -> None:
+    def __init__(self, domain: int, reach: Reach, *, is_simulation: bool = False) -> None:
         """Joins a domain.
 
         Args:
             domain: Its number, 0 to 232.
             reach: Where others are looked for.
+            is_simulation: Whether it is a simulation's, whose own recording has what it publishes.
 
         Raises:
             LaunchError: cyclonedds is missing or another release, or the domain cannot be joined; says why.
@@ -135,13 +143,15 @@ class Participant:
         _checked_release()
         from cyclonedds import core
         from cyclonedds import domain as domains
+        from cyclonedds.qos import Policy, Qos
 
+        qos = Qos(Policy.Userdata(_ENCLAVE + SIMULATION_MARK)) if is_simulation else None
         before = os.environ.get("CYCLONEDDS_URI")
         own = configuration(reach)
         # Read when a process first joins a domain: what users have set comes first, ours is added.
         os.environ["CYCLONEDDS_URI"] = f"{before},{own}" if before else own
         try:
-            self._entity: Any = domains.DomainParticipant(domain)
+            self._entity: Any = domains.DomainParticipant(domain, qos)
         except core.DDSException as error:
             raise LaunchError(
                 f"ROS domain {domain} cannot be joined: {error.msg or error}; at most 60 participants of a domain fit "
@@ -193,6 +203,11 @@ class Participant:
             elif not sample.sample_info.valid_data or _has_left(sample):
                 self._found.pop(sample.key.bytes, None)
         return list(self._found.values())
+
+    @property
+    def entity(self) -> Any:
+        """The participant as `cyclonedds` has it."""
+        return self._entity
 
     @property
     def prefix(self) -> bytes:
@@ -249,6 +264,25 @@ class Writer:
         return len(self._entity.get_matched_subscriptions())
 
 
+class Received(NamedTuple):
+    """A message that has come."""
+
+    sent_ns: int
+    """When it was published, in nanoseconds since 1970, by the clock of its publisher."""
+
+    writer: int
+    """Handle of its publisher here."""
+
+    data: bytes
+    """CDR with its encapsulation header."""
+
+
+def without_padding(message: bytes) -> bytes:
+    """A message without the bytes that its header says are none of it."""
+    padding = message[3] & 3 if len(message) > 3 else 0
+    return message[:3] + b"\0" + message[4:-padding] if padding else message
+
+
 class Reader:
     """A subscriber of messages as bytes."""
 
@@ -265,6 +299,21 @@ class Reader:
                     yield bytes(data), int(info.source_timestamp)
             if len(taken) < _MAX_TAKEN:
                 return
+
+    def take_received(self, most: int) -> "list[Received]":
+        """Returns messages that have come, with what is known of them.
+
+        Args:
+            most: How many at most.
+        """
+        taken = self._take(self.entity._ref, _ANY_STATE, most)
+        if isinstance(taken, int):
+            return []
+        return [
+            Received(info.source_timestamp, info.publication_handle, without_padding(data))
+            for data, info in taken
+            if info.valid_data
+        ]
 
     @property
     def writers(self) -> int:

@@ -36,7 +36,7 @@ class DdsWire:
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
         """See `Wire`."""
-        participant = self._participant = Participant(self._domain, self._reach)
+        participant = self._participant = Participant(self._domain, self._reach, is_simulation=True)
         self._own, self._command_topic = participant.prefix, command_topic
         for kind in (TWIST, TWIST_STAMPED):
             self._readers.append((kind, participant.reader(command_topic, kind, is_reliable=self._is_reliable)))

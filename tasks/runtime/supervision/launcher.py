@@ -32,6 +32,7 @@ from ..video.failure_videos import is_filmed, record_failure_videos
 from .finished_outputs import finish_outputs, read_result
 from .forkserver import READY, SANDBOX_VARIABLE
 from .outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
+from .ros_topics import join_ros_topics
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
 
 DURATION_GRACE_S = 3.0
@@ -231,6 +232,8 @@ class Launcher:
         if was_killed(ended, stopped_for) and try_again():
             return RunOutcome(**asdict(decided), started_at=started_at, ended_at=ended_at, was_killed=True)
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
+        variables = {**DEFAULT_VARIABLES, **inherited_environment()}
+        join_ros_topics(plan, is_canceled=decided.status == "Canceled", stop=stop, environment=variables)
         result = read_result(plan.output_dir) if decided.status == "Completed" else None
         outcome = RunOutcome(
             **asdict(decided),
@@ -245,7 +248,6 @@ class Launcher:
         on_simulated(is_drawn)
         limit_s = Settings.from_environment(os.environ).failure_video_limit_s
         began_s = clock()
-        variables = {**DEFAULT_VARIABLES, **inherited_environment()}
         record_failure_videos(plan, outcome, stop, variables, limit_s=limit_s)
         return outcome.model_copy(update={"video_s": round(clock() - began_s, 3)}) if is_drawn else outcome
 

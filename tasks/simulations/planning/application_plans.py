@@ -14,6 +14,7 @@ from ....schemas.runs.programs import PortPlan, ProgramPlan
 from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
+from ...runtime.ros.topic_report import PROGRAM
 from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, own_program, package_folders, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
@@ -23,9 +24,7 @@ from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_packa
 from ..ros.launch_files import node_variables, own_master
 from .applications import LATEST, find_application, python_package
 from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch
-
-TOPICS = "ros-topics"
-"""The bag of a run's topics is called so, and so is the log that says why there is none."""
+from .topic_recording import note_no_recorder
 
 
 @dataclass(frozen=True)
@@ -40,23 +39,21 @@ class RosLaunch:
 def with_ros_companions(
     programs: Sequence[ProgramPlan], ros: RosLaunch | None, run_environment: RunEnvironment, *, wants_topics: bool
 ) -> list[ProgramPlan]:
-    """A run's programs, and those that it starts beside them for ROS.
+    """A run's programs, and those that it starts beside them for a launch of ROS.
 
     Args:
         programs: the applications that are programs, and tools.
         ros: the first of them that ROS launches; `None`: none is.
         run_environment: what they find.
-        wants_topics: whether all ROS topics are to be recorded.
+        wants_topics: whether all topics of ROS 1 are to be recorded; those of ROS 2 are when the plan is whole.
     """
     found = list(programs)
     if ros is not None and ros.launch.ros is not None:
         found = _with_services(found, ros, run_environment)
-    if wants_topics and found:
-        recorder = _recorder(ros, run_environment)
+    if wants_topics and ros is not None and ros.launch.ros == 1:
+        recorder = _recorder_of_ros_1(ros, run_environment)
         if isinstance(recorder, str):
-            log = run_environment.plan.output_dir / "logs" / f"{TOPICS}.log"
-            log.parent.mkdir(exist_ok=True)
-            log.write_text(f"loggingConfig.recordAllRosTopics: no ROS topics are recorded: {recorder}\n")
+            note_no_recorder(run_environment.plan.output_dir, recorder)
         else:
             found.append(recorder)
     return found
@@ -86,19 +83,16 @@ def _with_services(programs: list[ProgramPlan], ros: RosLaunch, run_environment:
     return [*found, _companion(ros, "ros-services", node("serve"), run_environment, variables)]
 
 
-def _recorder(ros: RosLaunch | None, run_environment: RunEnvironment) -> ProgramPlan | str:
-    """Returns the program that records all topics of a run, or why there is none."""
-    if ros is None or ros.launch.launcher is None:
+def _recorder_of_ros_1(ros: RosLaunch, run_environment: RunEnvironment) -> ProgramPlan | str:
+    """Returns the program that records all topics of a run's ROS 1, or why there is none."""
+    if ros.launch.launcher is None:
         return "no application is started by a launch file of ROS; record in the application, or in a tool of it"
-    bag = run_environment.plan.output_dir / TOPICS
-    name, argv = {
-        1: ("rosbag", ("record", "--all", "--output-name", f"{bag}.bag")),
-        2: ("ros2", ("bag", "record", "--all", "--output", str(bag))),
-    }[ros.launch.ros or 1]
-    program = own_program(ros.code.folder, name) or run_environment.which(name)
+    program = own_program(ros.code.folder, "rosbag") or run_environment.which("rosbag")
     if program is None:
-        return f"{name} is not installed where the job runs"
-    return _companion(ros, TOPICS, in_ros(ros.code, ros.launch.launcher, (str(program), *argv)), run_environment, {})
+        return "rosbag is not installed where the job runs"
+    bag = run_environment.plan.output_dir / f"{PROGRAM}.bag"
+    argv = (str(program), "record", "--all", "--output-name", str(bag))
+    return _companion(ros, PROGRAM, in_ros(ros.code, ros.launch.launcher, argv), run_environment, {})
 
 
 def _companion(

@@ -37,6 +37,7 @@ from ..inputs.bundles import WORLD_FILE, world_bundle
 from ..inputs.data_sources import fetch_data_sources
 from ..ros.job_services import DOMAIN_VARIABLE
 from .application_plans import plan_applications
+from .topic_recording import with_topic_recorder
 
 CHECKPOINTS_FOLDER = "checkpoints"
 EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"
@@ -190,6 +191,8 @@ def run_plan(
         }
     )
     _check_trials(planned)
+    if request.get("loggingConfig", {}).get("recordAllRosTopics"):
+        planned = with_topic_recorder(planned, applications.ros and applications.ros.launch.ros, os.environ)
     return planned
 
 

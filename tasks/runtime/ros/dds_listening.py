@@ -1,0 +1,220 @@
+"""Listening to a whole domain of ROS 2: all its publishers, their messages, and calls of services of nodes."""
+
+# cyclonedds' decorators hide the types of what they make.
+# pyright: reportMissingTypeStubs=false, reportAttributeAccessIssue=false, reportUnknownMemberType=false
+
+import time
+from contextlib import suppress
+from typing import Any, NamedTuple
+
+from .dds import SIMULATION_MARK, Participant, Reach, Reader, Received, Writer, named_type
+
+_AT_ONCE = 100
+_BLOCKED_NS = 100_000_000
+_NANOSECONDS = 1_000_000_000
+_HASH = b"typehash="
+_MATCH_PAUSE_S = 0.4
+"""The other side of a match learns of it later; what is sent before it does is lost."""
+_ASK_AGAIN_S = 2.0
+_REPLIES = 10
+
+
+class Announced(NamedTuple):
+    """A publisher, of any topic of DDS."""
+
+    writer: int
+    """Its handle, which messages have."""
+
+    participant: str
+    """Its participant: a process, or a part of one."""
+
+    topic: str
+    """Its topic on the wire: `rt/scan`."""
+
+    type: str
+    """Its type on the wire: `sensor_msgs::msg::dds_::LaserScan_`."""
+
+    type_hash: str
+    """`RIHS01_…`; empty: it does not say."""
+
+    is_latched: bool
+    is_reliable: bool
+    depth: int
+    """Messages that it keeps."""
+
+
+class Subscription:
+    """Reads one topic of one type."""
+
+    def __init__(self, reader: Reader, depth: int) -> None:
+        from cyclonedds.core import DDSStatus
+
+        self.reader = reader
+        self._depth = depth
+        self._has_data = DDSStatus.DataAvailable
+        reader.entity.set_status_mask(self._has_data)
+
+    def take(self) -> list[Received]:
+        """Returns the messages that have come since the last call."""
+        # Asking is a fifth of what taking nothing costs.
+        if not self.reader.entity.get_status_changes() & self._has_data:
+            return []
+        return self.reader.take_received(self._depth)
+
+    @property
+    def lost(self) -> int:
+        """Messages that were lost on their way, as far as that is known."""
+        return int(self.reader.entity.get_sample_lost_status().total_count)
+
+
+class Call:
+    """One call of a service of a node; replies to others come on the same topic, so the caller has to choose."""
+
+    def __init__(self, writer: Writer, subscription: Subscription, request: bytes) -> None:
+        self._writer = writer
+        self._replies = subscription
+        self._request = request
+        self._send_at: float | None = None
+
+    def replies(self) -> list[bytes]:
+        """Sends the request when it is time to, and again; returns the replies that have come since."""
+        now = time.monotonic()
+        if self._send_at is None:
+            if self._writer.readers:
+                self._send_at = now + _MATCH_PAUSE_S
+        elif now >= self._send_at:
+            self._send_at = now + _ASK_AGAIN_S
+            self._writer.write(self._request)
+        return [each.data for each in self._replies.take()]
+
+
+class Listener:
+    """A participant that subscribes what there is, and is no node."""
+
+    def __init__(self, domain: int, reach: Reach) -> None:
+        """Joins a domain.
+
+        Raises:
+            LaunchError: It cannot; says why.
+        """
+        from cyclonedds import builtin
+        from cyclonedds.core import DDSStatus, WaitSet
+
+        self._participant = Participant(domain, reach)
+        entity = self._participant.entity
+        self._participants = builtin.BuiltinDataReader(entity, builtin.BuiltinTopicDcpsParticipant)
+        self._publications = builtin.BuiltinDataReader(entity, builtin.BuiltinTopicDcpsPublication)
+        self._publications.set_status_mask(DDSStatus.DataAvailable)
+        self._waits = WaitSet(entity)
+        self._waits.attach(self._publications)
+        self.simulations: set[str] = set()
+        """Participants that are simulations."""
+
+    def wait(self, timeout_s: float) -> None:
+        """Waits until there is a publisher or a message, at most so long."""
+        self._waits.wait(int(timeout_s * _NANOSECONDS))
+
+    def changes(self) -> list[Announced]:
+        """Returns publishers that have come since the last call."""
+        from cyclonedds.core import InstanceState
+
+        samples: list[Any] = []
+        while found := self._publications.take(N=_AT_ONCE):
+            samples += found
+        # After that: a publisher's participant is known before it is.
+        while found := self._participants.take(N=_AT_ONCE):
+            for each in found:
+                if each.qos is not None and SIMULATION_MARK in _user_data(each.qos):
+                    self.simulations.add(str(each.key))
+        return [
+            _announced(sample)
+            for sample in samples
+            if sample.sample_info.instance_state == InstanceState.Alive and sample.sample_info.valid_data
+        ]
+
+    def subscribe(self, topic: str, type_name: str, depth: int, *, is_latched: bool) -> Subscription:
+        """Subscribes a topic as best effort, or as reliable where it is latched: older messages come only so.
+
+        Args:
+            topic: Its name on the wire.
+            type_name: The type's name in ROS.
+            depth: Messages that are kept between two takes.
+            is_latched: Whether messages from before are wanted.
+
+        Raises:
+            ListenError: It cannot be subscribed.
+        """
+        subscription = self._reader(topic, named_type(type_name), depth, is_reliable=is_latched, is_latched=is_latched)
+        self._waits.attach(subscription.reader.entity)
+        return subscription
+
+    def call(self, service: str, ros_type: str, request: bytes) -> Call:
+        """Begins to call a service of a node.
+
+        Args:
+            service: Its name without a slash at the beginning: `robot/get_type_description`.
+            ros_type: `type_description_interfaces/srv/GetTypeDescription`.
+            request: CDR with its encapsulation header.
+
+        Raises:
+            ListenError: It cannot be called.
+        """
+        from cyclonedds import core, pub, topic
+
+        replies = named_type(f"{ros_type}_Response")
+        subscription = self._reader(f"rr/{service}Reply", replies, _REPLIES, is_reliable=True, is_latched=False)
+        try:
+            asked = topic.Topic(self._participant.entity, f"rq/{service}Request", named_type(f"{ros_type}_Request"))
+            writer = pub.DataWriter(self._participant.entity, asked, qos=_qos(1, is_reliable=True, is_latched=False))
+        except core.DDSException as error:
+            raise ListenError(str(error)) from error
+        return Call(Writer(writer), subscription, request)
+
+    def _reader(self, name: str, kind: Any, depth: int, *, is_reliable: bool, is_latched: bool) -> Subscription:
+        from cyclonedds import core, sub, topic
+
+        entity = self._participant.entity
+        qos = _qos(depth, is_reliable=is_reliable, is_latched=is_latched)
+        try:
+            return Subscription(Reader(sub.DataReader(entity, topic.Topic(entity, name, kind), qos=qos)), depth)
+        except core.DDSException as error:
+            raise ListenError(str(error)) from error
+
+
+class ListenError(Exception):
+    """A topic or service cannot be reached; says why."""
+
+
+def _qos(depth: int, *, is_reliable: bool, is_latched: bool) -> Any:
+    from cyclonedds.qos import Policy, Qos
+
+    return Qos(
+        Policy.Reliability.Reliable(_BLOCKED_NS) if is_reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if is_latched else Policy.Durability.Volatile,
+        Policy.History.KeepLast(depth),
+    )
+
+
+def _announced(sample: Any) -> Announced:
+    from cyclonedds.qos import Policy
+
+    qos = sample.qos
+    depth = 1
+    with suppress(KeyError, AttributeError):
+        depth = max(1, int(qos[Policy.History].depth))
+    return Announced(
+        writer=sample.sample_info.instance_handle,
+        participant=str(sample.participant_key),
+        topic=sample.topic_name,
+        type=sample.type_name,
+        type_hash=_user_data(qos).partition(_HASH)[2].partition(b";")[0].decode("ascii", "replace"),
+        is_latched=Policy.Durability in qos and qos[Policy.Durability] != Policy.Durability.Volatile,
+        is_reliable=Policy.Reliability in qos and qos[Policy.Reliability] != Policy.Reliability.BestEffort,
+        depth=depth,
+    )
+
+
+def _user_data(qos: Any) -> bytes:
+    from cyclonedds.qos import Policy
+
+    return bytes(qos[Policy.Userdata].data) if Policy.Userdata in qos else b""

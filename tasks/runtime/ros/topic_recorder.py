@@ -1,0 +1,396 @@
+"""Records what nodes of ROS 2 publish: a program of its own, beside the programs of a run.
+
+`python -P -m prefect_robomaker.tasks.runtime.ros.topic_recorder REQUEST`, where REQUEST is a `RecorderRequest` as JSON.
+It writes `ros-topics.N.mcap`, N the number of its start, and a report beside it. SIGTERM ends it.
+
+Topics of the simulation are left out: its own recording has them. What it publishes on topics that nodes publish on
+too, such as `/tf`, is told apart by its participant.
+"""
+
+import bisect
+import os
+import shutil
+import signal
+import sys
+import time
+from collections import deque
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import NamedTuple
+
+from ..limits.processes import die_with_parent
+from ..recording.companions import Offer, channel_metadata
+from ..recording.mcap_file import McapFile, Unbuffered
+from .dds import Reach, Received, ros_type_name
+from .dds_listening import Announced, Call, Listener, ListenError, Subscription
+from .topic_report import RecorderReport, RecorderRequest, TopicReport, part_path, report_path
+from .type_definitions import SERVICE, SERVICE_TYPE, confirmed_hash, definition_in, known_definition, request_of
+
+DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
+
+_CHUNK_BYTES = 768 * 1024
+"""Uncompressed size of a chunk."""
+_FLUSH_INTERVAL_S = 2.0
+"""Wall-clock time after which a chunk is written even when it is not full: a killed recorder loses as much."""
+_GATHER_S = 0.05
+"""Pause between two looks while messages come: each look at a topic costs as much as a message."""
+_IDLE_S = 0.2
+"""Time without anything new until the next look, and until a signal to end is seen: a run gives a second to end."""
+_DEPTH = 100
+"""Messages of a topic between two looks: 2,000 a second."""
+_LARGE_DEPTH = 10
+"""The same for topics of large messages, 200 a second, so that a slow disk does not fill the memory with pictures."""
+_LARGE_TYPES = ("Image", "CompressedImage", "PointCloud", "PointCloud2", "OccupancyGrid", "Costmap", "VoxelGrid")
+_TOPIC_SHARE = 0.5
+"""Part of the limit that one topic may take: one camera must not keep all others out."""
+_FREE_SHARE = 8
+"""The recorder takes one part of so many of what the disk has free when it starts: a run may use two fifths of that."""
+_MOST_TOPICS = 1000
+_ASK_TIMEOUT_S = 15.0
+"""Time in which a node has to tell the definition of its type; it took 0.2 s, and several on a busy machine."""
+_HELD_BYTES = 64 * 1024 * 1024
+"""Messages that are held back while definitions are asked for."""
+_CLOCKS = 4096
+"""Remembered times of `/clock`: messages are at most seconds late, and it comes at most 1,000 times a second."""
+_CLOCK_TOPIC, _CLOCK_TYPE = "rt/clock", "rosgraph_msgs/msg/Clock"
+_CLOCK_BYTES = 12
+_NOT_OF_TOPICS = ("rq/", "rr/", "ros_discovery_info")
+"""Beginnings of names on the wire that are no topics of nodes: services, and what nodes say of themselves."""
+_NANOSECONDS = 1_000_000_000
+
+
+class SimulatedClock:
+    """Simulated time of messages, by when they were sent in relation to messages of `/clock`."""
+
+    def __init__(self) -> None:
+        self._sent_ns: deque[int] = deque(maxlen=_CLOCKS)
+        self._times_ns: deque[int] = deque(maxlen=_CLOCKS)
+
+    def add(self, message: Received) -> None:
+        """Takes a message of `/clock`."""
+        if len(message.data) < _CLOCK_BYTES or (self._sent_ns and message.sent_ns < self._sent_ns[-1]):
+            return
+        seconds = int.from_bytes(message.data[4:8], "little", signed=True)
+        nanoseconds = int.from_bytes(message.data[8:12], "little")
+        self._sent_ns.append(message.sent_ns)
+        self._times_ns.append(max(0, seconds * _NANOSECONDS + nanoseconds))
+
+    def time_ns(self, sent_ns: int) -> int:
+        """Simulated time at which a message was sent; the first there is for older ones, 0 before there is any."""
+        if not self._sent_ns:
+            return 0
+        return self._times_ns[max(0, bisect.bisect_right(self._sent_ns, sent_ns) - 1)]
+
+
+@dataclass
+class Recorded:
+    """A topic of one type and hash that is recorded."""
+
+    name: str
+    type: str
+    type_hash: str
+    offer: Offer
+    subscriptions: dict[bool, Subscription] = field(default_factory=dict)
+    """A latched one, by `True`, hears what latched publishers sent before, and nothing of others."""
+
+    is_defined: bool = True
+    messages: int = 0
+    left_out: int = 0
+    """Messages beyond the limit."""
+
+    channel: int | None = None
+    """Its channel in the file; `None`: its definition is asked for."""
+
+    written_bytes: int = 0
+    asked: "Question | None" = None
+    held: list[tuple[int, bytes]] = field(default_factory=list)
+    """Times and messages that wait for the definition."""
+
+    def report(self) -> TopicReport:
+        """Returns what is said of it."""
+        return TopicReport(
+            name=self.name,
+            type=self.type,
+            messages=self.messages,
+            is_defined=self.is_defined,
+            left_out=self.left_out,
+            lost=sum(each.lost for each in self.subscriptions.values()),
+        )
+
+
+class Publisher(NamedTuple):
+    """A publisher as far as its messages need it."""
+
+    is_simulation: bool
+    topic: Recorded | None = None
+    is_latched: bool = False
+
+
+@dataclass
+class Question:
+    """The question to nodes for a definition."""
+
+    participant: str
+    until: float
+    calls: dict[str, Call] = field(default_factory=dict)
+
+
+class TopicRecorder:
+    """Records the topics of a domain until it is told to stop.
+
+    Args:
+        listener: Hears the domain.
+        request: What to record.
+        domain: The domain, for the report.
+        path: The file.
+        clock: Seconds, for waits.
+    """
+
+    def __init__(
+        self,
+        listener: Listener,
+        request: RecorderRequest,
+        domain: int,
+        path: Path,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._listener = listener
+        self._path = path
+        self._clock = clock
+        self._domain = domain
+        self._stream = Unbuffered(path)
+        self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES)
+        self._flush_at = clock() + _FLUSH_INTERVAL_S
+        self._topics: dict[tuple[str, str, str], Recorded] = {}
+        self._refused: dict[str, TopicReport] = {}
+        self._writers: dict[int, Publisher] = {}
+        """Publishers by their handles, also those that have left: their last messages come later."""
+        self._services: dict[str, set[str]] = {}
+        """Services that tell definitions, by participant."""
+        self._simulated = SimulatedClock()
+        self._clock_reader = (
+            listener.subscribe(_CLOCK_TOPIC, _CLOCK_TYPE, _CLOCKS, is_latched=False)
+            if request.times == "clock"
+            else None
+        )
+        self._began_ns = time.time_ns() if request.times == "elapsed" else 0
+        free_bytes = shutil.disk_usage(request.output_dir).free
+        self._most_bytes = min(request.max_bytes, free_bytes // _FREE_SHARE)
+        self._total_bytes = 0
+        self._held_bytes = 0
+        self._said: RecorderReport | None = None
+
+    def run(self, is_stopped: Callable[[], bool]) -> None:
+        """Records until it is stopped.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        self._report()
+        while not is_stopped():
+            self._listener.wait(_IDLE_S)
+            time.sleep(_GATHER_S)
+            self.look()
+
+    def close(self) -> None:
+        """Writes what has come, and the end of the file.
+
+        Raises:
+            OSError: The file cannot be written.
+        """
+        self.look()
+        for topic in self._topics.values():
+            if topic.channel is None:
+                self._open_channel(topic, "")
+        self._file.finish()
+        self._stream.close()
+        self._report()
+
+    def look(self) -> None:
+        """Takes what is new, and writes what is due."""
+        # Publishers are known before their messages, and the clock of their time when they come.
+        taken = self._taken()
+        for publication in self._listener.changes():
+            self._on_publication(publication)
+        if self._clock_reader is not None:
+            for message in self._clock_reader.take():
+                publisher = self._writers.get(message.writer)
+                if publisher is None or publisher.is_simulation or not self._listener.simulations:
+                    self._simulated.add(message)
+        for topic, message in taken:
+            self._add(topic, message)
+        for topic in self._topics.values():
+            if topic.asked is not None:
+                self._ask(topic, topic.asked)
+        if self._clock() >= self._flush_at:
+            self._flush_at = self._clock() + _FLUSH_INTERVAL_S
+            self._file.flush()
+            self._report()
+
+    # Topics
+
+    def _on_publication(self, found: Announced) -> None:
+        if found.participant in self._listener.simulations:
+            self._writers[found.writer] = Publisher(is_simulation=True)
+            return
+        if found.topic.startswith("rr/") and found.topic.endswith(f"/{SERVICE}Reply"):
+            service = found.topic[len("rr/") : -len("Reply")]
+            self._services.setdefault(found.participant, set()).add(service)
+        if found.topic.startswith(_NOT_OF_TOPICS):
+            return
+        ros_type = ros_type_name(found.type)
+        if not found.topic.startswith("rt/") or ros_type is None:
+            self._refuse(found.topic, found.type, "no topic of ROS")
+            return
+        key = (found.topic, found.type, found.type_hash)
+        topic = self._topics.get(key)
+        try:
+            if topic is None:
+                if len(self._topics) >= _MOST_TOPICS:
+                    raise ListenError(f"there are more than {_MOST_TOPICS} topics")
+                topic = Recorded(found.topic[len("rt") :], ros_type, found.type_hash, _offer(found))
+                self._subscribe(topic, found)
+                self._topics[key] = topic
+                self._define(topic, found)
+            else:
+                self._subscribe(topic, found)
+        except ListenError as error:
+            self._refuse(found.topic[len("rt") :], ros_type, f"it cannot be subscribed: {error}")
+        self._writers[found.writer] = Publisher(False, topic, _offer(found).is_latched)
+
+    def _subscribe(self, topic: Recorded, found: Announced) -> None:
+        is_latched = _offer(found).is_latched
+        if is_latched not in topic.subscriptions:
+            depth = _LARGE_DEPTH if topic.type.rpartition("/")[2] in _LARGE_TYPES else _DEPTH
+            subscription = self._listener.subscribe(found.topic, topic.type, depth, is_latched=is_latched)
+            topic.subscriptions[is_latched] = subscription
+
+    def _define(self, topic: Recorded, found: Announced) -> None:
+        definition = known_definition(topic.type, topic.type_hash)
+        if definition is None and topic.type_hash:
+            topic.asked = Question(found.participant, self._clock() + _ASK_TIMEOUT_S)
+        else:
+            self._open_channel(topic, definition or "")
+
+    def _refuse(self, name: str, type_name: str, problem: str) -> None:
+        if name not in self._refused and len(self._refused) < _MOST_TOPICS:
+            self._refused[name] = TopicReport(name=name, type=type_name, problem=problem)
+
+    # Definitions
+
+    def _ask(self, topic: Recorded, question: Question) -> None:
+        """Asks all nodes in the publisher's process for the definition of a type, and looks for an answer."""
+        for service in self._services.get(question.participant, set()):
+            if service not in question.calls:
+                with suppress(ListenError):
+                    request = request_of(topic.type, topic.type_hash)
+                    question.calls[service] = self._listener.call(service, SERVICE_TYPE, request)
+        for call in question.calls.values():
+            for reply in call.replies():
+                if (definition := definition_in(reply, topic.type)) is not None:
+                    self._open_channel(topic, definition)
+                    return
+        if self._clock() >= question.until or self._held_bytes > _HELD_BYTES:
+            self._open_channel(topic, "")
+
+    def _open_channel(self, topic: Recorded, definition: str) -> None:
+        topic.is_defined = bool(definition)
+        said = confirmed_hash(topic.type, definition, topic.type_hash)
+        metadata = channel_metadata(topic.name, said, topic.offer)
+        topic.channel = self._file.add_channel(topic.name, topic.type, definition, metadata)
+        topic.asked = None
+        held, topic.held = topic.held, []
+        for time_ns, data in held:
+            self._held_bytes -= len(data)
+            self._write(topic, time_ns, data)
+
+    # Messages
+
+    def _taken(self) -> list[tuple[Recorded, Received]]:
+        """Messages that have come, in the order in which they were sent."""
+        taken = [
+            (topic, is_latched, message)
+            for topic in self._topics.values()
+            for is_latched, subscription in topic.subscriptions.items()
+            for message in subscription.take()
+        ]
+        taken.sort(key=lambda item: item[2].sent_ns)
+        return [(topic, message) for topic, is_latched, message in taken if self._is_its(topic, is_latched, message)]
+
+    def _is_its(self, topic: Recorded, is_latched: bool, message: Received) -> bool:
+        """Whether a message is not the simulation's, nor one that another subscription brings too."""
+        publisher = self._writers.get(message.writer)
+        if publisher is None:
+            return True
+        if publisher.is_simulation:
+            return False
+        return publisher.topic in (topic, None) and publisher.is_latched == is_latched
+
+    def _add(self, topic: Recorded, message: Received) -> None:
+        if self._clock_reader is not None:
+            time_ns = self._simulated.time_ns(message.sent_ns)
+        else:
+            time_ns = max(0, message.sent_ns - self._began_ns)
+        if topic.channel is None:
+            self._held_bytes += len(message.data)
+            topic.held.append((time_ns, message.data))
+        else:
+            self._write(topic, time_ns, message.data)
+
+    def _write(self, topic: Recorded, time_ns: int, data: bytes) -> None:
+        assert topic.channel is not None
+        size, most = len(data), self._most_bytes
+        if topic.written_bytes + size > most * _TOPIC_SHARE or self._total_bytes + size > most:
+            topic.left_out += 1
+            return
+        topic.written_bytes += size
+        self._total_bytes += size
+        topic.messages += 1
+        self._file.add_message(topic.channel, time_ns, data)
+
+    # The report
+
+    def _report(self) -> None:
+        """Writes the report if there is something new in it; it is never half there."""
+        reports = [topic.report() for topic in self._topics.values()]
+        report = RecorderReport(domain=self._domain, topics=[*reports, *self._refused.values()])
+        if report == self._said:
+            return
+        self._said = report
+        path = report_path(self._path)
+        unfinished = path.with_name(f".{path.name}.unfinished")
+        unfinished.write_text(report.model_dump_json())
+        unfinished.replace(path)
+
+
+def _offer(found: Announced) -> Offer:
+    """Returns how a topic is offered; only publishers that are reliable too send again what they sent before."""
+    return Offer(found.is_latched and found.is_reliable, found.is_reliable, found.depth)
+
+
+def main(text: str) -> int:
+    """Records what a request asks for; returns the exit code of the program."""
+    die_with_parent()
+    request = RecorderRequest.model_validate_json(text)
+    stopped: list[int] = []
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        del frame
+        stopped.append(number)
+
+    signal.signal(signal.SIGTERM, stop)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    domain = int(os.environ.get(DOMAIN_VARIABLE) or 0)
+    number = next(number for number in range(1, 10**6) if not os.path.lexists(part_path(request.output_dir, number)))
+    listener = Listener(domain, Reach(tuple(request.peers), request.interface))
+    recorder = TopicRecorder(listener, request, domain, part_path(request.output_dir, number))
+    recorder.run(lambda: bool(stopped))
+    recorder.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,102 @@
+"""Request to the recorder of ROS topics, and its report of what it has and has not recorded."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Literal
+
+from pydantic import Field
+
+from ....schemas.wire.base import Model, optional
+
+PROGRAM = "ros-topics"
+"""Name of the recorder among the programs of a run, after the role that it is beside."""
+MODULE = "prefect_robomaker.tasks.runtime.ros.topic_recorder"
+"""The recorder."""
+LogTimes = Literal["clock", "elapsed", "sent"]
+MAX_REPORT_BYTES = 16 * 1024 * 1024
+_SHOWN = 20
+"""Topics that a note names."""
+_QUIET = frozenset({"/parameter_events", "/rosout"})
+"""Topics of every node, on which often nothing comes."""
+
+
+def part_path(folder: Path, number: int) -> Path:
+    """Path of the recorder's file of its start of a number, in an output folder."""
+    return folder / f"ros-topics.{number}.mcap"
+
+
+def report_path(part: Path) -> Path:
+    """Path of the report about a file of the recorder."""
+    return part.with_suffix(".json")
+
+
+class RecorderRequest(Model):
+    """Recording of all topics of a domain of ROS 2."""
+
+    output_dir: Path = Field(description="Folder for the recording.")
+    times: LogTimes = Field(
+        description="Log times: simulated time, from `/clock`; time since the recorder's start; or the time at which "
+        "messages were sent, since 1970."
+    )
+    max_bytes: int = Field(gt=0, description="Bytes of all messages that are recorded.")
+    interface: str | None = optional("Network interface, `eth0`; absent: the loopback.")
+    peers: list[str] = Field(default=[], description="Addresses of other machines that nodes run on.")
+
+
+class TopicReport(Model):
+    """A topic that a recorder has heard of."""
+
+    name: str = Field(description="Its name, `/odom`.")
+    type: str = Field(description="Its type, `nav_msgs/msg/Odometry`.")
+    messages: int = Field(default=0, ge=0, description="Messages that were recorded.")
+    is_defined: bool = Field(default=True, description="Whether the recording has a definition of its type.")
+    left_out: int = Field(default=0, ge=0, description="Messages beyond the limit, which were not recorded.")
+    lost: int = Field(default=0, ge=0, description="Messages that were lost on their way to the recorder.")
+    problem: str | None = optional("Why it is not recorded; absent: it is.")
+
+
+class RecorderReport(Model):
+    """A recorder's report, which is written again whenever it changes."""
+
+    domain: int = Field(description="Domain of ROS 2.")
+    topics: list[TopicReport] = Field(default=[], description="Topics that it has heard of.")
+
+
+def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
+    """Returns what a person should know of a recording of ROS topics.
+
+    Args:
+        reports: The reports that were found.
+        starts: How often the recorder was started, as far as its files show.
+    """
+    topics = [topic for report in reports for topic in report.topics]
+    if reports and not topics:
+        return [f"ROS topics: no node was heard in domain {reports[-1].domain}, so none is recorded"]
+    notes: list[str] = []
+    if starts > 1:
+        notes.append(f"ROS topics: their recorder was started {starts} times; what came in between is not recorded")
+    recorded = {(topic.name, topic.type) for topic in topics if topic.messages}
+    silent = [
+        topic for topic in topics
+        if not (topic.problem or topic.left_out or topic.name in _QUIET or (topic.name, topic.type) in recorded)
+    ]  # fmt: skip
+    groups = (
+        ("not recorded", [f"{topic.name} ({topic.problem})" for topic in topics if topic.problem]),
+        (
+            "left out from the recording's limit on",
+            [f"{topic.name} ({topic.left_out} messages)" for topic in topics if topic.left_out],
+        ),
+        ("lost before they were recorded", [f"{topic.name} ({topic.lost})" for topic in topics if topic.lost]),
+        (
+            "recorded without a definition of their type",
+            [f"{topic.name} ({topic.type})" for topic in topics if topic.messages and not topic.is_defined],
+        ),
+        ("announced, and no message came", [topic.name for topic in silent]),
+    )
+    return notes + [f"ROS topics {what}: {_listed(names)}" for what, names in groups if names]
+
+
+def _listed(names: Iterable[str]) -> str:
+    every = sorted(set(names))
+    more = len(every) - _SHOWN
+    return ", ".join(every[:_SHOWN]) + (f" and {more} more" if more > 0 else "")

@@ -1,0 +1,141 @@
+"""Topics of nodes of ROS 2 after a run: joined with the run's own recording, and noted in its result."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from ....schemas.runs.plan import RunPlan
+from ..limits.files import read_left
+from ..limits.logs import LOG_FOLDER, add_note, log_tail
+from ..ros.topic_report import MAX_REPORT_BYTES, PROGRAM, RecorderReport, notes_of, part_path, report_path
+from .finished_outputs import add_result_notes, read_result
+
+_JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
+_PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
+_POLL_S = 0.1
+_LIMIT_S = 60.0
+"""Wall-clock limit of joining, besides what the size of the files adds."""
+_BYTES_A_SECOND = 10 * 1024 * 1024
+"""A tenth of what was measured on two busy processors."""
+_CANCELED_LIMIT_S = 20.0
+"""The same of a run that was cancelled: somebody may wait for it."""
+_MAX_REASON_CHARACTERS = 300
+
+
+def join_ros_topics(
+    plan: RunPlan, *, is_canceled: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
+) -> None:
+    """Joins what a run's recorder of ROS topics has recorded into its recording, and says what is missing.
+
+    Nothing that fails here changes how the run ended: the files stay apart, and a note says so.
+
+    Args:
+        plan: The run; none of its processes is left, and its result is written if it has one.
+        is_canceled: Whether it was cancelled, so that `stop` has its reason already.
+        stop: Asked about every 0.1 s; anything but None ends the joining.
+        environment: Variables of the joining process.
+    """
+    program = next((each.name for each in plan.programs if each.name.endswith(f".{PROGRAM}")), None)
+    folder = plan.output_dir
+    if program is None:
+        with suppress(OSError):
+            why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", _MAX_REASON_CHARACTERS * 4)
+            add_result_notes(folder, why.decode(errors="replace").splitlines()[:1])
+        return
+    parts = _parts(folder)
+    if not parts:
+        said = "; ".join(log_tail(folder, program)[1][-1:])
+        notes = [f"ROS topics: their recorder recorded nothing{': ' * bool(said)}{said[:_MAX_REASON_CHARACTERS]}"]
+    else:
+        reports = [report for part in parts if (report := _report(part)) is not None]
+        notes = notes_of(reports, starts=len(parts))
+        limit_s = _CANCELED_LIMIT_S if is_canceled else _LIMIT_S + _size(folder, parts) / _BYTES_A_SECOND
+        notes += _joined(folder, parts, (lambda: None) if is_canceled else stop, environment, limit_s)
+    if read_result(folder) is not None:
+        add_result_notes(folder, notes)
+    else:
+        for note in notes:
+            add_note(folder, f"robomaker: {note}")
+
+
+def _parts(folder: Path) -> list[Path]:
+    found: list[int] = []
+    with suppress(OSError):
+        found = [int(match[1]) for entry in os.scandir(folder) if (match := _PART.fullmatch(entry.name))]
+    return [part_path(folder, number) for number in sorted(found)]
+
+
+def _report(part: Path) -> RecorderReport | None:
+    try:
+        return RecorderReport.model_validate_json(read_left(report_path(part), MAX_REPORT_BYTES))
+    except (OSError, ValidationError):
+        return None
+
+
+def _size(folder: Path, parts: Sequence[Path]) -> int:
+    size = 0
+    for path in (folder / "recording.mcap", *parts):
+        with suppress(OSError):
+            size += path.lstat().st_size
+    return size
+
+
+def _joined(
+    folder: Path, parts: Sequence[Path], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
+) -> list[str]:
+    """Joins the files; returns notes of what did not work."""
+    names = [part.name for part in parts]
+    said, problem = _carried_out([str(folder.absolute()), *names], stop, environment, limit_s)
+    if problem is not None:
+        return [f"ROS topics are in {', '.join(names)}, and not in recording.mcap: {problem}"]
+    for part in parts:
+        with suppress(OSError):
+            report_path(part).unlink()
+    # Those of earlier starts were cut off in any case, which is noted.
+    if names[-1] in said.get("cut", ()):
+        return ["ROS topics: their recorder was killed before it had written its last messages"]
+    return []
+
+
+def _carried_out(
+    arguments: Sequence[str], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
+) -> tuple[dict[str, list[str]], str | None]:
+    """Returns what the joining program says, and why it failed."""
+    try:
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", _JOINING, *arguments],
+            env=dict(environment),
+            cwd="/",
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+    except OSError as error:
+        return {}, str(error)
+    deadline_s = time.monotonic() + limit_s
+    while True:
+        try:
+            output, errors = process.communicate(timeout=_POLL_S)
+        except subprocess.TimeoutExpired:
+            reason = stop()
+            if reason is None and time.monotonic() < deadline_s:
+                continue
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            return {}, f"the job was stopped ({reason})" if reason is not None else "joining took too long"
+        break
+    if process.returncode == 0:
+        return json.loads(output), None
+    lines = errors.strip().splitlines()
+    return {}, lines[-1][:_MAX_REASON_CHARACTERS] if lines else f"joining ended with exit code {process.returncode}"

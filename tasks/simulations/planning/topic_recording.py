@@ -1,0 +1,76 @@
+"""The recorder of all topics of a job: `rosbag` for ROS 1, a program of ours for ROS 2."""
+
+import importlib.util
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from ....schemas.extras import how_to_install
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.programs import ApplicationRole, ProgramPlan
+from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderRequest
+from ..ros.job_services import DOMAIN_VARIABLE
+
+_MOST_BYTES = 4 * 10**9
+"""Bytes of all messages that are recorded of nodes: a raw camera of 640 x 480 at 30 Hz for two and a half minutes."""
+_DISK_SHARE = 8
+"""The recorder takes at most one part of so many of the job's disk, so that it never ends its run."""
+_OURS = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "LD_PRELOAD")
+"""Variables that applications set for themselves, and that decide whether our Python starts."""
+
+
+def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str]) -> RunPlan:
+    """Adds the program that records all topics of a run's domain of ROS 2, or writes the log that says why not.
+
+    A run without programs has nothing to record.
+
+    Args:
+        plan: The run.
+        launched_by: The ROS of its first launch file; `None`: it has none. The launch of ROS 1 has its recorder.
+        environ: Variables of this process.
+    """
+    if not plan.programs or launched_by == 1:
+        return plan
+    recorder = _recorder(plan, environ)
+    if isinstance(recorder, str):
+        note_no_recorder(plan.output_dir, recorder)
+        return plan
+    return plan.model_copy(update={"programs": [*plan.programs, recorder]})
+
+
+def _recorder(plan: RunPlan, environ: Mapping[str, str]) -> ProgramPlan | str:
+    if plan.ros is not None and plan.ros.suite == 1:
+        return "of ROS 1 they are recorded where a launch file starts the nodes; record in a tool of the application"
+    if importlib.util.find_spec("cyclonedds") is None:
+        return f"cyclonedds is not installed where the job runs: {how_to_install('ros')}"
+    options = plan.ros.options if plan.ros is not None else None
+    times: LogTimes = "clock" if options is not None else "elapsed" if plan.has_episode else "sent"
+    most = _MOST_BYTES if plan.compute.disk_bytes is None else min(_MOST_BYTES, plan.compute.disk_bytes // _DISK_SHARE)
+    request = RecorderRequest(
+        output_dir=plan.output_dir,
+        times=times,
+        max_bytes=max(1, most),
+        interface=options.interface if options else None,
+        peers=options.peers if options else [],
+    )
+    role: ApplicationRole = "robot" if any(program.role == "robot" for program in plan.programs) else "simulation"
+    return ProgramPlan(
+        name=f"{role}.{PROGRAM}",  # a tool's name has a dash there
+        role=role,
+        kind="tool",
+        argv=[sys.executable, "-P", "-m", MODULE, request.model_dump_json()],
+        folder=plan.work_dir,
+        # Of a container its variables are not those of programs beside it; its domain is in the plan.
+        environment={
+            **{name: environ.get(name, "") for name in _OURS},
+            **({DOMAIN_VARIABLE: str(plan.ros.domain)} if plan.ros is not None else {}),
+        },
+        exit_behavior="RESTART",
+    )
+
+
+def note_no_recorder(output_dir: Path, why: str) -> None:
+    """Writes the log that says why no topics are recorded; a note beside the result repeats it."""
+    log = output_dir / "logs" / f"{PROGRAM}.log"
+    log.parent.mkdir(exist_ok=True)
+    log.write_text(f"loggingConfig.recordAllRosTopics: no ROS topics are recorded: {why}\n")
