@@ -12,10 +12,10 @@ from urllib.parse import unquote, urlsplit
 import boto3
 import pytest
 from botocore.config import Config
-from helpers.client_environments import rclpy_environment
 from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
 from helpers.processes import wait_for
+from helpers.rclpy_nodes import rclpy as rclpy  # a fixture
 from helpers.small_flat import BODY, ROLE
 from helpers.swing_fixtures import outputs_of
 
@@ -37,14 +37,6 @@ _HOME = "~/.local/share/robomaker"
 SUITE = {"name": "ROS2", "version": "Foxy"}
 
 
-@pytest.fixture
-def rclpy(pytestconfig: pytest.Config, monkeypatch: pytest.MonkeyPatch) -> str:
-    """The Python of an environment with rclpy, which jobs may read."""
-    python = rclpy_environment(pytestconfig) / "python"
-    monkeypatch.setenv("ROBOMAKER_SANDBOX_SHOW", str(python.parents[1]))
-    return str(python)
-
-
 def files_of_page() -> dict[str, str]:
     return dict(re.findall(r"<!-- file: (\S+) -->\n```\w+\n(.*?)```", PAGE.read_text(), re.S))
 
@@ -54,16 +46,16 @@ def commands_of_page() -> list[str]:
     return [line.removeprefix("$ ") for block in blocks for line in block.splitlines()]
 
 
-def write_files_of_page(folder: Path, python: str) -> None:
+def write_files_of_page(folder: Path, python: Path) -> None:
     for name, text in files_of_page().items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         # Where ROS is installed is the only thing that differs here.
-        text = text.replace("source /opt/ros/jazzy/setup.bash\n", "").replace("/usr/bin/python3", python)
+        text = text.replace("source /opt/ros/jazzy/setup.bash\n", "").replace("/usr/bin/python3", str(python))
         (folder / name).write_text(text)
 
 
 def test_a_node_drives_by_a_specification_and_is_repeated_to_the_bit(
-    robomaker_at_server, home: Path, tmp_path: Path, rclpy: str, monkeypatch: pytest.MonkeyPatch
+    robomaker_at_server, home: Path, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_files_of_page(tmp_path, rclpy)
     monkeypatch.chdir(tmp_path)
@@ -98,7 +90,7 @@ Ending = tuple[dict[str, Any], RunResult | None]
 
 
 @pytest.fixture
-def driven(service: Service, tmp_path: Path, rclpy: str) -> Callable[..., Ending]:
+def driven(service: Service, tmp_path: Path, rclpy: Path) -> Callable[..., Ending]:
     """Runs a job whose robot is a node of a few lines, in a flat of two rooms."""
     for bucket in ("applications", "results"):
         service.store.ensure_bucket(bucket)
@@ -117,7 +109,7 @@ def driven(service: Service, tmp_path: Path, rclpy: str) -> Callable[..., Ending
         name = f"node-{next(numbers)}"
         call("CreateRobotApplication", {"name": name, "robotSoftwareSuite": SUITE, **source}, service)
         limit = {"environmentVariables": {"ROBOMAKER_SIM_TIME_LIMIT_S": str(limit_s)}}
-        launch = {"command": [rclpy, "node.py"], "environmentVariables": {"ROBOMAKER_ROS": json.dumps(options)}}
+        launch = {"command": [str(rclpy), "node.py"], "environmentVariables": {"ROBOMAKER_ROS": json.dumps(options)}}
         launch["environmentVariables"]["ROBOMAKER_AGENT_CONNECT_TIMEOUT_S"] = "20"
         request = {
             "maxJobDurationInSeconds": 600, "iamRole": ROLE, "outputLocation": {"s3Bucket": "results"},
@@ -243,7 +235,7 @@ while True:
 
 
 def test_an_unchanged_client_has_its_node_driven_over_http(
-    service: Service, serve: Serve, tmp_path: Path, rclpy: str, monkeypatch: pytest.MonkeyPatch
+    service: Service, serve: Serve, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(tmp_path))
     assert main(["sdk-model", "--install"]) == 0
@@ -256,7 +248,7 @@ def test_an_unchanged_client_has_its_node_driven_over_http(
     service.store.put_file("applications", "driver.tar.gz", tmp_path / "driver.tar.gz")
     body = WorldTemplateBody.model_validate({**BODY, "Version": "2"})
     world = keep_world(generate_world(body, 1, 2), "v", {}, service)
-    with serve(ROBOMAKER_SANDBOX_SHOW=str(Path(rclpy).parents[1])) as endpoint:
+    with serve(ROBOMAKER_SANDBOX_SHOW=str(rclpy.parents[1])) as endpoint:
         endpoint.wait_until_ready()
         client: Any = boto3.session.Session().client(
             "robomaker", region_name=service.settings.region, endpoint_url=endpoint.url,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from helpers.rclpy_nodes import rclpy_python
+from helpers.rclpy_nodes import rclpy as rclpy  # a fixture
 from helpers.small_flat import ROLE
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
@@ -87,10 +87,8 @@ os._exit(0)
 
 
 @pytest.fixture
-def performed(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Path]:
+def performed(service: Service, tmp_path: Path, rclpy: Path) -> Callable[..., Path]:
     """Performs a job whose robot is the node, and fetches its outputs."""
-    python = rclpy_python()
-    monkeypatch.setenv("ROBOMAKER_SANDBOX_SHOW", str(python.parents[1].resolve()))
     (tmp_path / "bundle").mkdir()
     for name, text in (("talker", TALKER), ("driver", DRIVER)):
         (tmp_path / "bundle" / f"{name}.py").write_text(text)
@@ -102,7 +100,7 @@ def performed(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     call("CreateRobotApplication", {"name": "talker", "robotSoftwareSuite": {"name": "General"}, **source}, service)
 
     def perform(script: str, variables: dict[str, str], *, is_recorded: bool, **members: Any) -> Path:
-        launch = {"command": [str(python), script], "environmentVariables": variables}
+        launch = {"command": [str(rclpy), script], "environmentVariables": variables}
         request: dict[str, Any] = {
             "maxJobDurationInSeconds": 300, "iamRole": ROLE, "outputLocation": {"s3Bucket": "results"},
             "robotApplications": [{"application": "talker", "launchConfig": launch}],
