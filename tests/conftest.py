@@ -29,6 +29,7 @@ pytest_plugins = [
     "helpers.real_engine",
     "helpers.receivers",
     "helpers.repeating",
+    "helpers.ros1_nodes",
     "helpers.s3_server",
     "helpers.service_fixtures",
     "helpers.swing_fixtures",

@@ -23,7 +23,10 @@ from .agent_client import ERROR, FrameBuffer, ProtocolError, words
 _SYSTEM_FOLDER = Path("/tmp")  # noqa: S108  (not TMPDIR: applications may set it; what is made there is private)
 _FOLDER = ".robomaker"
 _SHARED_FOLDER = "agent"
-_SOCKET = "agent.sock"
+AGENT_SOCKET = "agent.sock"
+"""The socket of a robot that speaks the agent protocol."""
+ROS1_SOCKET = "ros1.sock"
+"""The socket of the bridge to nodes of ROS 1."""
 _MAX_PATH_BYTES = 107  # `sun_path` has 108, with the zero at the end
 _PATIENCE_S = 0.05
 _BACKLOG = 8
@@ -43,25 +46,33 @@ class Closed(Exception):
     """The robot closed the connection."""
 
 
-def agent_socket_path(plan: RunPlan) -> Path:
-    """Returns where the socket of a run's robot is; nothing need be there.
+def agent_socket_path(plan: RunPlan, name: str = AGENT_SOCKET) -> Path:
+    """Returns where a socket of a run's robot is; nothing need be there.
 
-    Its folder holds nothing else, so that it can be mounted into a container; every user who can read the
+    Args:
+        plan: The run.
+        name: The socket's.
+
+    Its folder holds nothing but such sockets, so that it can be mounted into a container; every user who can read the
     folder may connect. The folder above it is for this user alone. Both are in the plan's work folder, or in the
     system's temporary folder when that path would be too long for a socket.
     """
     work_dir = plan.work_dir.absolute()
-    path = work_dir / _FOLDER / _SHARED_FOLDER / _SOCKET
+    path = work_dir / _FOLDER / _SHARED_FOLDER / name
     if len(os.fsencode(path)) <= _MAX_PATH_BYTES:
         return path
     identity = "\0".join((plan.job_id, plan.run_id, str(work_dir)))
     digest = hashlib.sha256(identity.encode("utf-8", "surrogateescape")).hexdigest()[:20]
-    return _SYSTEM_FOLDER / f"robomaker-{os.getuid()}-{digest}" / _SHARED_FOLDER / _SOCKET
+    return _SYSTEM_FOLDER / f"robomaker-{os.getuid()}-{digest}" / _SHARED_FOLDER / name
 
 
 def remove_agent_socket(plan: RunPlan) -> None:
-    """Removes the socket and its folders, for runs that were killed before they could do so themselves."""
-    path = agent_socket_path(plan)
+    """Removes the sockets and their folders, for runs that were killed before they could do so themselves."""
+    for name in (AGENT_SOCKET, ROS1_SOCKET):
+        _remove(agent_socket_path(plan, name))
+
+
+def _remove(path: Path) -> None:
     with suppress(OSError):
         path.unlink()
     for folder in (path.parent, path.parent.parent):
@@ -72,14 +83,17 @@ def remove_agent_socket(plan: RunPlan) -> None:
 class AgentSocket:
     """A socket that one robot may connect to."""
 
-    def __init__(self, plan: RunPlan) -> None:
+    def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
         """Listens.
+
+        Args:
+            plan: The run.
+            name: The socket's.
 
         Raises:
             LaunchError: It cannot.
         """
-        self.path = agent_socket_path(plan)
-        self._plan = plan
+        self.path = agent_socket_path(plan, name)
         self._is_for_any_user = any(program.role == "robot" and program.image_id for program in plan.programs)
         """A container's user may be another one; only the container has the socket's folder then."""
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -121,11 +135,29 @@ class AgentSocket:
             self._socket.settimeout(min(_PATIENCE_S, remaining_s))
             with suppress(TimeoutError):
                 connection = self._socket.accept()[0]
-                if self._is_for_any_user or _user_of(connection) in (os.geteuid(), 0):
+                if self._may_connect(connection):
                     return connection
                 connection.close()
             if until():
                 return None
+
+    def accept_waiting(self) -> socket.socket | None:
+        """Returns a connection if one is there to be accepted now; those of other users are closed."""
+        self._socket.setblocking(False)
+        while True:
+            try:
+                connection = self._socket.accept()[0]
+            except BlockingIOError:
+                return None
+            except ConnectionAbortedError:
+                continue
+            if self._may_connect(connection):
+                return connection
+            connection.close()
+
+    def fileno(self) -> int:
+        """Returns its number, for `select`: it can be read when somebody wants to connect."""
+        return self._socket.fileno()
 
     def has_waiting_client(self) -> bool:
         """Whether another connection is there to be accepted."""
@@ -134,7 +166,10 @@ class AgentSocket:
     def close(self) -> None:
         """Stops listening and removes the socket."""
         self._socket.close()
-        remove_agent_socket(self._plan)
+        _remove(self.path)
+
+    def _may_connect(self, connection: socket.socket) -> bool:
+        return self._is_for_any_user or _user_of(connection) in (os.geteuid(), 0)
 
 
 class AgentLink:

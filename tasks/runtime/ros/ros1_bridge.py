@@ -1,0 +1,361 @@
+"""The bridge between a simulation and nodes of ROS 1: a node that the run starts beside a launch.
+
+    python3 ros1_bridge.py
+
+ROS's own Python (3.8 and newer) runs this file by itself, in the environment of the launch: it imports nothing of this
+package, and of ROS only rospy and what belongs to it. The simulation's messages come over a Unix socket, ready to be
+sent to nodes of ROS 1; velocity commands of nodes go back. The constants below are the simulation's too.
+
+Every frame on the socket is `HEADER` and a content. The simulation begins with `HELLO`, JSON with all topics, and
+sends `MESSAGE`: the number of a topic and a message. The bridge sends `STATE`, JSON that says which nodes there are or
+what it waits for, and `COMMAND`. Either side leaves by closing the connection.
+"""
+
+from __future__ import annotations  # ROS 1's Python is 3.8, too
+
+import json
+import math
+import os
+import re
+import select
+import socket
+import struct
+import sys
+import threading
+import time
+import xmlrpc.client
+from collections import deque
+from contextlib import suppress
+from importlib import import_module
+from typing import Any
+
+SOCKET_VARIABLE = "ROBOMAKER_ROS1_SOCKET"
+"""The environment variable that holds the path of the simulation's socket for the bridge."""
+
+PROTOCOL = "robomaker-ros1"
+VERSION = 1
+NODE = "robomaker_bridge"
+
+HELLO, MESSAGE, COMMAND, STATE = 1, 2, 3, 4  # types of frames
+
+HEADER = struct.Struct("<II")
+"""Before every frame: bytes that follow, type."""
+TOPIC = struct.Struct("<I")
+"""Before a message: position of its topic in the greeting."""
+VELOCITY = struct.Struct("<7d")
+"""A command: linear x, y, z in m/s, angular x, y, z in rad/s, and the stamp in seconds, NaN where it has none."""
+
+MOST_BYTES = {HELLO: 1 << 20, MESSAGE: 64 << 20, COMMAND: VELOCITY.size, STATE: 64 << 10}
+"""Longest content of each type. A raw image of 4 K has 25 MB."""
+
+COMMAND_TYPES = {
+    "geometry_msgs/Twist": "9f195f881246fdfa2798d1d3eebca84a",
+    "geometry_msgs/TwistStamped": "98d34b0043a2093cf9d9345ab6eef12e",
+}
+"""Types of messages that are understood as commands, with the MD5 sums of their definitions."""
+
+_OWN_NODES = re.compile(r"/(robomaker_\w+|rosout|record(_\d+)?)")
+"""Nodes that are there without a robot: the run's own, roslaunch's, and `rosbag record` beside a launch."""
+
+_TWIST = struct.Struct("<6d")
+_STAMPED = struct.Struct("<IIII")
+"""A header of ROS 1 without its frame: sequence number, seconds, nanoseconds, length of the frame's name."""
+
+_LOOK_S = 0.02
+"""Between two looks for what is waited for: nodes in C++ are there 50 ms after the master."""
+_STATE_S = 0.1
+_PATIENCE_S = 5.0
+"""For an answer of the master, which is on this machine."""
+_KEPT_COMMANDS = 256
+"""Commands that a simulation which is busy has not taken yet; the newest stay."""
+
+
+class Gone(Exception):
+    """The simulation's side is closed."""
+
+
+class Link:
+    """The connection to the simulation."""
+
+    def __init__(self, path: str) -> None:
+        """Connects.
+
+        Raises:
+            OSError: Nothing listens there.
+        """
+        self._socket = socket.socket(socket.AF_UNIX)
+        try:
+            self._socket.connect(path)
+        except OSError:
+            self._socket.close()
+            raise
+        self._poll = select.poll()
+        self._poll.register(self._socket, select.POLLIN)
+        self._commands: deque[bytes] = deque(maxlen=_KEPT_COMMANDS)
+        self._state = b""
+        self._wakes = threading.Event()
+        threading.Thread(target=self._send_all, name="to-simulation", daemon=True).start()
+
+    def tell(self, state: dict[str, Any]) -> None:
+        """Sends a state, or soon the newer one."""
+        content = json.dumps(state, separators=(",", ":"), sort_keys=True).encode("ascii")
+        if len(content) <= MOST_BYTES[STATE]:
+            self._state = HEADER.pack(len(content), STATE) + content
+            self._wakes.set()
+
+    def command(self, velocity: tuple[float, ...]) -> None:
+        """Sends a command, as soon as the simulation takes it."""
+        self._commands.append(HEADER.pack(VELOCITY.size, COMMAND) + VELOCITY.pack(*velocity))
+        self._wakes.set()
+
+    def receive(self, timeout_s: float) -> tuple[int, memoryview] | None:
+        """Returns the next frame; none if it has not begun in time.
+
+        Raises:
+            Gone: The simulation's side is closed, or sent something else.
+        """
+        if not self._poll.poll(1000 * timeout_s):
+            return None
+        length, kind = HEADER.unpack(self._whole(HEADER.size))
+        if kind not in (HELLO, MESSAGE) or length > MOST_BYTES[kind]:
+            raise Gone("it sent what is no frame of version 1")
+        return kind, memoryview(self._whole(length))
+
+    def check(self) -> None:
+        """Looks whether the simulation is there, and leaves what it has sent.
+
+        Raises:
+            Gone: Its side is closed.
+        """
+        if self._poll.poll(0) and not self._socket.recv(1, socket.MSG_PEEK):
+            raise Gone("it closed the connection")
+
+    def _whole(self, count: int) -> bytearray:
+        content = bytearray(count)
+        left = memoryview(content)
+        while left:
+            try:
+                got = self._socket.recv_into(left)
+            except OSError as error:
+                raise Gone(str(error)) from error
+            if not got:
+                raise Gone("it closed the connection")
+            left = left[got:]
+        return content
+
+    def _send_all(self) -> None:
+        with suppress(OSError):  # the thread that receives sees the end
+            while True:
+                self._wakes.wait()
+                self._wakes.clear()
+                state, self._state = self._state, b""
+                if state:
+                    self._socket.sendall(state)
+                while self._commands:
+                    self._socket.sendall(self._commands.popleft())
+
+
+def log(text: str) -> None:
+    """Writes a line to the log of this program."""
+    sys.stderr.write(f"ros1_bridge: {text}\n")
+    sys.stderr.flush()
+
+
+def use_sim_time(uri: str) -> bool | None:
+    """Lets nodes that begin from now on take the simulation's time, unless their launch says otherwise.
+
+    Args:
+        uri: Of the master, which has the parameters, too.
+
+    Returns:
+        Whether nodes take the simulation's time; None while there is no master.
+    """
+    before = socket.getdefaulttimeout()
+    socket.setdefaulttimeout(_PATIENCE_S)
+    try:
+        master = xmlrpc.client.ServerProxy(uri)
+        code, _, value = master.getParam(f"/{NODE}", "/use_sim_time")  # type: ignore[misc]
+        if code == 1:
+            return bool(value)
+        return master.setParam(f"/{NODE}", "/use_sim_time", True)[0] == 1 or None  # type: ignore[index]
+    except (OSError, xmlrpc.client.Error, ValueError, TypeError):
+        return None
+    finally:
+        socket.setdefaulttimeout(before)
+
+
+class Meeting:
+    """Finds the simulation and the master, whichever is there first, and says which is waited for."""
+
+    def __init__(self, path: str, uri: str) -> None:
+        """Begins.
+
+        Args:
+            path: Of the simulation's socket.
+            uri: Of the master.
+        """
+        self._path, self._uri = path, uri
+        self._link: Link | None = None
+        self._greeting: dict[str, Any] | None = None
+        self._has_master = False
+        self._said = ""
+
+    def wait(self) -> tuple[Link, dict[str, Any]]:
+        """Returns the connection to the simulation and its greeting, once the master is there, too.
+
+        Raises:
+            Gone: The simulation's side is closed.
+        """
+        while True:
+            # First: nodes that begin before have read the parameter already.
+            self._has_master = self._has_master or use_sim_time(self._uri) is not None
+            self._look_for_simulation()
+            if self._link is not None and self._greeting is not None and self._has_master:
+                return self._link, self._greeting
+            self._say()
+            time.sleep(_LOOK_S)
+
+    def _look_for_simulation(self) -> None:
+        if self._link is None:
+            with suppress(OSError):
+                self._link = Link(self._path)
+        elif self._greeting is not None:
+            self._link.check()
+        elif (frame := self._link.receive(0.0)) is not None:
+            greeting = json.loads(bytes(frame[1]))
+            if frame[0] != HELLO or (greeting["protocol"], greeting["version"]) != (PROTOCOL, VERSION):
+                raise Gone("it did not greet as version 1")
+            self._greeting = greeting
+
+    def _say(self) -> None:
+        if self._link is None:
+            what = f"the simulation, which listens at {self._path}"
+        elif not self._has_master:
+            what = f"the ROS master at {self._uri}"
+        else:
+            what = "the simulation to begin"
+        if what != self._said:
+            self._said = what
+            log(f"waits for {what}")
+            if self._link is not None:
+                self._link.tell({"waits_for": what})
+
+
+def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...] | None:
+    """The command in a message; none where it is cut off or has another type."""
+    try:
+        if ros_type == "geometry_msgs/Twist":
+            return (*_TWIST.unpack(content), math.nan)
+        _, seconds, nanoseconds, length = _STAMPED.unpack_from(content)
+        return (*_TWIST.unpack(content[_STAMPED.size + length :]), seconds + 1e-9 * nanoseconds)
+    except struct.error:
+        return None
+
+
+def type_of(connection: Any) -> tuple[str, bool]:
+    """The type that a publisher of commands says it has, and whether it can be understood."""
+    ros_type, md5sum = str(connection.type), connection.md5sum
+    if ros_type not in COMMAND_TYPES:
+        return ros_type, False
+    if md5sum == COMMAND_TYPES[ros_type]:
+        return ros_type, True
+    return f"{ros_type} of another definition, whose MD5 sum is {md5sum}", False
+
+
+class Bridge:
+    """Publishers of the simulation's topics, and a subscriber of commands."""
+
+    def __init__(self, link: Link, greeting: dict[str, Any]) -> None:
+        """Begins; the node is there."""
+        self._rospy = rospy = import_module("rospy")
+        self._link = link
+        self._topics = greeting["topics"]
+        self._command_topic = greeting["command_topic"]
+        self._kinds = [self._kind(topic) for topic in self._topics]
+        self._publishers = [
+            rospy.Publisher(topic["name"], kind, latch=topic["latched"], queue_size=topic["depth"], tcp_nodelay=True)
+            for topic, kind in zip(self._topics, self._kinds)
+        ]
+        self._commands = rospy.Subscriber(
+            self._command_topic, rospy.AnyMsg, self._hear, queue_size=_KEPT_COMMANDS, tcp_nodelay=True
+        )
+        self._uses_sim_time: bool | None = True
+
+    def publish(self, content: memoryview) -> None:
+        """Publishes a message with the number of its topic."""
+        number = TOPIC.unpack_from(content)[0]
+        message = self._kinds[number]()
+        message._buff = content[TOPIC.size :]
+        self._publishers[number].publish(message)
+
+    def state(self) -> dict[str, Any]:
+        """Says which nodes there are."""
+        heard = []
+        for topic, publisher in zip(self._topics, self._publishers):
+            names = [str(connection[1]) for connection in publisher.impl.get_stats_info()]
+            if any(not _OWN_NODES.fullmatch(name) for name in names):
+                heard.append(topic["name"])
+        types = [type_of(connection) for connection in self._commands.impl.connections]
+        wrong = sorted({ros_type for ros_type, is_understood in types if not is_understood})
+        return {
+            "heard": heard,
+            "commanders": sum(is_understood for _, is_understood in types),
+            "mistyped": {self._command_topic: ", ".join(wrong)} if wrong else {},
+            "uses_sim_time": self._uses_sim_time,
+        }
+
+    def tell_states(self, uri: str) -> None:
+        """Tells the simulation again and again which nodes there are."""
+        last: dict[str, Any] = {}
+        while True:
+            state = self.state()
+            if state["commanders"] and not last.get("commanders"):
+                self._uses_sim_time = state["uses_sim_time"] = use_sim_time(uri)
+                if not self._uses_sim_time:
+                    log("the launch sets /use_sim_time to false: nodes take the machine's time, not the simulation's")
+            if state != last:
+                self._link.tell(state)
+                log(
+                    f"nodes: {state['commanders']} send {self._command_topic}; heard: {' '.join(state['heard']) or '-'}"
+                )
+            last = state
+            time.sleep(_STATE_S)
+
+    def _hear(self, message: Any) -> None:
+        ros_type = message._connection_header.get("type")
+        if ros_type in COMMAND_TYPES and message._connection_header.get("md5sum") == COMMAND_TYPES[ros_type]:
+            velocity = velocity_in(ros_type, message._buff)
+            if velocity is not None:
+                self._link.command(velocity)
+
+    def _kind(self, topic: dict[str, Any]) -> type:
+        """A message whose content is bytes already, with the names by which nodes know its type."""
+        about = {"_type": topic["type"], "_md5sum": topic["md5sum"], "_full_text": topic["definition"]}
+        return type("Ready", (self._rospy.AnyMsg,), {**about, "__slots__": []})
+
+
+def main() -> int:
+    """Bridges until the simulation's side is closed, which is a proper end."""
+    rospy = import_module("rospy")  # before it waits: it takes half a second
+    uri = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
+    try:
+        link, greeting = Meeting(os.environ[SOCKET_VARIABLE], uri).wait()
+        # Its own clock is the machine's: it would be a subscriber of /clock like a robot's nodes.
+        rospy.init_node(NODE, argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True)
+        bridge = Bridge(link, greeting)
+        log(f"bridges {len(greeting['topics'])} topics and {greeting['command_topic']} to the ROS master at {uri}")
+        threading.Thread(target=bridge.tell_states, args=(uri,), name="states", daemon=True).start()
+        while not rospy.is_shutdown():
+            frame = link.receive(_STATE_S)
+            if frame is not None:
+                bridge.publish(frame[1])
+    except Gone as gone:
+        log(f"ends with the simulation: {gone}")
+        rospy.signal_shutdown("the simulation ended")
+        return 0
+    log("the ROS master, or another node of its name, told it to end")
+    return 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,365 @@
+"""The way to nodes of ROS 1: frames on a socket, which a bridge node beside the launch turns into topics.
+
+Nothing here waits for the bridge but `Ros1Wire.wait`. A bridge that is slow loses messages, never the simulation time;
+one that ends is started again by the run, greeted again, and given the latched messages again.
+"""
+
+import json
+import logging
+import select
+import socket
+import struct
+import time
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from functools import cache
+from typing import Any
+
+from rosbags.interfaces import Nodetype
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from rosbags.typesys.store import Typestore
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.wire.errors import LaunchError
+from ..agents.agent_client import FrameBuffer, ProtocolError, words
+from ..agents.agent_socket import ROS1_SOCKET, AgentSocket
+from .ros1_bridge import COMMAND, HEADER, HELLO, MESSAGE, MOST_BYTES, PROTOCOL, STATE, TOPIC, VELOCITY, VERSION
+from .wire import Command, Peers, Topic
+
+_HEADER = "std_msgs/msg/Header"
+_SEQUENCE = struct.Struct("<I")
+_READS = 16
+"""Reads from the socket in one look: a node that floods the bridge does not hold up the simulation."""
+_KEPT_COMMANDS = 1000
+"""Commands that were not taken yet; a robot gets fifty a second."""
+_MOST_NAMED = 32
+_SHOWN = 200
+
+_logger = logging.getLogger(__name__)
+
+
+class Ros1Wire:
+    """Topics and commands of ROS 1, through a bridge node."""
+
+    def __init__(self, plan: RunPlan) -> None:
+        """Does nothing yet.
+
+        Args:
+            plan: The run, in whose folder the socket is.
+        """
+        self.name = "ROS 1, whose bridge has not connected yet"
+        self.dropped: Counter[str] = Counter()
+        """Messages that the bridge was too slow for, by topic."""
+        self.connections = 0
+        """Bridges that have connected, one after the other."""
+        self.uses_sim_time = True
+        """Whether the nodes take the simulation's time, as far as is known."""
+        self._plan = plan
+        self._listener: AgentSocket | None = None
+        self._link: _Link | None = None
+        self._hello = b""
+        self._numbers: dict[str, int] = {}
+        self._topics: Sequence[Topic] = ()
+        self._sent: Counter[str] = Counter()
+        self._latched: dict[str, bytes] = {}
+        self._commands: deque[Command] = deque(maxlen=_KEPT_COMMANDS)
+        self._peers = Peers()
+
+    def open(self, topics: Sequence[Topic], command_topic: str) -> None:
+        """Announce topics and subscribe the commands.
+
+        Raises:
+            LaunchError: A topic's type is not in ROS 1, or the bridge cannot be listened for.
+        """
+        described = [
+            {
+                "name": topic.name,
+                "type": topic.ros_type.replace("/msg/", "/"),
+                "md5sum": ros1_definition(topic.ros_type)[1],
+                "definition": ros1_definition(topic.ros_type)[0],
+                "latched": topic.is_latched,
+                "depth": topic.depth,
+            }
+            for topic in topics
+        ]
+        greeting = {"protocol": PROTOCOL, "version": VERSION, "command_topic": command_topic, "topics": described}
+        self._hello = words(HELLO, greeting)
+        self._topics = topics
+        self._numbers = {topic.name: number for number, topic in enumerate(topics)}
+        self._listener = AgentSocket(self._plan, ROS1_SOCKET)
+
+    def send(self, topic: str, message: bytes) -> None:
+        """Publish a message: CDR, little endian, with its encapsulation header of four bytes."""
+        number = self._numbers[topic]
+        about = self._topics[number]
+        if self._link is None and not about.is_latched:
+            self._look()
+            if self._link is None:
+                return
+        frame = self._frame(number, about, message)
+        if about.is_latched:
+            self._latched[topic] = frame
+        self._look()
+        if self._link is not None:
+            self._link.add(about, frame)
+            self._flush()
+
+    def take(self) -> list[Command]:
+        """Return the commands that have come since the last call, oldest first."""
+        self._look()
+        taken = list(self._commands)
+        self._commands.clear()
+        return taken
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until a command is there to be taken; say whether one is."""
+        deadline_s = time.monotonic() + timeout_s
+        while True:
+            self._look()
+            left_s = deadline_s - time.monotonic()
+            if self._commands or left_s <= 0:
+                return bool(self._commands)
+            if self._listener is None:
+                time.sleep(left_s)
+                continue
+            link = self._link
+            reads = [self._listener if link is None else link.connection]
+            select.select(reads, [link.connection] if link is not None and link.is_behind else [], [], left_s)
+
+    def peers(self) -> Peers:
+        """Look which nodes are there."""
+        self._look()
+        return self._peers
+
+    def close(self) -> None:
+        """Leave; a second call does nothing."""
+        if self._link is not None:
+            self._link.connection.close()
+            self._link = None
+        if self._listener is not None:
+            self._listener.close()
+            self._listener = None
+        self._peers = Peers()
+
+    def _frame(self, number: int, topic: Topic, message: bytes) -> bytes:
+        content = _ros2().cdr_to_ros1(message, topic.ros_type)
+        if _has_header(topic.ros_type):  # ROS 1 numbers messages there, and some nodes look at that
+            self._sent[topic.name] += 1
+            content = b"".join((_SEQUENCE.pack(self._sent[topic.name] & 0xFFFFFFFF), content[_SEQUENCE.size :]))
+        length = TOPIC.size + len(content)
+        if length > MOST_BYTES[MESSAGE]:
+            raise ValueError(f"a message of {topic.name} has {length} bytes; there may be {MOST_BYTES[MESSAGE]}")
+        return b"".join((HEADER.pack(length, MESSAGE), TOPIC.pack(number), content))
+
+    def _look(self) -> None:
+        """Reads what the bridge has sent, sends it what it can take, and greets a new one."""
+        if self._listener is None:
+            return
+        if self._link is not None:
+            self._read(self._link)
+            self._flush()
+        while (connection := self._listener.accept_waiting()) is not None:
+            if self._link is not None:
+                connection.close()  # there is one already
+                continue
+            self._greet(connection)
+
+    def _greet(self, connection: socket.socket) -> None:
+        connection.setblocking(False)
+        self.connections += 1
+        self._link = _Link(connection, self._hello, self.dropped)
+        self.name = "ROS 1, whose bridge has just connected"
+        for name, frame in self._latched.items():
+            self._link.add(self._topics[self._numbers[name]], frame)
+        self._flush()
+
+    def _flush(self) -> None:
+        if self._link is not None:
+            try:
+                self._link.flush()
+            except OSError as error:
+                self._lose(str(error))
+
+    def _read(self, link: "_Link") -> None:
+        try:
+            for kind, content in link.frames():
+                self._understand(kind, content)
+        except EOFError:
+            self._lose("it closed the connection")
+        except (OSError, ValueError, ProtocolError) as error:
+            self._lose(str(error))
+
+    def _understand(self, kind: int, content: memoryview) -> None:
+        """Takes over what a frame says.
+
+        Raises:
+            ValueError: It is no frame of the protocol.
+        """
+        if kind == COMMAND:
+            if len(content) != VELOCITY.size:
+                raise ValueError(f"a command has {len(content)} bytes, not {VELOCITY.size}")
+            x, y, z, roll, pitch, yaw, stamp_s = VELOCITY.unpack(content)
+            self._commands.append(Command((x, y, z), (roll, pitch, yaw), None if stamp_s != stamp_s else stamp_s))
+            return
+        try:
+            state = json.loads(bytes(content))
+        except (ValueError, RecursionError) as error:
+            raise ValueError(f"its state is no JSON: {type(error).__name__}") from None
+        if not isinstance(state, dict):
+            raise ValueError("its state is no object of JSON")
+        if (waits_for := state.get("waits_for")) is not None:
+            self._peers = Peers()
+            self.name = f"ROS 1, whose bridge waits for {str(waits_for)[:_SHOWN]}"
+            return
+        self._peers = _peers_in(state, self._numbers)
+        self.uses_sim_time = bool(state.get("uses_sim_time", True))
+        self.name = "ROS 1"
+
+    def _lose(self, why: str) -> None:
+        if self._link is not None:
+            self._link.connection.close()
+        self._link, self._peers = None, Peers()
+        self.name = "ROS 1, whose bridge ended and has not come back"
+        _logger.warning("the bridge to ROS 1 is gone: %s", why[:_SHOWN])
+
+
+class _Link:
+    """A connection to a bridge, which never blocks."""
+
+    def __init__(self, connection: socket.socket, greeting: bytes, dropped: Counter[str]) -> None:
+        """Begins with the greeting."""
+        self.connection = connection
+        self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
+        self._begun = memoryview(greeting)
+        """What is left of the frame that is being sent."""
+        self._waiting: deque[tuple[Topic, bytes]] = deque()
+        self._counts: Counter[str] = Counter()
+        self._dropped = dropped
+
+    @property
+    def is_behind(self) -> bool:
+        """Whether there is something to be sent."""
+        return bool(self._begun or self._waiting)
+
+    def add(self, topic: Topic, frame: bytes) -> None:
+        """Adds a message, in whose favour the oldest of its topic is dropped when the bridge is too slow.
+
+        Of a latched topic only the last message counts, which is what nodes that come later get.
+        """
+        if self._counts[topic.name] >= (1 if topic.is_latched else topic.depth):
+            oldest = next(index for index, (other, _) in enumerate(self._waiting) if other.name == topic.name)
+            del self._waiting[oldest]
+            self._counts[topic.name] -= 1
+            if not topic.is_latched:
+                self._dropped[topic.name] += 1
+        self._waiting.append((topic, frame))
+        self._counts[topic.name] += 1
+
+    def flush(self) -> None:
+        """Sends what the bridge can take now.
+
+        Raises:
+            OSError: It is gone.
+        """
+        with suppress(BlockingIOError):
+            while True:
+                while self._begun:
+                    self._begun = self._begun[self.connection.send(self._begun) :]
+                if not self._waiting:
+                    return
+                topic, frame = self._waiting.popleft()
+                self._counts[topic.name] -= 1
+                self._begun = memoryview(frame)
+
+    def frames(self) -> list[tuple[int, memoryview]]:
+        """Returns what the bridge has sent.
+
+        Raises:
+            EOFError: It has closed the connection.
+            OSError: It is gone.
+            ProtocolError: It sent something else.
+        """
+        found = []
+        for _ in range(_READS):
+            try:
+                count = self.connection.recv_into(self._frames.space())
+            except BlockingIOError:
+                break
+            if count == 0:
+                if found:
+                    break  # the end is seen the next time
+                raise EOFError
+            self._frames.received(count)
+            while (frame := self._frames.next()) is not None:
+                found.append((frame[0], memoryview(bytes(frame[1]))))
+        return found
+
+
+def _peers_in(state: Mapping[str, Any], topics: Mapping[str, int]) -> Peers:
+    """The nodes that a state tells of.
+
+    Raises:
+        ValueError: It is no state.
+    """
+    heard, commanders, mistyped = state.get("heard"), state.get("commanders"), state.get("mistyped")
+    if not (isinstance(heard, list) and isinstance(commanders, int) and isinstance(mistyped, dict)):
+        raise ValueError("its state has no heard, commanders and mistyped")
+    wrong = {str(topic)[:_SHOWN]: str(kind)[:_SHOWN] for topic, kind in [*mistyped.items()][:_MOST_NAMED]}
+    return Peers(frozenset(name for name in topics if name in heard), max(commanders, 0), wrong)
+
+
+@cache
+def _ros2() -> Typestore:
+    """Types of ROS 2, by which messages are read: its header has no number, which ROS 1 has."""
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+@cache
+def _ros1() -> Typestore:
+    store = get_typestore(Stores.ROS1_NOETIC)
+    # It is in a package of its own in ROS 1, which the store leaves out.
+    store.register(get_types_from_msg("geometry_msgs/TransformStamped[] transforms\n", "tf2_msgs/msg/TFMessage"))
+    return store
+
+
+@cache
+def ros1_definition(ros_type: str) -> tuple[str, str]:
+    """Returns the definition of a type in ROS 1, and its MD5 sum.
+
+    Args:
+        ros_type: In ROS 2's form.
+
+    Raises:
+        LaunchError: ROS 1 has no such type, or another of that name.
+    """
+    if ros_type not in _ros1().fielddefs:
+        raise LaunchError(f"ROS 1 has no type {ros_type.replace('/msg/', '/')}, so that nodes cannot be sent it")
+    if _layout(_ros1(), ros_type) != _layout(_ros2(), ros_type):
+        raise LaunchError(f"{ros_type} has other fields in ROS 1 than in ROS 2, so that nodes cannot be sent it")
+    return _ros1().generate_msgdef(ros_type)
+
+
+@cache
+def _has_header(ros_type: str) -> bool:
+    fields = _ros2().fielddefs[ros_type][1]
+    return bool(fields) and fields[0][1] == (Nodetype.NAME, _HEADER)
+
+
+def _layout(store: Typestore, ros_type: str) -> tuple[Any, ...]:
+    """Types of the fields of a message and of those in it, without what ROS 1 alone has."""
+    fields = store.fielddefs[ros_type][1]
+    return tuple(
+        _part(store, part)
+        for name, part in fields
+        if (ros_type, name) != (_HEADER, "seq") and name != "structure_needs_at_least_one_member"
+    )
+
+
+def _part(store: Typestore, part: Any) -> Any:
+    kind, about = part
+    if kind == Nodetype.NAME:
+        return _layout(store, about)
+    if kind == Nodetype.BASE:
+        return about[0]
+    return int(kind), about[1], _part(store, about[0])
