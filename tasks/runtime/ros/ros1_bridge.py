@@ -61,8 +61,10 @@ _TWIST = struct.Struct("<6d")
 _STAMPED = struct.Struct("<IIII")
 """A header of ROS 1 without its frame: sequence number, seconds, nanoseconds, length of the frame's name."""
 
-_LOOK_S = 0.02
+_LOOK_S, _LATER_LOOK_S = 0.02, 0.5
 """Between two looks for what is waited for: nodes in C++ are there 50 ms after the master."""
+_HASTE_S = 30.0
+"""Afterwards it looks seldom: the program may be one that needs no ROS, and runs for hours."""
 _STATE_S = 0.1
 _PATIENCE_S = 5.0
 """For an answer of the master, which is on this machine."""
@@ -206,6 +208,7 @@ class Meeting:
         Raises:
             Gone: The simulation's side is closed.
         """
+        hurries_until_s = time.monotonic() + _HASTE_S
         while True:
             # First: nodes that begin before have read the parameter already.
             self._has_master = self._has_master or use_sim_time(self._uri) is not None
@@ -213,7 +216,7 @@ class Meeting:
             if self._link is not None and self._greeting is not None and self._has_master:
                 return self._link, self._greeting
             self._say()
-            time.sleep(_LOOK_S)
+            time.sleep(_LOOK_S if time.monotonic() < hurries_until_s else _LATER_LOOK_S)
 
     def _look_for_simulation(self) -> None:
         if self._link is None:
@@ -241,15 +244,15 @@ class Meeting:
                 self._link.tell({"waits_for": what})
 
 
-def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...] | None:
-    """The command in a message; none where it is cut off or has another type."""
+def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
+    """The command in a message; its numbers are NaN where the message is cut off."""
     try:
         if ros_type == "geometry_msgs/Twist":
             return (*_TWIST.unpack(content), math.nan)
         _, seconds, nanoseconds, length = _STAMPED.unpack_from(content)
         return (*_TWIST.unpack(content[_STAMPED.size + length :]), seconds + 1e-9 * nanoseconds)
     except struct.error:
-        return None
+        return (math.nan,) * 7
 
 
 def type_of(connection: Any) -> tuple[str, bool]:
@@ -279,7 +282,6 @@ class Bridge:
         self._commands = rospy.Subscriber(
             self._command_topic, rospy.AnyMsg, self._hear, queue_size=_KEPT_COMMANDS, tcp_nodelay=True
         )
-        self._uses_sim_time: bool | None = True
 
     def publish(self, content: memoryview) -> None:
         """Publishes a message with the number of its topic."""
@@ -301,7 +303,6 @@ class Bridge:
             "heard": heard,
             "commanders": sum(is_understood for _, is_understood in types),
             "mistyped": {self._command_topic: ", ".join(wrong)} if wrong else {},
-            "uses_sim_time": self._uses_sim_time,
         }
 
     def tell_states(self, uri: str) -> None:
@@ -310,8 +311,7 @@ class Bridge:
         while True:
             state = self.state()
             if state["commanders"] and not last.get("commanders"):
-                self._uses_sim_time = state["uses_sim_time"] = use_sim_time(uri)
-                if not self._uses_sim_time:
+                if use_sim_time(uri) is False:
                     log("the launch sets /use_sim_time to false: nodes take the machine's time, not the simulation's")
             if state != last:
                 self._link.tell(state)
@@ -324,9 +324,7 @@ class Bridge:
     def _hear(self, message: Any) -> None:
         ros_type = message._connection_header.get("type")
         if ros_type in COMMAND_TYPES and message._connection_header.get("md5sum") == COMMAND_TYPES[ros_type]:
-            velocity = velocity_in(ros_type, message._buff)
-            if velocity is not None:
-                self._link.command(velocity)
+            self._link.command(velocity_in(ros_type, message._buff))
 
     def _kind(self, topic: dict[str, Any]) -> type:
         """A message whose content is bytes already, with the names by which nodes know its type."""

@@ -53,8 +53,6 @@ class Ros1Wire:
         """Messages that the bridge was too slow for, by topic."""
         self.connections = 0
         """Bridges that have connected, one after the other."""
-        self.uses_sim_time = True
-        """Whether the nodes take the simulation's time, as far as is known."""
         self._plan = plan
         self._listener: AgentSocket | None = None
         self._link: _Link | None = None
@@ -213,7 +211,6 @@ class Ros1Wire:
             self.name = f"ROS 1, whose bridge waits for {str(waits_for)[:_SHOWN]}"
             return
         self._peers = _peers_in(state, self._numbers)
-        self.uses_sim_time = bool(state.get("uses_sim_time", True))
         self.name = "ROS 1"
 
     def _lose(self, why: str) -> None:

@@ -98,7 +98,6 @@ def test_a_node_of_rospy_hears_all_topics_in_simulated_time_and_its_commands_com
         commands = driven(wire, lambda commands: len(commands) >= 20 and "map" in ros1.said("robot.log"))
 
         assert wire.peers() == Peers(frozenset({"/clock", "/tf", "/odom", "/scan", "/map"}), 1)
-        assert wire.uses_sim_time
         said = {line.partition(" ")[0]: line.partition(" ")[2] for line in ros1.said("robot.log").splitlines()}
         assert said["map"] == "3 0.05 [0, 100, -1, 0, 0, 100]"
         assert said["odom"] == "base_link 2.0 0.8 35.0 0.25"
@@ -158,8 +157,7 @@ def test_what_is_missing_is_named_until_it_is_there(ros1: Ros1, wire: Ros1Wire, 
         wire.send("/map", grid())
         with ros1.master(), ros1.node("robot", LISTENER):
             wait_for(lambda: wire.peers().commanders and "map 3" in ros1.said("robot.log"), "the node")
-            assert wire.uses_sim_time
-    said = [line for line in ros1.said("bridge.log").splitlines() if "waits for" in line]
+        said = [line for line in ros1.said("bridge.log").splitlines() if "waits for" in line]
     assert [line.split("waits for ")[1].split(" at ")[0] for line in said][-1:] == ["the ROS master"]
 
 
@@ -214,7 +212,7 @@ def test_what_is_there_without_a_robot_is_no_node_of_one(ros1: Ros1, wire: Ros1W
         wait_for(lambda: (wire.take(), wire.name)[1] == "ROS 1", "the bridge")
         with ros1.node("robot", LISTENER.replace("rate.sleep()", "rospy.sleep(0.05)")):
             wait_for(lambda: wire.peers().commanders, "the robot")
-            wait_for(lambda: (wire.take(), not wire.uses_sim_time)[1], "the note that it takes the machine's time")
+            wait_for(lambda: "/use_sim_time to false" in ros1.said("bridge.log"), "what the bridge says of it")
             assert "/clock" not in wire.peers().heard
         wait_for(lambda: wire.peers().commanders == 0, "its end")
         master = "len([n for t, ns in m.getSystemState()[1] if t == '/scan' for n in ns])"
