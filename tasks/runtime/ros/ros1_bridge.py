@@ -310,9 +310,8 @@ class Bridge:
         last: dict[str, Any] = {}
         while True:
             state = self.state()
-            if state["commanders"] and not last.get("commanders"):
-                if use_sim_time(uri) is False:
-                    log("the launch sets /use_sim_time to false: nodes take the machine's time, not the simulation's")
+            if state["commanders"] and not last.get("commanders") and use_sim_time(uri) is False:
+                log("the launch sets /use_sim_time to false: nodes take the machine's time, not the simulation's")
             if state != last:
                 self._link.tell(state)
                 log(
