@@ -27,10 +27,14 @@ import xmlrpc.client
 from collections import deque
 from contextlib import suppress
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 SOCKET_VARIABLE = "ROBOMAKER_ROS1_SOCKET"
 """The environment variable that holds the path of the simulation's socket for the bridge."""
+
+BRIDGE = Path(__file__)
+"""The program."""
 
 PROTOCOL = "robomaker-ros1"
 VERSION = 1

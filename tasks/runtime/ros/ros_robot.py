@@ -24,6 +24,7 @@ from ..robots.robot import robot_of
 from .bridge_recorder import TOPICS, BridgeRecorder
 from .dds import Reach
 from .dds_wire import DdsWire
+from .ros1_wire import Ros1Wire
 from .timing import Lockstep, TimerNodeError, Timing, make_timing
 from .wire import STILL, Command, Peers, Wire
 
@@ -43,13 +44,18 @@ _UNHEALTHY, _CRASH = "RobotApplicationHealthCheckFailure", "RobotApplicationCras
 _CLOCK = "/clock"
 
 
-def make_wire(plan: RosPlan) -> Wire:
-    """The way to a run's nodes."""
-    options = plan.options
-    if plan.suite == 2:
-        reach = Reach(tuple(options.peers), options.interface)
-        return DdsWire(plan.domain, reach, is_reliable=options.time == "lockstep")
-    raise LaunchError("the ROS 1 bridge is not there")
+def make_wire(plan: RunPlan, bridge: RosPlan) -> Wire:
+    """The way to a run's nodes.
+
+    Args:
+        plan: The run.
+        bridge: Its bridge, with all options.
+    """
+    options = bridge.options
+    if bridge.suite == 1:
+        return Ros1Wire(plan)
+    reach = Reach(tuple(options.peers), options.interface)
+    return DdsWire(bridge.domain, reach, is_reliable=options.time == "lockstep")
 
 
 class RosBridge:
@@ -65,7 +71,7 @@ class RosBridge:
             clock: Wall-clock seconds.
         """
         assert plan.ros is not None
-        self._ros, self._robot, self._clock = plan.ros, robot, clock
+        self._plan, self._ros, self._robot, self._clock = plan, plan.ros, robot, clock
         self.recorder = BridgeRecorder(recorder)
         self._wire: Wire | None = None
         self._environment: Any = None
@@ -87,7 +93,7 @@ class RosBridge:
         try:
             self._options = _options_for(environment, self._ros.options)
             _check_actions(environment, self._robot)
-            wire = make_wire(self._ros.model_copy(update={"options": self._options}))
+            wire = make_wire(self._plan, self._ros.model_copy(update={"options": self._options}))
             names = _names(self._options)
             topics = [TOPICS[topic]._replace(name=name) for topic, name in names.items()]
             wire.open(topics, self._command_topic)

@@ -16,9 +16,10 @@ from ....schemas.runs.variables import variables_of
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ..agents.agent_client import SOCKET_VARIABLE
-from ..agents.agent_socket import agent_socket_path
+from ..agents.agent_socket import ROS1_SOCKET, agent_socket_path
 from ..process.run_request import RunRequest
 from ..rendering.backends import best_video_backend
+from ..ros.ros1_bridge import SOCKET_VARIABLE as ROS1_SOCKET_VARIABLE
 from ..sandbox.levels import Confinement
 from ..sandbox.views import paths_in
 from ..video.video_settings import camera_recording, settings_of
@@ -107,6 +108,8 @@ def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, 
     }
     if plan.has_episode and program.role == "robot":
         environment.setdefault(SOCKET_VARIABLE, str(agent_socket_path(plan)))
+        if plan.ros is not None and plan.ros.suite == 1:
+            environment[ROS1_SOCKET_VARIABLE] = str(agent_socket_path(plan, ROS1_SOCKET))
     return environment
 
 

@@ -10,10 +10,13 @@ from typing import Any
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.runs.programs import ProgramPlan
+from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource
 from ...runtime.agents.agent_client import SOCKET_VARIABLE
-from ...runtime.agents.agent_socket import agent_socket_path
+from ...runtime.agents.agent_socket import ROS1_SOCKET, agent_socket_path
+from ...runtime.ros.ros1_bridge import BRIDGE
+from ...runtime.ros.ros1_bridge import SOCKET_VARIABLE as ROS1_SOCKET_VARIABLE
 from ..environment.folders import (
     AGENT,
     AWS,
@@ -53,6 +56,7 @@ def plan_container(
     *,
     drives: bool,
     variables: Mapping[str, str],
+    bridge: RosPlan | None,
 ) -> list[ProgramPlan]:
     """Gets an application's image, makes its container, and says how it and its tools are run.
 
@@ -64,6 +68,7 @@ def plan_container(
         run_environment: what it finds.
         drives: whether it is a robot application that drives a simulation over a socket.
         variables: usual ones, which its launch configuration may set otherwise.
+        bridge: the job's ROS bridge, if it has one.
 
     Raises:
         LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
@@ -74,6 +79,8 @@ def plan_container(
     image = get_image(engine, uri, role, digest=digest, stopped=run_environment.stopped)
     note = ContainerNote(engine.program, _container_name(role, run_environment), uri, role)
     sandbox = _seeded_sandbox(engine, note, run_environment)
+    has_ros1 = bridge is not None and bridge.suite == 1
+    bridge_mounts = [Mount(BRIDGE, _BRIDGE, read_only=True)] if has_ros1 else []
     container = Container(
         engine=engine,
         name=note.name,
@@ -86,7 +93,7 @@ def plan_container(
             **(launch.get("environmentVariables") or {}),
             **_container_variables(run_environment, drives),
         },
-        mounts=_mounts(sandbox, run_environment, drives),
+        mounts=[*_mounts(sandbox, run_environment, drives), *bridge_mounts],
         limits=run_environment.plan.compute,
         gpu=gpu_of(run_environment.environ),
     )
@@ -106,7 +113,19 @@ def plan_container(
         tool_plan(role, tool, tool_argv(container, tool["command"]), sandbox.root, environment)
         for tool in config.get("tools") or []
     ]
+    if has_ros1:
+        argv = tool_argv(container, _RUN_BRIDGE)
+        planned = tool_plan(role, {"name": "ros-bridge"}, argv, sandbox.root, environment)
+        tools.append(planned.model_copy(update={"name": f"{role}.ros-bridge"}))  # a tool's name has a dash there
     return [program, *tools]
+
+
+_BRIDGE = "/opt/robomaker/ros1_bridge.py"
+_RUN_BRIDGE = (
+    'for setup in /opt/ros/*/setup.bash; do if [ -f "$setup" ]; then . "$setup"; fi; done; '
+    f"export {ROS1_SOCKET_VARIABLE}={AGENT}/{ROS1_SOCKET}; exec python3 {_BRIDGE}"
+)
+"""The bridge to nodes of ROS 1, in the ROS that the image has."""
 
 
 def _make(container: Container, note: ContainerNote, folder: Path) -> None:

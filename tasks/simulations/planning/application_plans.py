@@ -14,22 +14,23 @@ from ....schemas.runs.programs import PortPlan, ProgramPlan
 from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
 from ...catalog import Resource
+from ...runtime.ros.ros1_bridge import BRIDGE
 from ...runtime.ros.topic_report import PROGRAM
 from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, own_program, package_folders, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
 from ..inputs.bundles import application_bundle
-from ..ros.bridge_plans import bridge_plan, discovery_variables
+from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
 from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
 from ..ros.launch_files import node_variables, own_master
 from .applications import LATEST, find_application, python_package
-from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch
+from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
 from .topic_recording import note_no_recorder
 
 
 @dataclass(frozen=True)
 class RosLaunch:
-    """An application that ROS launches."""
+    """An application that ROS launches, or that may be ROS nodes."""
 
     code: Code
     launch: Program
@@ -126,6 +127,8 @@ class Applications:
     """The first that ROS launches."""
     bridge: RosPlan | None = None
     """The ROS bridge, where the robot application is a program that may be ROS nodes, and drives a simulation."""
+    robot: RosLaunch | None = None
+    """The robot application, where it is a program of this machine."""
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
@@ -148,15 +151,42 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
     simulation = launches.get("simulation")
     if simulation is None or isinstance(simulation[1], Program):
         planned.bridge = None
+    has_ros1 = planned.bridge is not None and planned.bridge.suite == 1
+    if has_ros1:
+        planned.programs = _with_bridge(planned, run_environment)
     wants_topics = bool((request.get("loggingConfig") or {}).get("recordAllRosTopics"))
     planned.programs = with_ros_companions(planned.programs, planned.ros, run_environment, wants_topics=wants_topics)
-    if any(_is_ros_1(launch) for _, launch in launches.values()):
+    if has_ros1 or any(_is_ros_1(launch) for _, launch in launches.values()):
         master = own_master()
         planned.programs = [
             program.model_copy(update={"environment": {**master, **program.environment}})
             for program in planned.programs
         ]
     return planned
+
+
+def _with_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
+    """A run's programs, and the bridge between its simulation and nodes of ROS 1.
+
+    A robot application may speak ROS 1, or say so and connect to the agent socket: no rospy is no reason to fail.
+    """
+    robot = planned.robot
+    if robot is None or (launcher := robot.launch.launcher or run_environment.which("roslaunch")) is None:
+        return planned.programs
+    packages = package_folders(robot.code.folder) if robot.code.folder else []
+    given, environ = robot.program.environment, run_environment.environ
+    variables = node_variables(packages, Path(launcher), sys.executable, given, environ)
+    if not has_rospy(in_ros(robot.code, Path(launcher), ("python3",)), {**given, **variables}):
+        return planned.programs
+    argv = in_ros(robot.code, Path(launcher), ("python3", str(BRIDGE)))
+    programs = list(planned.programs)
+    if robot.launch.ros == 1:
+        # Nodes read the parameter once, when they begin; those in C++ are quicker than the bridge can be.
+        file = run_environment.sandbox.place(f"{TEMPORARY}/use_sim_time.launch")
+        file.write_text('<launch><param name="/use_sim_time" value="true"/></launch>\n')
+        launched = with_launch_file(robot.program.argv, file)
+        programs[programs.index(robot.program)] = robot.program.model_copy(update={"argv": list(launched)})
+    return [*programs, _companion(robot, "ros-bridge", argv, run_environment, variables)]
 
 
 def _is_ros_1(launch: Factory | Program) -> bool:
@@ -188,7 +218,11 @@ def _plan(
         if drives:
             planned.bridge = bridge_plan(None, suite, launch_config.get("environmentVariables") or {}, domain)
         variables = discovery_variables(suite, planned.bridge)
-        programs = plan_container(role, found, uri, config, run_environment, drives=drives, variables=variables)
+        if planned.bridge is not None and planned.bridge.suite == 1:
+            variables = own_master()  # containers have the network of this machine, with all of its masters
+        programs = plan_container(
+            role, found, uri, config, run_environment, drives=drives, variables=variables, bridge=planned.bridge
+        )
         planned.plans[role] = ApplicationPlan(
             role=role, name=found.name, environment_variables=_settings_in(launch_config)
         )
@@ -212,6 +246,8 @@ def _plan(
         planned.bridge = bridge_plan(launch.ros, suite, launch_config.get("environmentVariables") or {}, domain)
     programs = _programs(code, launch, config, run_environment, discovery_variables(suite, planned.bridge))
     planned.programs += programs
+    if role == "robot" and isinstance(launch, Program):
+        planned.robot = RosLaunch(code, launch, programs[0])
     if isinstance(launch, Program) and launch.launcher is not None and planned.ros is None:
         planned.ros = RosLaunch(code, launch, programs[0])
     return found.name, launch

@@ -6,7 +6,7 @@ that every package has.
 """
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -155,6 +155,19 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
         f"{code.role} application {code.name}: {file} is started by {needed}, which this machine does not have; "
         "install ROS here, put the application into a container image, or start it with launchConfig.command"
     )
+
+
+def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
+    """A command line of `roslaunch` that launches another file, too.
+
+    Args:
+        argv: the command line, whose launch file comes last.
+        file: the other file, which is read before it where `roslaunch` allows that: a launch file that is named by its
+            package has to come first.
+    """
+    if Path(argv[-1]).is_absolute():
+        return (*argv[:-1], str(file), argv[-1])
+    return (*argv, str(file))
 
 
 def _of_this_machine(code: Code, program: Path, which: Which) -> Path:

@@ -1,6 +1,9 @@
 """Plans of the ROS bridge: the jobs that have one, and the ROS that it speaks."""
 
-from collections.abc import Mapping
+import logging
+import os
+import subprocess
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ....schemas.runs.ros import ROS_VARIABLE, RosOptions, RosPlan, Suite, parse_ros
@@ -12,6 +15,9 @@ _SUITES: Mapping[str, Suite] = {"ROS": 1, "ROS2": 2}
 _BEFORE_IRON = frozenset({"Dashing", "Foxy", "Galactic", "Humble"})
 """Distributions of ROS 2 that know only `ROS_LOCALHOST_ONLY`, of which later ones warn."""
 _MOST_DOMAIN = 232
+_LOOK_S = 60.0
+
+_logger = logging.getLogger(__name__)
 
 
 def bridge_plan(
@@ -68,3 +74,23 @@ def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None)
     if (suite or {}).get("version") in _BEFORE_IRON:
         return {LOCALHOST_VARIABLE: "1"}
     return {RANGE_VARIABLE: "LOCALHOST"}
+
+
+def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
+    """Whether the bridge to nodes of ROS 1 can be run.
+
+    Args:
+        python: command line of ROS's own Python.
+        variables: of the application that may be nodes.
+    """
+    argv = [*python, "-c", "import importlib.util as u, sys; sys.exit(not u.find_spec('rospy'))"]
+    try:
+        looked = subprocess.run(
+            argv, env={"PATH": os.defpath, **variables}, capture_output=True, timeout=_LOOK_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        _logger.info("no bridge to nodes of ROS 1: %s", error)
+        return False
+    if looked.returncode:
+        _logger.info("no bridge to nodes of ROS 1: %s has no rospy", python[-1])
+    return looked.returncode == 0
