@@ -13,7 +13,7 @@ from pydantic import ValidationError
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
-from ....schemas.runs.ros import RosOptions, RosPlan
+from ....schemas.runs.ros import RosOptions, RosPlan, Suite
 from ....schemas.wire.errors import LaunchError
 from ..episode.context import RobotProgramError
 from ..episode.results import Findings
@@ -94,7 +94,7 @@ class RosBridge:
             self._options = _options_for(environment, self._ros.options)
             _check_actions(environment, self._robot)
             wire = make_wire(self._plan, self._ros.model_copy(update={"options": self._options}))
-            names = _names(self._options)
+            names = _names(self._options, self._ros.suite)
             topics = [TOPICS[topic]._replace(name=name) for topic, name in names.items()]
             wire.open(topics, self._command_topic)
         except LaunchError as error:
@@ -383,9 +383,14 @@ def _check_actions(environment: Any, robot_application: str) -> None:
     )
 
 
-def _names(options: RosOptions) -> dict[str, str]:
+_NAMES_IN_ROS_1 = {"/goal_pose": "/move_base_simple/goal"}
+"""Topics that have another name in ROS 1, where move_base subscribes goals."""
+
+
+def _names(options: RosOptions, suite: Suite) -> dict[str, str]:
     """The topics that are published, with the names that nodes know."""
-    names = {topic: options.topics.get(topic, topic) for topic in TOPICS}
+    usual = _NAMES_IN_ROS_1 if suite == 1 else {}
+    names = {topic: options.topics.get(topic, usual.get(topic, topic)) for topic in TOPICS}
     if options.localization == "robot":
         names["/map"] = None
     if not options.goals:
