@@ -25,6 +25,7 @@ import threading
 import time
 import xmlrpc.client
 from collections import deque
+from collections.abc import Iterable
 from contextlib import suppress
 from importlib import import_module
 from pathlib import Path
@@ -259,14 +260,21 @@ def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
         return (math.nan,) * 7
 
 
-def type_of(connection: Any) -> tuple[str, bool]:
-    """The type that a publisher of commands says it has, and whether it can be understood."""
-    ros_type, md5sum = str(connection.type), connection.md5sum
-    if ros_type not in COMMAND_TYPES:
-        return ros_type, False
-    if md5sum == COMMAND_TYPES[ros_type]:
-        return ros_type, True
-    return f"{ros_type} of another definition, whose MD5 sum is {md5sum}", False
+def commanders_in(connections: Iterable[Any]) -> tuple[int, list[str]]:
+    """Counts the publishers of commands that are understood; names the types of the others.
+
+    Args:
+        connections: Of rospy, with a type and an MD5 sum, or none while a publisher has not said its type yet.
+    """
+    count, wrong = 0, set()
+    for each in connections:
+        if each.type in COMMAND_TYPES and each.md5sum == COMMAND_TYPES[each.type]:
+            count += 1
+        elif each.type in COMMAND_TYPES:
+            wrong.add(f"{each.type} of another definition, whose MD5 sum is {each.md5sum}")
+        elif each.type is not None:
+            wrong.add(str(each.type))
+    return count, sorted(wrong)
 
 
 class Bridge:
@@ -301,18 +309,17 @@ class Bridge:
             names = [str(connection[1]) for connection in publisher.impl.get_stats_info()]
             if any(not _OWN_NODES.fullmatch(name) for name in names):
                 heard.append(topic["name"])
-        types = [type_of(connection) for connection in self._commands.impl.connections]
-        wrong = sorted({ros_type for ros_type, is_understood in types if not is_understood})
+        count, wrong = commanders_in(self._commands.impl.connections)
         return {
             "heard": heard,
-            "commanders": sum(is_understood for _, is_understood in types),
+            "commanders": count,
             "mistyped": {self._command_topic: ", ".join(wrong)} if wrong else {},
         }
 
     def tell_states(self, uri: str) -> None:
         """Tells the simulation again and again which nodes there are."""
         last: dict[str, Any] = {}
-        while True:
+        while not self._rospy.is_shutdown():
             state = self.state()
             if state["commanders"] and not last.get("commanders") and use_sim_time(uri) is False:
                 log("the launch sets /use_sim_time to false: nodes take the machine's time, not the simulation's")

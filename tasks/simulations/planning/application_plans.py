@@ -153,7 +153,7 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
         planned.bridge = None
     has_ros1 = planned.bridge is not None and planned.bridge.suite == 1
     if has_ros1:
-        planned.programs = _with_bridge(planned, run_environment)
+        planned.programs = with_ros1_bridge(planned, run_environment)
     wants_topics = bool((request.get("loggingConfig") or {}).get("recordAllRosTopics"))
     planned.programs = with_ros_companions(planned.programs, planned.ros, run_environment, wants_topics=wants_topics)
     if has_ros1 or any(_is_ros_1(launch) for _, launch in launches.values()):
@@ -165,7 +165,7 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
     return planned
 
 
-def _with_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
+def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
     """A run's programs, and the bridge between its simulation and nodes of ROS 1.
 
     A robot application may speak ROS 1, or say so and connect to the agent socket: no rospy is no reason to fail.

@@ -6,6 +6,7 @@ import socket
 import struct
 from collections.abc import Callable, Iterator
 from contextlib import suppress
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -249,3 +250,22 @@ def test_hostile_frames_end_the_connection_and_not_the_run(
         another.connect(socket_path)
         another.sendall(state(commanders=1))
         wait_for(lambda: wire.peers().commanders == 1, "the next bridge")
+
+
+def test_publishers_are_told_apart_and_one_that_has_said_nothing_is_none() -> None:
+    connections = [
+        SimpleNamespace(type=None, md5sum=None),
+        SimpleNamespace(type="std_msgs/String", md5sum="992ce8a1687cec8c8bd883ec73ca41d1"),
+        SimpleNamespace(type="geometry_msgs/Twist", md5sum="0"),
+        *(SimpleNamespace(type=name, md5sum=md5sum) for name, md5sum in bridge.COMMAND_TYPES.items()),
+    ]
+    assert bridge.commanders_in(connections) == (
+        2,
+        ["geometry_msgs/Twist of another definition, whose MD5 sum is 0", "std_msgs/String"],
+    )
+
+
+@pytest.mark.parametrize("ros_type", list(bridge.COMMAND_TYPES))
+@pytest.mark.parametrize("content", [b"", b"\0" * 47, b"\xff" * 200])
+def test_commands_that_are_cut_off_are_no_numbers(ros_type: str, content: bytes) -> None:
+    assert all(map(math.isnan, bridge.velocity_in(ros_type, content)))
