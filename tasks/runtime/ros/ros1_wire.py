@@ -229,7 +229,7 @@ class _Link:
         self.connection = connection
         self._frames = FrameBuffer({kind: MOST_BYTES[kind] for kind in (COMMAND, STATE)})
         self._begun = memoryview(greeting)
-        """What is left of the frame that is being sent."""
+        """The rest of the frame that is being sent."""
         self._waiting: deque[tuple[Topic, bytes]] = deque()
         self._counts: Counter[str] = Counter()
         self._dropped = dropped
