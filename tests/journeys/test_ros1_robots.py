@@ -19,6 +19,7 @@ from rosbags.highlevel import AnyReader
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -161,3 +162,5 @@ def test_nodes_in_a_container_drive_through_the_bridge_in_it(
     began, *_, last = yaws_rad(outputs)
     assert 0.1 < (last - began) % math.tau < 0.65
     assert "nodes: 1 send /cmd_vel" in (outputs / "logs" / "robot.ros-bridge.stderr.log").read_text()
+    again = verify_run(arn, service)
+    assert (again.answer, again.robot) == ("bit-identical", "recorded actions"), str(again)

@@ -71,6 +71,8 @@ _LOOK_S, _LATER_LOOK_S = 0.02, 0.5
 _HASTE_S = 30.0
 """Afterwards it looks seldom: the program may be one that needs no ROS, and runs for hours."""
 _STATE_S = 0.1
+_LINGER_S = 600.0
+"""Wall-clock time in which a run has finished its outputs."""
 _PATIENCE_S = 5.0
 """For an answer of the master, which is on this machine."""
 _KEPT_COMMANDS = 256
@@ -343,11 +345,11 @@ class Bridge:
 
 
 def main() -> int:
-    """Bridges until the simulation's side is closed, which is a proper end."""
+    """Bridges until the simulation's side is closed."""
     rospy = import_module("rospy")  # before it waits: it takes half a second
-    uri = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311"
+    uri, path = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311", os.environ[SOCKET_VARIABLE]
     try:
-        link, greeting = Meeting(os.environ[SOCKET_VARIABLE], uri).wait()
+        link, greeting = Meeting(path, uri).wait()
         # Its own clock is the machine's: it would be a subscriber of /clock like a robot's nodes.
         rospy.init_node(NODE, argv=[], disable_rostime=True, disable_rosout=True, disable_signals=True)
         bridge = Bridge(link, greeting)
@@ -358,11 +360,23 @@ def main() -> int:
             if frame is not None:
                 bridge.publish(frame[1])
     except Gone as gone:
-        log(f"ends with the simulation: {gone}")
-        rospy.signal_shutdown("the simulation ended")
-        return 0
+        return leave(path, str(gone))
     log("the ROS master, or another node of its name, told it to end")
     return 1
+
+
+def leave(path: str, why: str) -> int:
+    """Leaves the nodes when the simulation's side is closed; returns the exit code.
+
+    After a run that is over it stays, without a node, until the run ends it: a tool that ends is started again, and
+    the result tells how often. A simulation that is still there is to be met again soon.
+    """
+    log(f"leaves the nodes, since the simulation is gone: {why}")
+    import_module("rospy").signal_shutdown("the simulation is gone")
+    if Path(path).exists():
+        return 1
+    time.sleep(_LINGER_S)
+    return 0
 
 
 if __name__ == "__main__":

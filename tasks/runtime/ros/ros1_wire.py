@@ -132,12 +132,13 @@ class Ros1Wire:
 
     def close(self) -> None:
         """Leave; a second call does nothing."""
-        if self._link is not None:
-            self._link.connection.close()
-            self._link = None
+        # The socket's file first: a bridge looks whether it is there when its connection ends.
         if self._listener is not None:
             self._listener.close()
             self._listener = None
+        if self._link is not None:
+            self._link.connection.close()
+            self._link = None
         self._peers = Peers()
 
     def _frame(self, number: int, topic: Topic, message: bytes) -> bytes:

@@ -389,8 +389,8 @@ _NAMES_IN_ROS_1 = {"/goal_pose": "/move_base_simple/goal"}
 
 def _names(options: RosOptions, suite: Suite) -> dict[str, str]:
     """The topics that are published, with the names that nodes know."""
-    usual = _NAMES_IN_ROS_1 if suite == 1 else {}
-    names = {topic: options.topics.get(topic, usual.get(topic, topic)) for topic in TOPICS}
+    others: dict[str, str | None] = {**(_NAMES_IN_ROS_1 if suite == 1 else {}), **options.topics}
+    names = {topic: others.get(topic, topic) for topic in TOPICS}
     if options.localization == "robot":
         names["/map"] = None
     if not options.goals:

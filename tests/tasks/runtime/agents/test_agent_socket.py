@@ -12,7 +12,13 @@ from helpers.stop_flags import StopFlag
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.agents.agent_socket import AgentSocket, agent_socket_path, remove_agent_socket
+from prefect_robomaker.tasks.runtime.agents.agent_socket import (
+    AGENT_SOCKET,
+    ROS1_SOCKET,
+    AgentSocket,
+    agent_socket_path,
+    remove_agent_socket,
+)
 
 MakePlan = Callable[..., RunPlan]
 
@@ -47,8 +53,8 @@ def test_can_be_connected_to_and_is_gone_afterwards(make_plan: MakePlan, tmp_pat
 
 def test_files_of_a_killed_run_do_not_block_the_next(make_plan: MakePlan, tmp_path: Path) -> None:
     plan = make_plan(work_dir=tmp_path)
-    AgentSocket(plan)._socket.close()
-    AgentSocket(plan)._socket.close()
+    for name in (AGENT_SOCKET, ROS1_SOCKET, AGENT_SOCKET, ROS1_SOCKET):
+        AgentSocket(plan, name)._socket.close()
     remove_agent_socket(plan)
     remove_agent_socket(plan)
     assert list(tmp_path.iterdir()) == []
@@ -93,3 +99,17 @@ def test_a_folder_of_somebody_else_is_not_used(make_plan: MakePlan, tmp_path: Pa
             AgentSocket(plan)
     finally:
         folder.unlink()
+
+
+def test_the_end_of_one_socket_leaves_the_other(make_plan: MakePlan, tmp_path: Path) -> None:
+    plan = make_plan(work_dir=tmp_path)
+    agent, ros1 = AgentSocket(plan), AgentSocket(plan, ROS1_SOCKET)
+    agent.close()
+    assert ros1.accept_waiting() is None
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.connect(str(ros1.path))
+        accepted = ros1.accept_waiting()
+        assert accepted is not None
+        accepted.close()
+    ros1.close()
+    assert list(tmp_path.iterdir()) == []

@@ -20,10 +20,10 @@ pytestmark = [pytest.mark.deep, *NEEDS_ROS_1]
 
 
 @pytest.fixture
-def bridged(ros1: Ros1, socket_path: str, wire: Ros1Wire) -> Iterator[None]:
+def bridged(ros1: Ros1, socket_path: str, wire: Ros1Wire) -> Iterator["subprocess.Popen[str]"]:
     """A master and the real bridge, in the environment that they have beside a launch."""
-    with ros1.master(), running_bridge(ros1, socket_path):
-        yield
+    with ros1.master(), running_bridge(ros1, socket_path) as process:
+        yield process
 
 
 @contextmanager
@@ -87,8 +87,9 @@ def driven(wire: Ros1Wire, done: Callable[[list[Command]], object], from_s: floa
     return commands
 
 
-@pytest.mark.usefixtures("bridged")
-def test_a_node_of_rospy_hears_all_topics_in_simulated_time_and_its_commands_come(wire: Ros1Wire, ros1: Ros1) -> None:
+def test_a_node_of_rospy_hears_all_topics_in_simulated_time_and_its_commands_come(
+    wire: Ros1Wire, ros1: Ros1, bridged: "subprocess.Popen[str]"
+) -> None:
     wire.send("/map", grid())  # before there is anybody
     wait_for(lambda: (wire.take(), wire.name)[1] == "ROS 1", "the bridge")
     assert wire.peers() == Peers()
@@ -111,7 +112,9 @@ def test_a_node_of_rospy_hears_all_topics_in_simulated_time_and_its_commands_com
         assert 10.0 <= times_s[0] < 1e6, "a node that took the machine's time would say 2 billion"
     wait_for(lambda: wire.peers() == Peers(), "its end to be seen")
     wire.close()
-    wait_for(lambda: "ends with the simulation" in ros1.said("bridge.log"), "the bridge's end")
+    wait_for(lambda: "leaves the nodes" in ros1.said("bridge.log"), "the bridge's end")
+    wait_for(lambda: "/robomaker_bridge" not in str(ros1.ask("m.getSystemState()")), "its topics to be gone")
+    assert bridged.poll() is None, "a tool that ends is started again, and counted, while outputs are finished"
 
 
 def publisher(ros_type: str, topic: str = "/cmd_vel", rate_hz: float = 20.0, fill: str = "pass") -> str:
