@@ -43,7 +43,9 @@ def plan_in(fake: FakeEngine, service: Service, environ: dict[str, str]) -> Plan
         )
         run_environment = RunEnvironment(run, folder, run_sandbox(folder).create(), (), service, environ=environ)
         launch = {"launchConfig": {"environmentVariables": variables}}
-        return plan_container("robot", application, "sleeper", launch, run_environment, drives=True)[0]
+        return plan_container(
+            "robot", application, "sleeper", launch, run_environment, drives=True, variables={}, bridge=None
+        )[0]
 
     return plan
 
