@@ -12,7 +12,7 @@ from ..service.service import Service
 from ..simulations.inputs.bundles import last_used, remove_unless_used
 from .removal import Amount, on_disk
 
-_CACHES = ("applications", "worlds")
+_CACHES = ("applications", "worlds", "world-packages")
 _LEAST = timedelta(days=14)
 """As long as a job may last, which reads what it began with."""
 

@@ -11,7 +11,7 @@ from ..execution.task_pool import RunStep
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.outputs.output_places import prepare_bucket
-from ..worldforge.exports.export import write_export_zip
+from ..worldforge.exports.export import archive_name, write_export_zip
 from .archive_places import archive_place
 
 
@@ -57,7 +57,7 @@ class _Bundles(Mapping[str, Path]):
     """
 
     def __init__(self, worlds: list[Resource], service: Service, stopped: Callable[[], bool]) -> None:
-        self._worlds = {archive_name(world): world for world in worlds}
+        self._worlds = {archive_name(world.id): world for world in worlds}
         self._service = service
         self._stopped = stopped
 
@@ -72,8 +72,3 @@ class _Bundles(Mapping[str, Path]):
 
     def __len__(self) -> int:
         return len(self._worlds)
-
-
-def archive_name(world: Resource) -> str:
-    """The world's name in archives: its id with underscores, `generation_82856b0yq33y_world_3`."""
-    return world.id.replace("-", "_").replace("/", "_")

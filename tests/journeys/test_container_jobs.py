@@ -166,6 +166,32 @@ def test_a_container_is_what_its_image_and_its_job_say(
     assert_nothing_is_left(engine, service, job["arn"])
 
 
+@pytest.mark.usefixtures("known_worlds")
+def test_a_container_has_the_ros_packages_of_its_world_before_those_of_its_image(
+    service: Service, engine: RealEngine, application: Config, generate: Callable[..., dict[str, Any]]
+) -> None:
+    [world] = generate()["finishedWorldsSummary"]["succeededWorlds"]
+    script = """
+      id -un; echo $AMENT_PREFIX_PATH; echo $ROS_PACKAGE_PATH
+      unset ROS_PACKAGE_PATH; . /opt/robomaker/worldforge/humble/setup.sh; echo $ROS_PACKAGE_PATH
+      cat $ROS_PACKAGE_PATH/aws_robomaker_worldforge_worlds/worlds/*/*.world | head -c 20; echo
+      head -n 1 $ROBOMAKER_MAP_YAML; touch $ROS_PACKAGE_PATH/x
+    """
+    config = application(
+        script, *("USER robo", "ENV AMENT_PREFIX_PATH=/opt/ros/humble"), worldConfigs=[{"world": world}]
+    )
+
+    job = performed(service, order(config))
+
+    assert "Read-only file system" in job["failureReason"]
+    ours = "/opt/robomaker/worldforge/packages"
+    said = outputs(service, job)["logs/simulation.stdout.log"].splitlines()
+    assert said[:4] == ["robo", f"{ours}:/opt/ros/humble", f"{ours}/share", f"{ours}/share"]
+    assert said[4].startswith("<?xml")
+    assert said[5].startswith(("image:", "#"))
+    assert_nothing_is_left(engine, service, job["arn"])
+
+
 def test_a_robot_in_a_container_drives_the_simulation(
     service: Service, engine: RealEngine, application: Config, tmp_path: Path
 ) -> None:

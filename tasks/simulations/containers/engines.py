@@ -118,6 +118,9 @@ class Image:
     volumes: tuple[str, ...]
     ports: tuple[str, ...]
 
+    environment: Mapping[str, str]
+    """Its `ENV`."""
+
 
 def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
     """The variables of this process that an engine needs: how it is reached, where its credentials are."""
@@ -266,6 +269,7 @@ def _inspect(engine: Engine, uri: str) -> Image | None:
         is_built_here=all(name.startswith("localhost/") for name in names),  # as podman calls them
         volumes=tuple(config.get("Volumes") or ()),
         ports=tuple(config.get("ExposedPorts") or ()),
+        environment=dict(each.split("=", 1) for each in config.get("Env") or () if "=" in each),
     )
 
 

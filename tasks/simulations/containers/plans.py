@@ -26,11 +26,13 @@ from ..environment.folders import (
     OUTPUT,
     SHARED_MEMORY,
     WORLD,
+    WORLD_PACKAGES,
     Sandbox,
     make_shared_memory,
 )
 from ..environment.role_access import container_variables
 from ..environment.run_environment import RunEnvironment, container_sandbox, gpu_of, tool_plan
+from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.job_services import DOMAIN_VARIABLE
 from .cleanup import ContainerNote, noted_container
 from .command_lines import (
@@ -81,6 +83,9 @@ def plan_container(
     sandbox = _seeded_sandbox(engine, note, run_environment)
     has_ros1 = bridge is not None and bridge.suite == 1
     bridge_mounts = [Mount(BRIDGE, _BRIDGE, read_only=True)] if has_ros1 else []
+    world, own = run_environment.world_packages(), launch.get("environmentVariables") or {}
+    if world is not None:
+        put_world_into_copies(sandbox.place(HOME), world)
     container = Container(
         engine=engine,
         name=note.name,
@@ -90,7 +95,8 @@ def plan_container(
             DOMAIN_VARIABLE: run_environment.plan.environment[DOMAIN_VARIABLE],
             **container_variables(run_environment.plan.environment),
             **variables,
-            **(launch.get("environmentVariables") or {}),
+            **own,
+            **(world_variables(world, {**image.environment, **own}, in_container=True) if world else {}),
             **_container_variables(run_environment, drives),
         },
         mounts=[*_mounts(sandbox, run_environment, drives), *bridge_mounts],
@@ -202,6 +208,8 @@ def _mounts(sandbox: Sandbox, run_environment: RunEnvironment, drives: bool) -> 
         mounts.append(Mount(access, AWS, read_only=True))
     if run_environment.plan.world_dir is not None:
         mounts.append(Mount(run_environment.plan.world_dir, WORLD, read_only=True))
+    if (packages := run_environment.sandbox.place(WORLD_PACKAGES)).is_dir():
+        mounts.append(Mount(packages, WORLD_PACKAGES, read_only=True))
     if drives:
         # Read-only: it may still connect to the socket.
         mounts.append(Mount(_agent_folder(run_environment), AGENT, read_only=True))

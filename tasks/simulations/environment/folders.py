@@ -17,6 +17,8 @@ TEMPORARY = "/tmp"  # noqa: S108 - the job's own
 DATA_SOURCES = "/opt/robomaker/datasources"
 AWS = "/opt/robomaker/aws"
 """Folder of the files from which SDKs know the object store; see `role_access`."""
+WORLD_PACKAGES = "/opt/robomaker/worldforge"
+"""Folder of the ROS packages of the job's world."""
 OUTPUT, WORLD, AGENT = "/opt/robomaker/output", "/opt/robomaker/world", "/opt/robomaker/agent"
 """Folders that only containers have."""
 
@@ -47,6 +49,16 @@ class Sandbox:
         if not absolute.is_absolute() or ".." in absolute.parts:
             raise ValueError(f"{path!r} has to be an absolute path without '..'")
         return self.root.joinpath(*absolute.parts[1:])
+
+
+@dataclass(frozen=True)
+class WorldPackages:
+    """The ROS packages of a job's world, in the folders of a run."""
+
+    prefix: Path
+    """Folder with their `setup.sh` and `share`, as ROS has it for a workspace that is installed."""
+    name: str
+    """The world's name in them."""
 
 
 def protect(folder: Path) -> None:

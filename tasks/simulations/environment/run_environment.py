@@ -15,7 +15,7 @@ from ....schemas.runs.variables import ENDPOINT_VARIABLE, OF_JOB
 from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ...service.service import Service
-from .folders import TEMPORARY, Sandbox
+from .folders import TEMPORARY, Sandbox, WorldPackages
 
 
 def process_variables(
@@ -98,6 +98,9 @@ class RunEnvironment:
     """Asked while something takes long whether to give up."""
 
     environ: Mapping[str, str] = field(default_factory=lambda: os.environ)
+
+    world_packages: Callable[[], WorldPackages | None] = lambda: None
+    """Places the ROS packages of the job's world when it is first asked for them; `None`: it has no world."""
 
     def which(self, name: str) -> str | None:
         """Finds a program on the path of the job's processes."""

@@ -145,7 +145,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
         fetch(at_once(service.store), bundle.bucket, bundle.prefix, folder)
 
     folder = service.folder("cache", "worlds") / bundle.last_part
-    return patiently(service.store, bundle.bucket, lambda: _once(folder, fill, stopped_of(service.store)))
+    return patiently(service.store, bundle.bucket, lambda: fill_once(folder, fill, stopped_of(service.store)))
 
 
 def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
@@ -179,7 +179,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
             unpack_colcon_bundle(folder)
 
         folder = service.folder("cache", "applications") / found.etag
-        return patiently(service.store, bucket, lambda: _once(folder, fill, stopped_of(service.store)))
+        return patiently(service.store, bucket, lambda: fill_once(folder, fill, stopped_of(service.store)))
     except BundleError as error:
         raise LaunchError(f"s3://{bucket}/{key}: {error}", f"InvalidBundle{role}Application") from error
     except (BucketNotFoundError, ObjectNotFoundError, StorageAccessDeniedError) as error:
@@ -223,7 +223,7 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
     )
 
 
-def _once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
+def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
     """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing.
 
     The folder's time says when it was last used. The lock is not kept while the store is waited for, so that all who

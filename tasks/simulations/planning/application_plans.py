@@ -20,6 +20,7 @@ from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, own_program, package_folders, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
 from ..inputs.bundles import application_bundle
+from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
 from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
 from ..ros.launch_files import node_variables, own_master
@@ -238,9 +239,9 @@ def _plan(
         package=code.module if isinstance(launch, Program) else None,
         environment_variables=launch_config.get("environmentVariables") or {},
     )
-    if code.folder is not None and (isinstance(launch, Program) or config.get("tools")):
+    if isinstance(launch, Program) or config.get("tools"):
         # A factory is imported from the bundle that all jobs share: two roles may have the same one.
-        code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{role}-application"))
+        code = _of_run(code, run_environment)
         launch = resolve_launch(code, launch_config, run_environment.which, sys.executable, has_master=has_master)
     if role == "robot" and isinstance(launch, Program):
         planned.bridge = bridge_plan(launch.ros, suite, launch_config.get("environmentVariables") or {}, domain)
@@ -286,6 +287,16 @@ def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
     return sources[0]
 
 
+def _of_run(code: Code, run_environment: RunEnvironment) -> Code:
+    """An application's code for programs: a copy of the bundle, and the world that the job drives in."""
+    world = run_environment.world_packages()
+    if code.folder is not None:
+        code = replace(code, folder=_own_copy(code.folder, run_environment.folder / f"{code.role}-application"))
+        if world is not None and code.folder is not None:
+            put_world_into_copies(code.folder, world)
+    return replace(code, world_packages=world.prefix) if world is not None else code
+
+
 def _own_copy(bundle: Path, folder: Path) -> Path:
     """A copy of a bundle that its programs may write to: the unpacked one is that of all jobs.
 
@@ -311,9 +322,14 @@ def _programs(
     if inherited := variables.get("PYTHONPATH") or run_environment.environ.get("PYTHONPATH"):
         import_path.append(inherited)
     environment = {**usual, **variables, **({"PYTHONPATH": os.pathsep.join(import_path)} if import_path else {})}
+    world = run_environment.world_packages() if code.world_packages is not None else None
     if isinstance(launch, Program) and launch.launcher is not None:
         packages = package_folders(code.folder) if code.folder else []
+        if world is not None:
+            packages = [world.prefix / "share", *packages]
         environment |= node_variables(packages, launch.launcher, sys.executable, variables, run_environment.environ)
+    if world is not None:
+        environment |= world_variables(world, environment, in_container=False)
     folder = code.folder or run_environment.sandbox.place(HOME)
     programs = []
     if isinstance(launch, Program):

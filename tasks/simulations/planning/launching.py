@@ -42,6 +42,8 @@ class Code:
     """The unpacked bundle; `None`: an installed package."""
     module: str | None = None
     """The installed package; `None`: a bundle."""
+    world_packages: Path | None = None
+    """Prefix of the ROS packages of the job's world, whose setup is sourced after all others."""
 
     @property
     def crash_code(self) -> str:
@@ -199,18 +201,23 @@ def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]
     setups = [launcher.parent.parent / "setup.bash"]
     if code.folder is not None:
         setups += [code.folder / setup for setup in _SETUPS]
-    return _sourced(setups, argv)
+    return _sourced(code, setups, argv)
 
 
 def _with_overlays(code: Code, argv: tuple[str, ...]) -> tuple[str, ...]:
-    return _sourced(setups_of(code.folder), argv)
+    return _sourced(code, setups_of(code.folder), argv)
 
 
-def _sourced(setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
-    """A program in the environment that scripts make, those that are there."""
+def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str, ...]:
+    """A program in the environment that scripts make, those that are there.
+
+    They put their own packages before the job's world, which its variables have first; so its setup follows them.
+    """
     there = [str(setup) for setup in setups if setup.is_file()]
     if not there:
         return argv
+    if code.world_packages is not None:
+        there.append(str(code.world_packages / "setup.bash"))
     return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, *argv)
 
 

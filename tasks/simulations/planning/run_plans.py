@@ -4,8 +4,9 @@ import logging
 import math
 import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
@@ -17,7 +18,7 @@ from ....schemas.worlds.world import World
 from ...catalog import Resource
 from ...runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from ...service.service import Service
-from ..environment.folders import Sandbox
+from ..environment.folders import Sandbox, WorldPackages
 from ..environment.role_access import (
     acting_service,
     role_keys,
@@ -35,6 +36,7 @@ from ..environment.run_environment import (
 )
 from ..inputs.bundles import WORLD_FILE, world_bundle
 from ..inputs.data_sources import fetch_data_sources
+from ..inputs.world_packages import place_world_packages
 from ..ros.job_services import DOMAIN_VARIABLE
 from .application_plans import plan_applications
 from .topic_recording import with_topic_recorder
@@ -44,6 +46,8 @@ EVERY_VARIABLE = "ROBOMAKER_CHECKPOINT_EVERY_S"
 
 _DEFAULT_S = 5.0
 _SHOWN = 200
+
+_Found = TypeVar("_Found")
 
 _logger = logging.getLogger(__name__)
 
@@ -153,7 +157,7 @@ def run_plan(
     output_dir.mkdir()
     limits = compute_limits(request, nice=service.settings.nice)
     sandbox = run_sandbox(folder).create()
-    world_dir = _world_dir(request, service)
+    world_dir = _of_world(request, service, lambda world: world_bundle(world, service))
     sources = document.data_sources or []
     plan = RunPlan(
         job_id=job.id,
@@ -177,7 +181,10 @@ def run_plan(
         trials=Trials.model_validate(document.trials) if document.trials else None,
     )
     destinations = tuple(each.destination for each in sources if each.destination)
-    applications = plan_applications(request, RunEnvironment(plan, folder, sandbox, destinations, acting, stopped))
+    run_environment = RunEnvironment(
+        plan, folder, sandbox, destinations, acting, stopped, world_packages=_world_packages(request, sandbox, service)
+    )
+    applications = plan_applications(request, run_environment)
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
     planned = plan.model_copy(
         update={
@@ -223,12 +230,25 @@ def _live_view_port(request: Mapping[str, Any]) -> int | None:
     return 0 if any(config["launchConfig"].get("streamUI") for _, config in application_configs(request)) else None
 
 
-def _world_dir(request: Mapping[str, Any], service: Service) -> Path | None:
+def _world_packages(
+    request: Mapping[str, Any], sandbox: Sandbox, service: Service
+) -> Callable[[], WorldPackages | None]:
+    """Places the ROS packages of the job's world when they are first asked for: jobs of factories need none."""
+
+    @cache
+    def place() -> WorldPackages | None:
+        return _of_world(request, service, lambda world: place_world_packages(world, sandbox, service))
+
+    return place
+
+
+def _of_world(request: Mapping[str, Any], service: Service, get: Callable[[Resource], _Found]) -> _Found | None:
+    """Gets something of the world that a request names; `None`: it names none."""
     arn = world_arn(request)
     if arn is None:
         return None
     try:
-        return world_bundle(service.catalog.get(arn, kind="world"), service)
+        return get(service.catalog.get(arn, kind="world"))
     except StorageUnavailableError:
         raise
     except (ResourceNotFoundException, StorageError) as error:

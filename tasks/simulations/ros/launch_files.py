@@ -34,6 +34,9 @@ _MARKS: Mapping[Ros, _Marks] = {
     ),
 }
 _DESCRIBES_A_LAUNCH = re.compile(r"^def generate_launch_description\b", re.MULTILINE)
+MANIFEST = "package.xml"
+"""File that tells ROS that its folder is a package, and which."""
+
 _PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
 _MOST_NAMED = 8
 _MOST_BYTES = 1 << 20
@@ -80,7 +83,7 @@ def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
         package: the package's name, as its `package.xml` says.
         file: the launch file's name.
     """
-    folders = [path.parent for path in bundle.rglob("package.xml") if path.is_file() and _name_in(path) == package]
+    folders = [path.parent for path in bundle.rglob(MANIFEST) if path.is_file() and name_in(path) == package]
     found = {path.name: path for folder in folders for path in sorted(folder.rglob("*"))}
     if not folders or Path(file).name in found:
         return None
@@ -89,7 +92,7 @@ def lacks_launch_file(bundle: Path, package: str, file: str) -> str | None:
     return f"the bundle's package {package} has no launch file {file}; it {listed}"
 
 
-def _name_in(manifest: Path) -> str | None:
+def name_in(manifest: Path) -> str | None:
     """The name of a package (REP 127, REP 140), whose manifest is XML of a few lines."""
     name = _PACKAGE_NAME.search(_beginning(manifest).decode(errors="replace"))
     return name[1] if name else None

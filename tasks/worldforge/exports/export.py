@@ -31,7 +31,7 @@ from .ros_packages import SHARED_MODELS, WORLDS, package_files
 from .sdf_models import SharedModels, sdf_world
 from .usd import scene_usd
 
-_TOP = "aws_robomaker_worldforge_pkgs"
+TOP = "aws_robomaker_worldforge_pkgs"
 _WORLD_ID = re.compile(r"[A-Za-z0-9_\-]{1,128}")
 _EARLIEST = (1980, 1, 1, 0, 0, 0)
 """A zip cannot say less; equal worlds make equal archives."""
@@ -69,6 +69,11 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
         temporary.unlink(missing_ok=True)
 
 
+def archive_name(world_id: str) -> str:
+    """A world's name in archives: its id with underscores, `generation_82856b0yq33y_world_3`."""
+    return world_id.replace("-", "_").replace("/", "_")
+
+
 def _files(folder: Path, prefix: str = "") -> list[str]:
     """Paths of a folder's files; symbolic links are refused, as they could name any file of this machine."""
     names = []
@@ -84,7 +89,7 @@ def _files(folder: Path, prefix: str = "") -> list[str]:
 
 
 def _entry(name: str) -> zipfile.ZipInfo:
-    entry = zipfile.ZipInfo(f"{_TOP}/{name}", date_time=_EARLIEST)
+    entry = zipfile.ZipInfo(f"{TOP}/{name}", date_time=_EARLIEST)
     stored = Path(name).suffix.lower() in _COMPRESSED_ALREADY
     entry.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
     entry.external_attr = (stat.S_IFREG | 0o644) << 16

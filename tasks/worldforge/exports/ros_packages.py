@@ -190,7 +190,7 @@ else()
 endif()
 """
 
-_PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
+PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH")
 """Environment variables with which Gazebo classic, Gazebo Sim, Ignition Gazebo and libsdformat find `model://`."""
 
 
@@ -230,12 +230,12 @@ def _package(name: str, folder: str, description: str, depends: str, folders: li
 def _ament_sh(folder: str) -> str:
     return "".join(
         f'ament_prepend_unique_value {variable} "$AMENT_CURRENT_PREFIX/share/@PROJECT_NAME@/{folder}"\n'
-        for variable in _PATH_VARIABLES
+        for variable in PATH_VARIABLES
     )
 
 
 def _ament_dsv(folder: str) -> str:
-    return "".join(f"prepend-non-duplicate;{variable};share/@PROJECT_NAME@/{folder}\n" for variable in _PATH_VARIABLES)
+    return "".join(f"prepend-non-duplicate;{variable};share/@PROJECT_NAME@/{folder}\n" for variable in PATH_VARIABLES)
 
 
 def _catkin_sh(folder: str) -> str:
@@ -247,7 +247,7 @@ def _catkin_sh(folder: str) -> str:
         f'_worldforge_folder="$CATKIN_ENV_HOOK_WORKSPACE/@(CATKIN_PACKAGE_SHARE_DESTINATION)/{folder}"',
         "@[end if]@",
     ]
-    for variable in _PATH_VARIABLES:
+    for variable in PATH_VARIABLES:
         # Sourcing a workspace twice must not name the folder twice.
         lines += [
             f'case ":${variable}:" in',

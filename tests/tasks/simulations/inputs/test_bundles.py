@@ -16,8 +16,8 @@ import pytest
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import (
-    _once,
     application_bundle,
+    fill_once,
     last_used,
     remove_unless_used,
 )
@@ -100,7 +100,7 @@ def test_of_several_at_once_one_fills(tmp_path: Path) -> None:
         time.sleep(0.1)
         folder.mkdir()
 
-    threads = [threading.Thread(target=_once, args=(tmp_path / "cached", fill)) for _ in range(4)]
+    threads = [threading.Thread(target=fill_once, args=(tmp_path / "cached", fill)) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -113,7 +113,7 @@ def test_of_several_at_once_one_fills(tmp_path: Path) -> None:
 KILLED = """
 import sys, time
 from pathlib import Path
-from prefect_robomaker.tasks.simulations.inputs.bundles import _once
+from prefect_robomaker.tasks.simulations.inputs.bundles import fill_once
 
 def fill(folder):
     folder.mkdir()
@@ -122,7 +122,7 @@ def fill(folder):
     print("filling", flush=True)
     time.sleep(60)
 
-_once(Path(sys.argv[1]), fill)
+fill_once(Path(sys.argv[1]), fill)
 """
 
 
@@ -138,7 +138,7 @@ def test_what_a_killed_filler_left_is_removed_by_the_next(tmp_path: Path) -> Non
         folder.mkdir()
         (folder / "whole").touch()
 
-    assert [path.name for path in _once(tmp_path / "cached", fill).iterdir()] == ["whole"]
+    assert [path.name for path in fill_once(tmp_path / "cached", fill).iterdir()] == ["whole"]
     assert left_in(tmp_path) == ["cached"]
 
 

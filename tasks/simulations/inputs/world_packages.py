@@ -1,0 +1,118 @@
+"""The ROS packages of a job's world: where launch files and nodes look for them, before all others of these names."""
+
+import hashlib
+import os
+import shutil
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+from ....schemas.wire.errors import LaunchError
+from ...catalog import Resource
+from ...service.patience import stopped_of
+from ...service.service import Service
+from ...worldforge.exports import ros_prefix
+from ...worldforge.exports.export import archive_name
+from ...worldforge.exports.ros_prefix import CONTENTS, SETUP_VARIABLE, first_on_paths, world_map, write_ros_prefix
+from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, package_folders, remove
+from ..ros.launch_files import MANIFEST, name_in
+from .bundles import fill_once, world_bundle
+
+WORLD_VARIABLE = "AWS_ROBOMAKER_WORLDFORGE_WORLD_PACKAGE_OVERRIDE"
+"""Names the folder with the packages; launch files of RoboMaker's packages ask only whether it is set."""
+MAP_VARIABLE = "ROBOMAKER_MAP_YAML"
+"""Names the map for Nav2 of the job's world."""
+
+_PREFIX = "packages"
+_DISTRIBUTIONS = (
+    *("kinetic", "melodic", "noetic"),
+    *("dashing", "eloquent", "foxy", "galactic", "humble", "iron", "jazzy", "kilted", "lyrical", "rolling"),
+)
+"""RoboMaker's hooks look for `$ROS_DISTRO/setup.sh`; the packages are the same for all of them."""
+_DIGITS = 12
+
+
+def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) -> WorldPackages:
+    """Puts the packages of a world into a run's folders, read-only; they are made once for a world on this machine.
+
+    Args:
+        world: the job's world.
+        sandbox: the run's folders.
+        service: where the world is stored.
+
+    Raises:
+        LaunchError: they cannot be made.
+        StorageError: the world's bundle cannot be fetched.
+    """
+    name = archive_name(world.id)
+    bundle = world_bundle(world, service)
+    made_by = hashlib.sha256(f"{name}\n{_code()}".encode()).hexdigest()[:_DIGITS]
+    cached = service.folder("cache", "world-packages") / f"{bundle.name}-{made_by}"
+    folder = sandbox.place(WORLD_PACKAGES)
+    try:
+        fill_once(cached, lambda part: write_ros_prefix(name, bundle, part), stopped_of(service.store))
+        _copy(cached, folder / _PREFIX, writable=False)
+        for distribution in _DISTRIBUTIONS:
+            (folder / distribution).symlink_to(_PREFIX)
+    except (OSError, ValueError) as error:
+        raise LaunchError(f"the ROS packages of {world.arn} cannot be made: {error}", "InternalServiceError") from error
+    return WorldPackages(folder / _PREFIX, name)
+
+
+def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in_container: bool) -> dict[str, str]:
+    """Variables with which programs find the packages of their job's world before others.
+
+    Args:
+        packages: where they are.
+        variables: those that the programs have otherwise.
+        in_container: whether the programs find the folders of the job at the root.
+    """
+    prefix = f"{WORLD_PACKAGES}/{_PREFIX}" if in_container else str(packages.prefix)
+    return {
+        SETUP_VARIABLE: prefix,
+        WORLD_VARIABLE: f"{prefix}/share",
+        MAP_VARIABLE: str(world_map(Path(prefix), packages.name)),
+        **{name: _joined(places, variables.get(name)) for name, places in first_on_paths(prefix).items()},
+    }
+
+
+def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
+    """Puts the job's world into exports of other worlds that a run's copy of a workspace has.
+
+    A program that sources the setup of its own workspace has that workspace's packages first, whatever its variables
+    said before.
+
+    Args:
+        folder: the run's own copy.
+        packages: where the packages of the job's world are.
+    """
+    for start in package_folders(folder):
+        for parent, _, files in os.walk(start):
+            manifest = Path(parent, MANIFEST)
+            if MANIFEST not in files or manifest.is_symlink() or (name := name_in(manifest)) not in CONTENTS:
+                continue
+            for inside in CONTENTS[name]:
+                place = manifest.with_name(inside)
+                remove(place)
+                _copy(packages.prefix / "share" / name / inside, place, writable=True)
+
+
+def _joined(places: list[str], others: str | None) -> str:
+    further = [each for each in (others or "").split(os.pathsep) if each and each not in places]
+    return os.pathsep.join([*places, *further])
+
+
+def _copy(source: Path, target: Path, *, writable: bool) -> None:
+    """A copy that all users may read, such as those of containers."""
+    shutil.copytree(source, target)
+    for path in [*target.rglob("*"), target]:
+        path.chmod((0o755 if path.is_dir() else 0o644) if writable else (0o555 if path.is_dir() else 0o444))
+
+
+@cache
+def _code() -> str:
+    """Tells what writes packages: another one may write them differently."""
+    modules = sorted(Path(ros_prefix.__file__).parent.glob("*.py"))
+    digest = hashlib.sha256(b"".join(module.read_bytes() for module in modules)).hexdigest()
+    return f"{metadata.version('prefect-robomaker')} {digest}"
