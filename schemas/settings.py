@@ -26,6 +26,7 @@
 | `ROBOMAKER_CONTAINER_ENGINE` | program that runs container images | `docker` or `podman`, whichever answers |
 | `ROBOMAKER_ACCESS_KEYS_FILE` | access keys that clients of `robomaker serve` sign with | none: no signatures |
 | `ROBOMAKER_JOBS_CREATE_JOBS` | `1`: a job may create jobs with its own role and applications | `0` |
+| `ROBOMAKER_JOBS_CALL_AWS` | `1`: SDKs in jobs without keys of their own call AWS, too | `0`: they are refused here |
 | `ROBOMAKER_TRUSTED_PROXIES` | addresses of proxies before `robomaker serve`, with commas between | none |
 | `ROBOMAKER_ROLES_FILE` | what the roles that `iamRole` names stand for | none: all jobs have the worker's rights |
 | `ROBOMAKER_MAX_LATE_HOURS` | a scheduled run that begins later than this after its time is skipped | 6 |
@@ -155,6 +156,10 @@ class Settings(Model):
     jobs_create_jobs: bool = Field(
         default=False,
         description="Whether a simulation job's code may create jobs, with the role and the applications of its own.",
+    )
+    jobs_call_aws: bool = Field(
+        default=False,
+        description="Whether SDKs in jobs without keys of their own call services of AWS that are not served here.",
     )
     access_keys_file: Path | None = optional(
         "File of the access keys that clients of the endpoint have to sign with; None: no signatures."

@@ -29,6 +29,7 @@ from .health import PATH as METRICS
 from .health import HealthPages, Metrics
 from .messages import AccessDeniedException, ServiceRequest
 from .origins import check_origin
+from .other_services import refused
 from .wire import MAX_BODY_BYTES, Route, Router, WireResponse, request_members
 
 LOGGER = logging.getLogger("robomaker.access")
@@ -214,6 +215,8 @@ class Endpoint:
         return answer
 
     def _answered(self, request: ServiceRequest, current: Span) -> Response:
+        if (refusal := refused(request)) is not None:
+            return refusal
         operation: OperationShape | None = None
         call = Call(request.id, request.client.host if request.client else None)
         try:

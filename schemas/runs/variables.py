@@ -20,6 +20,12 @@ ENDPOINT_VARIABLE = "AWS_ENDPOINT_URL_ROBOMAKER"
 OF_JOB = "/of-job/"
 """Paths of the endpoint that begin so are a job's own: its id and its key follow, and then the path of an operation."""
 
+REFUSED = "/aws"
+"""Path of the endpoint below which services of AWS that are not served here are refused."""
+
+CALL_AWS = "ROBOMAKER_JOBS_CALL_AWS"
+"""Setting that lets jobs call these services."""
+
 SECRETS_VARIABLE = "ROBOMAKER_SECRETS"
 """A launch variable: the names of other variables that are secrets, with commas between them."""
 

@@ -57,6 +57,39 @@ def usd_environment(config: pytest.Config) -> Path:
     return _python_with(config, "usd", ("usd-core==26.11",))
 
 
+def old_botocore(config: pytest.Config, version: str) -> Path:
+    """Folder of programs of an environment with a release of botocore; skips the test where it cannot be had."""
+    return _python_with(config, f"botocore-{version}", (f"botocore=={version}",))
+
+
+AWS_CLI_OF_DEBIAN_12 = "2.9.19"
+_ITS_PACKAGES = (
+    *("awscli", "python3-awscrt", "python3-botocore", "python3-colorama", "python3-cryptography", "python3-dateutil"),
+    *("python3-distro", "python3-docutils", "python3-jmespath", "python3-prompt-toolkit", "python3-ruamel.yaml"),
+    *("python3-urllib3", "python3-wcwidth"),
+)
+
+
+def debian_aws_cli(config: pytest.Config) -> list[str]:
+    """The command of Debian 12's AWS CLI, unpacked beside the system; skips the test on other systems."""
+    release = Path("/etc/os-release")
+    if not (shutil.which("apt-get") and release.is_file() and "bookworm" in release.read_text()):
+        pytest.skip("this is no Debian 12: its AWS CLI cannot be had")
+
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        command = ["apt-get", "download", "-q", *_ITS_PACKAGES]
+        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=240, check=False)
+        if done.returncode != 0:
+            pytest.skip(f"Debian's AWS CLI cannot be downloaded: {done.stderr.strip()[-300:]}")
+        for package in folder.glob("*.deb"):
+            subprocess.run(["dpkg", "-x", str(package), str(folder / "root")], check=True)
+
+    root = _kept(config, "debian-aws-cli", [AWS_CLI_OF_DEBIAN_12, *_ITS_PACKAGES], make) / "root"
+    path = f"PYTHONPATH={root}/usr/lib/python3/dist-packages"
+    return ["env", path, "/usr/bin/python3", f"{root}/usr/bin/aws"]
+
+
 def _python_with(config: pytest.Config, name: str, requirements: tuple[str, ...], built: str | None = None) -> Path:
     def make(folder: Path) -> None:
         venv.create(folder, symlinks=True, with_pip=False)

@@ -17,6 +17,7 @@ from ...runtime.agents.agent_client import SOCKET_VARIABLE
 from ...runtime.agents.agent_socket import ROS1_SOCKET, agent_socket_path
 from ...runtime.ros.ros1_bridge import BRIDGE
 from ...runtime.ros.ros1_bridge import SOCKET_VARIABLE as ROS1_SOCKET_VARIABLE
+from ..environment.aws_endpoints import brings_keys, without_refusal
 from ..environment.folders import (
     AGENT,
     AWS,
@@ -83,7 +84,8 @@ def plan_container(
     sandbox = _seeded_sandbox(engine, note, run_environment)
     has_ros1 = bridge is not None and bridge.suite == 1
     bridge_mounts = [Mount(BRIDGE, _BRIDGE, read_only=True)] if has_ros1 else []
-    world, own = run_environment.world_packages(), launch.get("environmentVariables") or {}
+    usual, own = run_environment.plan.environment, launch.get("environmentVariables") or {}
+    world = run_environment.world_packages()
     if world is not None:
         put_world_into_copies(sandbox.place(HOME), world)
     container = Container(
@@ -93,7 +95,7 @@ def plan_container(
         command=launch.get("command") or [launch[key] for key in ("packageName", "launchFile") if launch.get(key)],
         environment={
             DOMAIN_VARIABLE: run_environment.plan.environment[DOMAIN_VARIABLE],
-            **container_variables(run_environment.plan.environment),
+            **container_variables(without_refusal(usual) if brings_keys(own) else usual),
             **variables,
             **own,
             **(world_variables(world, {**image.environment, **own}, in_container=True) if world else {}),

@@ -2,7 +2,6 @@
 
 import json
 import logging
-import os
 import threading
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -15,10 +14,11 @@ from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError, RobomakerError, StorageAccessDeniedError
 from ...service.service import Service
 from ...storage.roles import Keys
+from .aws_endpoints import DATA_VARIABLE, container_data_path, endpoint_variables, store_server
 from .folders import AWS, Sandbox
 from .run_environment import run_sandbox
 
-_CONFIG, _CONTAINER_CONFIG, _KEYS, _MODELS, _S3CFG = "config", "container.config", "keys.json", "models", "s3cfg"
+_CONFIG, _CONTAINER_CONFIG, _KEYS, _S3CFG = "config", "container.config", "keys.json", "s3cfg"
 _PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
 
 
@@ -41,7 +41,7 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
 
 
 def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
-    """Variables that lead SDKs to the object store; none where objects are files.
+    """Variables that name files of settings for the object store; none where objects are files.
 
     Args:
         request: the job's.
@@ -51,42 +51,54 @@ def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Servi
     Raises:
         LaunchError: the role has no credentials.
     """
-    endpoint, keys = _endpoint(service.settings), role_keys(request, service)
+    endpoint, keys = store_server(service.settings), role_keys(request, service)
     if endpoint is None and keys is None:
         return {}
     folder = sandbox.place(AWS)
     variables = {"AWS_CONFIG_FILE": str(folder / _CONFIG)}
     if endpoint is not None:
-        variables |= {
-            "AWS_ENDPOINT_URL_S3": endpoint,
-            "AWS_DATA_PATH": str(folder / _MODELS),
-            "S3CMD_CONFIG": str(folder / _S3CFG),
-        }
+        variables["S3CMD_CONFIG"] = str(folder / _S3CFG)
     return variables
 
 
-def with_store_variables(variables: Mapping[str, str], store: Mapping[str, str], *, has_keys: bool) -> dict[str, str]:
-    """The variables of a run with those that lead to the object store.
+def access_variables(
+    variables: Mapping[str, str],
+    request: Mapping[str, Any],
+    sandbox: Sandbox,
+    service: Service,
+    environ: Mapping[str, str],
+) -> dict[str, str]:
+    """The variables of a run with those by which SDKs find what is served here, and act as the role.
 
-    Placeholder keys, which clients of the service are given, go: SDKs would take them for those of the store.
+    The files that they name are written. Placeholder keys, which clients of the service are given, go where the role
+    has credentials: SDKs would take them for those of the store.
 
     Args:
         variables: of the run.
-        store: what `store_variables` said.
-        has_keys: whether the role has credentials.
+        request: the job's.
+        sandbox: the run's folders.
+        service: where the job is stored.
+        environ: variables of this process.
+
+    Raises:
+        LaunchError: the role has no credentials.
+        StorageUnavailableError: the server does not answer.
     """
-    models = [each["AWS_DATA_PATH"] for each in (store, variables) if "AWS_DATA_PATH" in each]
-    joined = {"AWS_DATA_PATH": os.pathsep.join(models)} if models else {}
+    keys, store = role_keys(request, service), store_variables(request, sandbox, service)
+    if store:
+        write_store_files(sandbox, service.settings, keys)
+    has_keys = keys is not None
+    endpoints = endpoint_variables(variables, role_of(request), sandbox, service, environ, has_role_keys=has_keys)
     kept = {name: value for name, value in variables.items() if not (has_keys and name in _PLACEHOLDERS)}
-    return {**kept, **store, **joined}
+    return {**kept, **store, **endpoints}
 
 
 def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """The same variables as a container has them, which finds the files elsewhere; models stay on this machine."""
+    """The same variables as a container has them, which finds the files elsewhere."""
     places = {"AWS_CONFIG_FILE": _CONTAINER_CONFIG, "S3CMD_CONFIG": _S3CFG}
-    found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != "AWS_DATA_PATH"}
+    found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != DATA_VARIABLE}
     found |= {name: f"{AWS}/{file}" for name, file in places.items() if name in variables}
-    return found | ({"AWS_DATA_PATH": f"{AWS}/{_MODELS}"} if "AWS_ENDPOINT_URL_S3" in variables else {})
+    return found | container_data_path(variables)
 
 
 def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
@@ -110,7 +122,7 @@ def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -
 
     Any user of a container may read them; other users of this machine do not come so far.
     """
-    folder, endpoint = sandbox.place(AWS), _endpoint(settings)
+    folder, endpoint = sandbox.place(AWS), store_server(settings)
     folder.mkdir(parents=True, exist_ok=True)
     folder.parent.chmod(0o700)
     if keys is not None:
@@ -119,12 +131,6 @@ def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -
         _write(folder / name, _config(settings, seen_at, keys, path_style=endpoint is not None))
     if endpoint is not None:
         _write(folder / _S3CFG, _s3cfg(endpoint, settings.region, keys))
-        _write(folder / _MODELS / "endpoints.json", json.dumps(_endpoints(endpoint, settings.region), indent=1))
-
-
-def _endpoint(settings: Settings) -> str | None:
-    """The S3 server that is not AWS, if it has the objects."""
-    return settings.object_store.rstrip("/") if "://" in settings.object_store else None
 
 
 def _config(settings: Settings, folder: PurePath, keys: Keys | None, *, path_style: bool) -> str:
@@ -159,35 +165,6 @@ def _s3cfg(endpoint: str, region: str, keys: Keys | None) -> str:
         lines += [f"access_key = {keys.access_key_id}", f"secret_key = {keys.secret_access_key}"]
         lines += [f"access_token = {keys.session_token}"] if keys.session_token else []
     return "\n".join([*lines, ""])
-
-
-def _endpoints(endpoint: str, region: str) -> dict[str, Any]:
-    """A list of endpoints in which S3 is this server, in the form of botocore's own, whose place it takes."""
-    parts = urlsplit(endpoint)
-    server = {"hostname": parts.netloc, "protocols": [parts.scheme], "signatureVersions": ["s3v4"]}
-    signed_there = {**server, "credentialScope": {"region": region}}
-    regions = {name: {"description": name} for name in dict.fromkeys((region, "us-east-1"))}
-    partition = {
-        "partition": "aws",
-        "partitionName": "this service's object store",
-        "dnsSuffix": "amazonaws.com",
-        "regionRegex": r"^[a-z0-9-]+$",
-        "defaults": {
-            "hostname": "{service}.{region}.{dnsSuffix}",
-            "protocols": ["https"],
-            "signatureVersions": ["v4"],
-        },
-        "regions": regions,
-        "services": {
-            "s3": {
-                "defaults": server,
-                "endpoints": {**dict.fromkeys(regions, server), "aws-global": signed_there},
-                "isRegionalized": True,
-                "partitionEndpoint": "aws-global",  # where SDKs look for S3 in us-east-1
-            }
-        },
-    }
-    return {"version": 3, "partitions": [partition]}
 
 
 def _write(path: Path, text: str) -> None:

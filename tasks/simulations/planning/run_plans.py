@@ -18,14 +18,9 @@ from ....schemas.worlds.world import World
 from ...catalog import Resource
 from ...runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from ...service.service import Service
+from ..environment.aws_endpoints import brings_keys, without_refusal
 from ..environment.folders import Sandbox, WorldPackages
-from ..environment.role_access import (
-    acting_service,
-    role_keys,
-    store_variables,
-    with_store_variables,
-    write_store_files,
-)
+from ..environment.role_access import access_variables, acting_service
 from ..environment.run_environment import (
     RunEnvironment,
     application_configs,
@@ -186,8 +181,10 @@ def run_plan(
     )
     applications = plan_applications(request, run_environment)
     disk_bytes = disk_limit(folder, service.settings.max_job_disk_gb * 10**9)
+    with_keys = any(brings_keys(each.environment_variables) for each in applications.plans.values())
     planned = plan.model_copy(
         update={
+            "environment": without_refusal(plan.environment) if with_keys else plan.environment,
             "compute": limits.model_copy(update={"disk_bytes": disk_bytes}),
             "checkpoint_every_s": checkpoint_every_s(applications.plans.get("simulation")),
             "simulation_application": applications.plans.get("simulation"),
@@ -207,12 +204,7 @@ def _variables(document: SimulationJobDocument, sandbox: Sandbox, service: Servi
     """The variables of all processes of the run; files that some of them name are written."""
     request, caller = document.request, f"{job_id}/{document.call_key}" if document.call_key else ""
     usual = process_variables(sandbox, service.settings, os.environ, caller)
-    store = store_variables(request, sandbox, service)
-    if not store:
-        return usual
-    keys = role_keys(request, service)
-    write_store_files(sandbox, service.settings, keys)
-    return with_store_variables(usual, store, has_keys=keys is not None)
+    return access_variables(usual, request, sandbox, service, os.environ)
 
 
 def _check_trials(plan: RunPlan) -> None:

@@ -11,11 +11,7 @@ from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.environment.role_access import (
-    fresh_keys,
-    store_variables,
-    with_store_variables,
-)
+from prefect_robomaker.tasks.simulations.environment.role_access import access_variables, fresh_keys
 from prefect_robomaker.tasks.simulations.environment.run_environment import run_sandbox
 
 REQUEST = {"iamRole": "arn:aws:iam::000000000000:role/JobA"}
@@ -45,6 +41,6 @@ def test_who_starts_late_has_credentials_that_are_good(
         wait_for(lambda: any(path.read_bytes() != before for path, before in files.items()), "new credentials")
 
         usual = {"AWS_DEFAULT_REGION": "us-east-1"}
-        environment = with_store_variables(usual, store_variables(REQUEST, sandbox, service), has_keys=True)
+        environment = access_variables(usual, REQUEST, sandbox, service, {})
         monkeypatch.setattr("os.environ", environment)
         boto3.Session().client("s3").upload_file(__file__, "role-a", "a/file")

@@ -14,12 +14,12 @@ from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.tasks.service.service import Service
+from prefect_robomaker.tasks.simulations.environment.aws_endpoints import brings_keys, without_refusal
 from prefect_robomaker.tasks.simulations.environment.folders import AWS, Sandbox
 from prefect_robomaker.tasks.simulations.environment.role_access import (
+    access_variables,
     container_variables,
     role_keys,
-    store_variables,
-    with_store_variables,
     write_store_files,
 )
 
@@ -39,10 +39,8 @@ def open_service(home: Path, environ: dict[str, str], *roles: str) -> Service:
 
 def environment_of(service: Service, request: dict[str, str], sandbox: Sandbox) -> dict[str, str]:
     """The variables of a program of a job, with the files that they name."""
-    keys = role_keys(request, service)
-    write_store_files(sandbox, service.settings, keys)
     usual = {"PATH": os.environ["PATH"], "HOME": str(sandbox.root), "AWS_DEFAULT_REGION": "us-east-1"}
-    return with_store_variables(usual, store_variables(request, sandbox, service), has_keys=keys is not None)
+    return access_variables(usual, request, sandbox, service, {})
 
 
 @pytest.fixture
@@ -65,6 +63,7 @@ def test_credentials_of_an_assumed_role_are_read_again_by_programs(
     keys = role_keys({"iamRole": JOB_A}, service)
     assert keys is not None
     assert not any(keys.secret_access_key in value for value in environment.values())
+    assert environment["AWS_ENDPOINT_URL_STS"] == role_server.endpoint, "whose STS has assumed the role"
     write_store_files(sandbox, service.settings, replace(keys, secret_access_key="another"))
     refused = subprocess.run([sys.executable, "-c", program], env=environment, check=False, capture_output=True)
     assert b"SignatureDoesNotMatch" in refused.stderr, "the files say at each start what is true then"
@@ -108,26 +107,47 @@ def test_without_roles_programs_are_led_to_the_server_without_keys(
 def test_with_objects_in_a_folder_nothing_leads_anywhere(tmp_path: Path, sandbox: Sandbox) -> None:
     service = open_service(tmp_path / "home", {}, f'arn = "{ARN}"\nread = ["maps/*"]\n')
 
-    assert store_variables(REQUEST, sandbox, service) == {}
+    assert access_variables({"A": "1"}, REQUEST, sandbox, service, {}) == {"A": "1"}
 
 
-def test_placeholder_keys_go_where_the_role_has_some_and_models_stay() -> None:
+def test_placeholder_keys_go_where_the_role_has_some_and_models_stay(
+    tmp_path: Path, s3_server: S3Server, sandbox: Sandbox
+) -> None:
     usual = {"AWS_ACCESS_KEY_ID": "local", "AWS_SECRET_ACCESS_KEY": "local", "AWS_DATA_PATH": "/models", "A": "1"}
-    store = {"AWS_CONFIG_FILE": "/aws/config", "AWS_DATA_PATH": "/aws/models"}
+    keys = user(s3_server, writes=["any-bucket/*"])
+    with_role = open_service(tmp_path / "home", s3_server.environ(), role_with_keys(ARN, keys))
+    without = open_service(tmp_path / "another", s3_server.environ())
 
-    assert with_store_variables(usual, store, has_keys=True) == {
-        "A": "1",
-        "AWS_CONFIG_FILE": "/aws/config",
-        "AWS_DATA_PATH": "/aws/models:/models",
-    }
-    assert with_store_variables(usual, store, has_keys=False)["AWS_ACCESS_KEY_ID"] == "local"
+    found = access_variables(usual, REQUEST, sandbox, with_role, {})
+
+    assert not found.keys() & {"AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"}
+    assert found["AWS_DATA_PATH"] == f"{sandbox.place(AWS)}/no-aws:{sandbox.place(AWS)}/models:/models"
+    assert access_variables(usual, REQUEST, sandbox, without, {})["AWS_ACCESS_KEY_ID"] == "local"
+
+
+def test_a_program_with_keys_of_its_own_may_call_aws(sandbox: Sandbox, tmp_path: Path) -> None:
+    service = open_service(tmp_path / "home", {})
+    url = "http://127.0.0.1:8057/of-job/sim-1/key"
+    usual = {"AWS_ACCESS_KEY_ID": "local", "AWS_ENDPOINT_URL_ROBOMAKER": url, "AWS_DATA_PATH": "/models"}
+
+    found = access_variables(usual, REQUEST, sandbox, service, {"AWS_ENDPOINT_URL_ROBOMAKER": "http://127.0.0.1:8057"})
+    let_through = without_refusal(found)
+
+    assert found["AWS_ENDPOINT_URL"] == "http://127.0.0.1:8057/aws"
+    assert "AWS_ENDPOINT_URL" not in let_through
+    assert let_through["AWS_DATA_PATH"] == f"{sandbox.place(AWS)}/models:/models"
+    assert let_through["AWS_ENDPOINT_URL_ROBOMAKER"] == url
+    assert brings_keys({"AWS_PROFILE": "mine"})
+    assert not brings_keys({"AWS_REGION": "eu-west-1", "AWS_ACCESS_KEY_ID": ""})
+    allowing = replace(service, settings=service.settings.model_copy(update={"jobs_call_aws": True}))
+    assert "AWS_ENDPOINT_URL" not in access_variables(usual, REQUEST, sandbox, allowing, {})
 
 
 def test_containers_find_the_files_where_they_are_mounted() -> None:
     variables = {
         "AWS_CONFIG_FILE": "/here/config",
         "S3CMD_CONFIG": "/here/s3cfg",
-        "AWS_DATA_PATH": "/here/models",
+        "AWS_DATA_PATH": f"/here{AWS}/no-aws:/here{AWS}/models:/of/the/job/worker",
         "AWS_ENDPOINT_URL_S3": "http://127.0.0.1:9000",
         "TMPDIR": "/here/tmp",
     }
@@ -135,6 +155,6 @@ def test_containers_find_the_files_where_they_are_mounted() -> None:
     assert container_variables(variables) == {
         "AWS_CONFIG_FILE": f"{AWS}/container.config",
         "S3CMD_CONFIG": f"{AWS}/s3cfg",
-        "AWS_DATA_PATH": f"{AWS}/models",
+        "AWS_DATA_PATH": f"{AWS}/no-aws:{AWS}/models",
         "AWS_ENDPOINT_URL_S3": "http://127.0.0.1:9000",
     }

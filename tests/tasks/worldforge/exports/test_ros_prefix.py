@@ -42,7 +42,9 @@ def test_the_setup_puts_the_world_first_once(prefix: Path, by: str) -> None:
 
     found = sourced(prefix, f". {prefix}/setup.sh; . {prefix}/setup.sh", **{by: str(prefix)}, **before)
 
-    models = [f"{share}/{package}/{folder}" for package, folder in zip(reversed(PACKAGES), ("models", "worlds"), strict=True)]
+    models = [
+        f"{share}/{package}/{folder}" for package, folder in zip(reversed(PACKAGES), ("models", "worlds"), strict=True)
+    ]
     assert [found[name] for name in ASKED] == [f"{share}:/mine:/ros", f"{prefix}:/opt/ros/jazzy", ":".join(models)]
     assert not [name for name in found if name.startswith("_worldforge")]
 

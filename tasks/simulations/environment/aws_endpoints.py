@@ -1,0 +1,174 @@
+"""Addresses of AWS services as SDKs in jobs have them: those that are served here, and a refusal of all others.
+
+SDKs since 2023 read variables. Those before read a list of endpoints in a folder of `AWS_DATA_PATH`, in which a path
+may follow a hostname.
+"""
+
+import json
+import os
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+from ....schemas.roles import find_role
+from ....schemas.runs.variables import CALL_AWS, ENDPOINT_VARIABLE, REFUSED
+from ....schemas.settings import Settings
+from ...service.service import Service
+from .folders import AWS, Sandbox
+
+ALL_VARIABLE = "AWS_ENDPOINT_URL"
+"""Where SDKs look for services that no other variable names."""
+DATA_VARIABLE = "AWS_DATA_PATH"
+MODELS, NO_AWS = "models", "no-aws"
+"""Folders with lists of endpoints: with AWS's own for what is not served here, and with none of AWS."""
+
+_NAMES = {"robomaker": ENDPOINT_VARIABLE, "s3": "AWS_ENDPOINT_URL_S3", "sts": "AWS_ENDPOINT_URL_STS"}
+_MODEL = Path("robomaker")
+# Port 1 belongs to a protocol that no system has had for decades: connections are refused at once.
+_NOBODY = f"http://127.0.0.1:1/jobs-call-no-AWS-unless-{CALL_AWS}-is-1"
+# Services of AWS that have one address for all regions.
+_GLOBAL = {
+    "budgets": "budgets.amazonaws.com",
+    "ce": "ce.us-east-1.amazonaws.com",
+    "cloudfront": "cloudfront.amazonaws.com",
+    "iam": "iam.amazonaws.com",
+    "organizations": "organizations.us-east-1.amazonaws.com",
+    "route53": "route53.amazonaws.com",
+    "waf": "waf.amazonaws.com",
+}
+_OWN_KEYS = (
+    *("AWS_ACCESS_KEY_ID", "AWS_PROFILE", "AWS_CONFIG_FILE", "AWS_SHARED_CREDENTIALS_FILE"),
+    *("AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_FULL_URI", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI"),
+)
+
+
+def store_server(settings: Settings) -> str | None:
+    """The S3 server that is not AWS, if it has the objects."""
+    return settings.object_store.rstrip("/") if "://" in settings.object_store else None
+
+
+def brings_keys(variables: Mapping[str, str]) -> bool:
+    """Whether variables of a launch configuration give its programs credentials of their own."""
+    return any(variables.get(name) for name in _OWN_KEYS)
+
+
+def endpoint_variables(
+    variables: Mapping[str, str],
+    role: str | None,
+    sandbox: Sandbox,
+    service: Service,
+    environ: Mapping[str, str],
+    *,
+    has_role_keys: bool,
+) -> dict[str, str]:
+    """Variables by which SDKs find what is served here, and nothing of AWS with keys that are good here only.
+
+    The files that they name are written.
+
+    Args:
+        variables: of the run so far.
+        role: that its request names.
+        sandbox: the run's folders.
+        service: where the job is stored.
+        environ: variables of this process.
+        has_role_keys: whether the role has credentials.
+    """
+    store = store_server(service.settings)
+    served = {"robomaker": variables.get(ENDPOINT_VARIABLE), "s3": store}
+    if store and has_role_keys and service.roles is not None and role is not None:
+        meant = find_role(service.roles.roles, role)
+        served["sts"] = store if meant is not None and meant.assume_role else None
+    found = {name: url for name, url in served.items() if url}
+    # Keys of a role are the S3 server's, or AWS's; others are the placeholders that clients of the service are given.
+    has_keys_of_ours = store is not None if has_role_keys else "AWS_ACCESS_KEY_ID" in variables
+    refuses = has_keys_of_ours and not service.settings.jobs_call_aws
+    if not found and not refuses:
+        return {}
+    folder, region = sandbox.place(AWS), service.settings.region
+    _write_list(folder / MODELS, found, region, None)
+    _copy_model(variables, folder / MODELS)
+    paths = [str(folder / MODELS), *filter(None, [variables.get(DATA_VARIABLE)])]
+    made = {_NAMES[name]: url for name, url in found.items()}
+    if refuses:
+        endpoint = environ.get(ENDPOINT_VARIABLE)
+        made[ALL_VARIABLE] = f"{endpoint.rstrip('/')}{REFUSED}" if endpoint else _NOBODY
+        _write_list(folder / NO_AWS, found, region, made[ALL_VARIABLE])
+        paths.insert(0, str(folder / NO_AWS))
+    # Else SDKs before 2024 have an address of STS that is on no list.
+    return {**made, DATA_VARIABLE: os.pathsep.join(paths), "AWS_STS_REGIONAL_ENDPOINTS": "regional"}
+
+
+def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
+    """The same variables for programs that bring keys of their own: services that are not served here are AWS's."""
+    kept = {name: value for name, value in variables.items() if name != ALL_VARIABLE}
+    if ALL_VARIABLE in variables and (paths := variables.get(DATA_VARIABLE)):
+        kept[DATA_VARIABLE] = os.pathsep.join(
+            path for path in paths.split(os.pathsep) if not path.endswith(f"{AWS}/{NO_AWS}")
+        )
+    return kept
+
+
+def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
+    """Where SDKs in a container find the lists and the service's model, if the run has them."""
+    paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
+    found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
+    return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}
+
+
+def _copy_model(variables: Mapping[str, str], folder: Path) -> None:
+    """Puts the service's model beside the lists: the job worker's folders are not there for containers."""
+    for place in variables.get(DATA_VARIABLE, "").split(os.pathsep):
+        if place and (model := place / _MODEL).is_dir():
+            shutil.copytree(model, folder / _MODEL, dirs_exist_ok=True)
+            return
+
+
+def _write_list(folder: Path, served: Mapping[str, str], region: str, others: str | None) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.parent.parent.chmod(0o700)  # the service's address holds the job's key
+    text = json.dumps(_list(served, region, others), indent=1)
+    (folder / "endpoints.json").write_text(text, encoding="utf-8")
+
+
+def _list(served: Mapping[str, str], region: str, others: str | None) -> dict[str, Any]:
+    """A list of endpoints in the form of botocore's own, whose place it takes.
+
+    Args:
+        served: addresses of the services that are served here, by their names in botocore.
+        region: the service's.
+        others: address of all other services; `None`: AWS's own.
+    """
+    regions = {name: {"description": name} for name in dict.fromkeys((region, "us-east-1"))}
+    services: dict[str, Any] = {}
+    for name, host in {} if others else _GLOBAL.items():
+        place = {**_place(f"https://{host}"), "credentialScope": {"region": "us-east-1"}}
+        services[name] = {
+            "isRegionalized": False, "partitionEndpoint": "aws-global", "endpoints": {"aws-global": place}
+        }  # fmt: skip
+    usual = {"hostname": "{service}.{region}.{dnsSuffix}", "protocols": ["https"]}
+    here = {name: _place(url) for name, url in served.items()}
+    for name, place in {"s3": _place(others) if others else usual, **here}.items():
+        signed = {**place, "signatureVersions": ["s3v4" if name == "s3" else "v4"]}
+        services[name] = {"defaults": signed, "endpoints": dict.fromkeys(regions, signed)}
+    # SDKs look for S3 in us-east-1 under this name.
+    is_at_aws = not others and "s3" not in here
+    of_all = {**services["s3"]["defaults"], "credentialScope": {"region": "us-east-1" if is_at_aws else region}}
+    services["s3"]["endpoints"]["aws-global"] = {**of_all, "hostname": "s3.amazonaws.com"} if is_at_aws else of_all
+    services["s3"] |= {"isRegionalized": True, "partitionEndpoint": "aws-global"}
+    partition = {
+        "partition": "aws",
+        "partitionName": "what is served here",
+        "dnsSuffix": "amazonaws.com",
+        "regionRegex": r"^[a-z0-9-]+$",
+        "defaults": {**(_place(others) if others else usual), "signatureVersions": ["v4"]},
+        "regions": regions,
+        "services": services,
+    }
+    return {"version": 3, "partitions": [partition]}
+
+
+def _place(url: str) -> dict[str, Any]:
+    parts = urlsplit(url.rstrip("/"))
+    return {"hostname": f"{parts.netloc}{parts.path}", "protocols": [parts.scheme]}
