@@ -19,7 +19,7 @@ from ...service.service import Service
 from .folders import AWS, Sandbox
 
 ALL_VARIABLE = "AWS_ENDPOINT_URL"
-"""Where SDKs look for services that no other variable names."""
+"""Variable with the address of the services that no other variable names."""
 DATA_VARIABLE = "AWS_DATA_PATH"
 MODELS, NO_AWS = "models", "no-aws"
 """Folders with lists of endpoints: with AWS's own for what is not served here, and with none of AWS."""
@@ -111,7 +111,7 @@ def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
-    """Where SDKs in a container find the lists and the service's model, if the run has them."""
+    """The variable by which SDKs in a container find the lists and the service's model, if the run has them."""
     paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
     found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
     return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}
