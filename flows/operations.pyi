@@ -15,11 +15,11 @@ from ..schemas.operations.simulation_job_batches import BatchPolicy
 from ..schemas.operations.simulation_jobs import SimulationJobRequest
 from ..schemas.operations.world_generation_jobs import WorldCount
 from ..schemas.operations.world_templates import TemplateLocation
-from ..schemas.runs.requirements import ClearanceRequirement
-from ..schemas.runs.requirements import CollisionRequirement
-from ..schemas.runs.requirements import GoalRequirement
-from ..schemas.runs.requirements import PredicateRequirement
-from ..schemas.runs.requirements import TimeLimitRequirement
+from ..schemas.runs.requirement_kinds.clearance import ClearanceRequirement
+from ..schemas.runs.requirement_kinds.goal import GoalRequirement
+from ..schemas.runs.requirement_kinds.no_collision import CollisionRequirement
+from ..schemas.runs.requirement_kinds.predicate import PredicateRequirement
+from ..schemas.runs.requirement_kinds.time_limit import TimeLimitRequirement
 from ..schemas.runs.trials import Trials
 from ..schemas.wire.common import Filter
 from ..schemas.wire.common import OutputLocation
@@ -103,7 +103,7 @@ def ListSimulationJobBatches(*, nextToken: str | None = None, maxResults: int | 
 @flow
 def CancelSimulationJobBatch(*, batch: str) -> dict[str, Any]: ...
 @flow
-def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[GoalRequirement | CollisionRequirement | TimeLimitRequirement | ClearanceRequirement | PredicateRequirement] | None = None, trials: Trials | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
+def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[ClearanceRequirement | GoalRequirement | CollisionRequirement | PredicateRequirement | TimeLimitRequirement] | None = None, trials: Trials | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
 @flow
 def DescribeSimulationJob(*, job: str) -> dict[str, Any]: ...
 @flow

@@ -28,6 +28,7 @@ from pydantic import Field
 
 from ..wire.base import Model, ShapeName, optional
 from .programs import ApplicationRole, ComputeLimits, FailureBehavior, FoundFiles, PortPlan, ProgramPlan, ToolEnds
+from .requirement_kinds.kind import Requirement
 from .requirements import JobRequirements
 from .ros import RosPlan
 from .trials import Trials
@@ -190,26 +191,6 @@ class RunOutcome(Model):
         default=False,
         description="Whether it was killed from outside and is to be tried again: what it left is as it was then.",
     )
-
-
-class Requirement(Model):
-    """One thing the verdict depends on."""
-
-    name: str = Field(description="Short name, `rooms_visited`.")
-    satisfied: bool = Field(description="Whether it held.")
-    detail: str = Field(description="Value found and value asked for, in words.")
-    kind: str | None = optional("Kind of requirement; absent: the environment's own.")
-    error: str | None = optional("Why it could not be judged; the verdict is ERROR then. Absent: it was judged.")
-    counts: bool = Field(
-        default=True,
-        description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
-        "job ends its run does not.",
-    )
-    value: float | None = optional("The worst value found.")
-    limit: float | None = optional("The value asked for.")
-    unit: str | None = optional("Unit of value, limit and margin: `m`, `N`, `s`.")
-    margin: float | None = optional("How far the value is on the right side of the limit; negative: on the wrong one.")
-    first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
 
 
 class RoomVisit(Model):

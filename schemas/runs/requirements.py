@@ -4,143 +4,55 @@ A job's request has them as its member `requirements` or, for SDKs that do not k
 the launch variable `ROBOMAKER_REQUIREMENTS`; an environment may have some of its own.
 """
 
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from difflib import SequenceMatcher
-from typing import Annotated, Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, Union
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import AfterValidator, Field
 
-from ..wire.base import Model, Shape, ShapeName, optional
-from ..wire.common import text, unique_names
-from ..wire.errors import InvalidParameterException
+from ..discovery import modules_of
+from ..wire.base import Model, ShapeName, choices
+from ..wire.common import unique_names
+from ..wire.errors import ConfigurationError, InvalidParameterException
 from ..wire.job_configs import JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import parsed_member
+from . import requirement_kinds
+from .requirement_kinds.goal import goals_at_start
+from .requirement_kinds.kind import RequirementKind
 
 MAX_REQUIREMENTS = 50
 """How many requirements a run may have."""
-FLOOR_REACH_M = 0.012
-"""Fixed things whose top is no higher are floor: ground, rugs, thresholds."""
-
-Seconds = Annotated[float, ShapeName("Seconds"), Field(gt=0, allow_inf_nan=False)]
-Metres = Annotated[float, ShapeName("Metres"), Field(gt=0, allow_inf_nan=False)]
-Coordinate = Annotated[float, ShapeName("Coordinate"), Field(allow_inf_nan=False)]
-Newtons = Annotated[float, ShapeName("Newtons"), Field(ge=0, allow_inf_nan=False)]
-Count = Annotated[int, ShapeName("Count"), Field(ge=0)]
-RequirementName = Annotated[str, ShapeName("RequirementName"), text(1, 64, r"[a-zA-Z0-9_\-]+")]
-BodyName = Annotated[str, ShapeName("BodyName"), text(1, 255)]
-NamePatterns = Annotated[
-    list[Annotated[str, ShapeName("NamePattern"), text(1, 255)]],
-    ShapeName("NamePatterns"),
-    Field(min_length=1, max_length=50),
-]
-DottedName = Annotated[str, ShapeName("DottedName"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+")]
-
-_STOP = "Whether the run ends as soon as it is violated"
-_BODY = "Body of the robot; absent: the environment's `robot_body`, else the first free body that has actuators."
-_OTHERS = "Names of what counts, with `*` for any text: furniture ids, `wall`, bodies; absent: everything."
-_IGNORE = "Names of what may be touched all the same, with `*` for any text; the floor always may."
 
 
-class GoalRequirement(Shape):
-    """The robot has to get somewhere: into a room of the world, or near a point."""
-
-    kind: Literal["goal"] = Field(description="`goal`.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
-    room: Annotated[str, ShapeName("RoomName"), text(1, 255)] | None = optional(
-        "Room of the world that the robot's body has to be in."
-    )
-    x: Coordinate | None = optional("Point to get to, in metres.")
-    y: Coordinate | None = optional("Point to get to, in metres.")
-    within_m: Metres = Field(default=0.5, description="How near to the point is there, in metres.")
-    by_s: Seconds | None = optional("Simulated time at which it has to be there at the latest.")
-    after: RequirementName | None = optional(
-        "Name of the goal that has to be reached before; only then this one counts."
-    )
-    body: BodyName | None = optional(_BODY)
-    period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
-    stop: bool = Field(
-        default=False, description=f"{_STOP}, or once all goals that say so are reached; the verdict stands then."
-    )
-
-    @model_validator(mode="after")
-    def _one_place(self) -> Self:
-        has_point = self.x is not None and self.y is not None
-        if (self.x is None) != (self.y is None):
-            raise ValueError("a point needs both x and y")
-        if has_point == (self.room is not None):
-            raise ValueError(f"{'both' if has_point else 'neither'} room and x, y; a goal is one of them")
-        return self
+def _kinds() -> dict[str, type[RequirementKind]]:
+    kinds: dict[str, type[RequirementKind]] = {}
+    for module in modules_of(requirement_kinds.__name__, "requirements"):
+        for kind in vars(module).values():
+            if isinstance(kind, type) and issubclass(kind, RequirementKind) and kind.__module__ == module.__name__:
+                for name in choices(kind.model_fields["kind"].annotation):
+                    if name in kinds:  # or a run would be judged by one of them, and none could say by which
+                        raise ConfigurationError(f"{kind.__module__} and {kinds[name].__module__} are both {name!r}")
+                    if not hasattr(kind, "rule"):
+                        raise ConfigurationError(f"{kind.__module__} has no class that is a Rule[{kind.__name__}]")
+                    kinds[name] = kind
+    return kinds
 
 
-class CollisionRequirement(Shape):
-    """The robot must not touch anything but the floor harder than so."""
+REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = _kinds()
+"""Kinds of requirements by name."""
 
-    kind: Literal["no_collision"] = Field(description="`no_collision`.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
-    max_force_N: Newtons = Field(description="Largest normal force that is no collision yet, in newtons.")
-    max_count: Count = Field(default=0, description="How many harder touches are allowed.")
-    others: NamePatterns | None = optional(_OTHERS)
-    ignore: NamePatterns | None = optional(_IGNORE)
-    body: BodyName | None = optional(_BODY)
-    period_s: Seconds = Field(
-        default=0.01, description="Simulated seconds from one check to the next, if the environment is asked so often."
-    )
-    stop: bool = Field(default=False, description=f"{_STOP}.")
+if TYPE_CHECKING:
+    JobRequirement: TypeAlias = RequirementKind
+    """One requirement; `kind` says which."""
+else:
+    _ANY = Union[tuple(REQUIREMENT_KINDS.values())]  # noqa: UP007 - the kinds are known at run time only
+    JobRequirement = Annotated[_ANY, ShapeName("JobRequirement"), Field(discriminator="kind")]
 
 
-class TimeLimitRequirement(Shape):
-    """The run has to be over in time."""
-
-    kind: Literal["time_limit"] = Field(description="`time_limit`.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
-    limit_s: Seconds = Field(description="Simulated time at which the run has to be over.")
-    stop: bool = Field(default=False, description=f"{_STOP}.")
-
-
-class ClearanceRequirement(Shape):
-    """The robot has to keep its distance from everything but the floor."""
-
-    kind: Literal["clearance"] = Field(description="`clearance`.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
-    min_m: Metres = Field(description="Smallest distance between the robot's surface and another, in metres.")
-    others: NamePatterns | None = optional(_OTHERS)
-    ignore: NamePatterns | None = optional(_IGNORE)
-    body: BodyName | None = optional(_BODY)
-    period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
-    stop: bool = Field(default=False, description=f"{_STOP}.")
-
-
-class PredicateRequirement(Shape):
-    """A function of the application has to say yes each time."""
-
-    kind: Literal["predicate"] = Field(description="`predicate`.")
-    name: RequirementName = Field(description="Its name, unique in the run.")
-    attribute: DottedName = Field(
-        description="Dotted path of the function in the simulation or robot application, `my_nav.rules.keeps_left`: "
-        "`(environment, time_s)` gives a bool, or a bool and a reason."
-    )
-    period_s: Seconds = Field(default=0.5, description="Simulated seconds from one check to the next.")
-    stop: bool = Field(default=False, description=f"{_STOP}.")
-
-
-JobRequirement: TypeAlias = Annotated[
-    GoalRequirement | CollisionRequirement | TimeLimitRequirement | ClearanceRequirement | PredicateRequirement,
-    ShapeName("JobRequirement"),
-    Field(discriminator="kind"),
-]
-"""One requirement; `kind` says which."""
-
-
-def _goals_in_order(requirements: list[Any]) -> list[Any]:
-    goals: list[str] = []
-    for requirement in requirements:
-        if isinstance(requirement, GoalRequirement):
-            if requirement.after is not None and requirement.after not in goals:
-                there = f"those before it are {', '.join(goals)}" if goals else "there is none before it"
-                raise ValueError(f"{requirement.name}: after is {requirement.after!r}, no goal further up; {there}")
-            goals.append(requirement.name)
+def _in_order(requirements: list[RequirementKind]) -> list[RequirementKind]:
+    for index, requirement in enumerate(requirements):
+        requirement.check_after(requirements[:index])
     return requirements
 
 
@@ -149,7 +61,7 @@ JobRequirements: TypeAlias = Annotated[
     ShapeName("JobRequirements"),
     Field(max_length=MAX_REQUIREMENTS),
     AfterValidator(unique_names("requirements")),
-    AfterValidator(_goals_in_order),
+    AfterValidator(_in_order),
 ]
 """The requirements of a run: names differ, and a goal stands below the one it comes after."""
 
@@ -172,11 +84,11 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
 
 
 def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[int, str]]:
-    """The rooms that goals ask for, each with the place of its goal."""
+    """The rooms that requirements ask for, each with the place of its requirement."""
     return [
-        (index, requirement.room)
+        (index, requirement.asked_room)
         for index, requirement in enumerate(requirements)
-        if isinstance(requirement, GoalRequirement) and requirement.room is not None
+        if requirement.asked_room is not None
     ]
 
 
@@ -185,10 +97,6 @@ REQUIREMENTS_VARIABLE = "ROBOMAKER_REQUIREMENTS"
 
 _STARTS_ON_ORIGIN = "indoor-navigation"
 """The simulation application whose robots start on the origin."""
-
-_WITHIN_M = 0.5
-_MAKES_SENSE = ("after", "by_s", "body")
-"""Members of a goal that another one counts from, or that is not about the place of the robot."""
 
 _BEGINNING = "ROBOMAKER_"
 _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
@@ -275,28 +183,6 @@ def starts_on_origin(order: Mapping[str, Any]) -> bool:
     return is_mapping(first) and first.get("application") == _STARTS_ON_ORIGIN
 
 
-def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
-    """Finds goals that are reached before the robot moves: index, member, and what is wrong with it.
-
-    Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
-
-    Args:
-        requirements: What an order asks for, as JSON; what is no goal is passed over.
-        start_room: Name of the room that the origin is in; None: that is not known.
-    """
-    goals = [
-        (index, each) for index, each in enumerate(requirements) if is_mapping(each) and each.get("kind") == "goal"
-    ]
-    begun = {each.get("after") for _, each in goals}
-    for index, goal in goals:
-        if goal.get("name") in begun or any(goal.get(key) is not None for key in _MAKES_SENSE):
-            continue
-        if start_room is not None and goal.get("room") == start_room:
-            yield index, "room", _in_words(f"the robot starts in {start_room!r}")
-        elif _is_near(goal):
-            yield index, "x", _in_words("the robot starts at (0, 0)")
-
-
 def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
     """Says which goal cannot be judged because the world has no such room; `None` if all can.
 
@@ -344,13 +230,3 @@ def _is_meant(name: str) -> bool:
 
 def _likeness(name: str, other: str) -> float:
     return SequenceMatcher(None, name, other).ratio()
-
-
-def _is_near(goal: Mapping[str, Any]) -> bool:
-    place = [goal.get("x"), goal.get("y"), goal.get("within_m") or _WITHIN_M]
-    numbers = [each for each in place if isinstance(each, int | float)]
-    return len(numbers) == 3 and math.hypot(numbers[0], numbers[1]) <= numbers[2]
-
-
-def _in_words(start: str) -> str:
-    return f"{start}, so the goal cannot be missed; `after` makes it one to come back to, `by_s` one to begin at"

@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from ..operations.world_generation_jobs import too_many_worlds
-from ..runs.requirements import goals_at_start, no_such_room, starts_on_origin
+from ..runs.requirement_kinds.goal import goals_at_start
+from ..runs.requirements import no_such_room, starts_on_origin
 from ..templates.body import TemplateRoom
 from ..templates.parsing import parse_template_body
 from ..wire.errors import InvalidParameterException, Problem, SpecError

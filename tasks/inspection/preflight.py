@@ -7,7 +7,8 @@ from dataclasses import replace
 from functools import cache
 from typing import Any
 
-from ...schemas.runs.requirements import goals_at_start, no_such_room, starts_on_origin
+from ...schemas.runs.requirement_kinds.goal import goals_at_start
+from ...schemas.runs.requirements import no_such_room, starts_on_origin
 from ...schemas.specs.model import CheckedSpec, CheckedStep
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import (

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...schemas.reports.report import ReportedJob, Share
 from ...schemas.reports.run_record import CaseOutcome
+from ...schemas.runs.requirements import REQUIREMENT_KINDS
 from .table import ResultTable
 
 _Z_95 = 1.959963984540054  # two-sided 95 % quantile of the normal distribution
@@ -168,9 +169,14 @@ def margin_units(results: ResultTable) -> dict[str, set[str | None]]:
     units: dict[str, set[str | None]] = {}
     for row in results.first_rows:
         for each in results.requirements_at(row):
-            if each.counts and each.margin is not None and each.kind not in ("predicate", "goal"):
+            if each.counts and each.margin is not None and _compares(each.kind):
                 units.setdefault(each.name, set()).add(each.unit)
     return units
+
+
+def _compares(kind: str | None) -> bool:
+    known = REQUIREMENT_KINDS.get(kind or "")
+    return known is None or known.margins_compare
 
 
 def _counts(outcomes: Counter[str]) -> Counts:

@@ -38,7 +38,7 @@ def test_every_operation_has_a_group_and_a_section() -> None:
         assert f"robomaker call {name} --input" in section(name)
 
 
-@pytest.mark.parametrize("name", ["operations.md", "coming-from-robomaker.md"])
+@pytest.mark.parametrize("name", ["operations.md", "coming-from-robomaker.md", "verdicts.md"])
 def test_links_lead_to_headings(name: str) -> None:
     text = (DOCS / name).read_text()
     headings = anchors(text)

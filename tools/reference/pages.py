@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
+from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from tools.reference.behaviours import BEHAVIOURS, Kind
 from tools.reference.door import flows_stub, operation_flows_module, with_deployments
@@ -85,8 +86,16 @@ def _by_kind(kind: Kind, titles: tuple[str, str]) -> str:
     return "\n\n".join(parts)
 
 
+def _requirement_kinds() -> str:
+    """Each kind of requirement."""
+    lines = ["| kind | is violated when | members |", "| --- | --- | --- |"]
+    lines += [f"| `{name}` | {kind.violated_when} | {kind.more_members} |" for name, kind in REQUIREMENT_KINDS.items()]
+    return "\n".join(lines)
+
+
 _TABLES: Mapping[str, Callable[[], str]] = {
     "calls": _calls,
+    "requirement-kinds": _requirement_kinds,
     "differences": lambda: _by_kind("differs", ("the service", "here")),
     "decisions": lambda: _by_kind("decided", ("what is known", "here")),
 }
@@ -102,7 +111,7 @@ def pages() -> Mapping[Path, str]:
     Raises:
         ConfigurationError: this is an installed package, which has no documentation.
     """
-    guide = DOCS / "coming-from-robomaker.md"
+    guide, verdicts = DOCS / "coming-from-robomaker.md", DOCS / "verdicts.md"
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
     root, architecture = DOCS.parent, DOCS / "architecture.md"
@@ -110,6 +119,7 @@ def pages() -> Mapping[Path, str]:
     return {
         DOCS / "operations.md": operations_page(),
         guide: with_tables(guide.read_text()),
+        verdicts: with_tables(verdicts.read_text()),
         architecture: with_rooms(architecture.read_text(), root),
         root / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
         root / "flows" / "operations.pyi": flows_stub(),

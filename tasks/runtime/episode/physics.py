@@ -10,8 +10,6 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from ....schemas.runs.requirements import FLOOR_REACH_M
-
 
 def raw_physics(physics: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
     """Returns MuJoCo's own model and data behind a dm_control physics, or behind an object that has them."""
@@ -183,6 +181,8 @@ def _collides(model: mujoco.MjModel, some: NDArray[np.bool_]) -> NDArray[np.bool
     return (model.geom_contype & partners != 0) | (model.geom_conaffinity & kinds != 0)
 
 
+_FLOOR_REACH_M = 0.012
+"""Fixed things whose top is no higher are floor: ground, rugs, thresholds."""
 _MAX_QUIET = 1000
 """Lists of contacts without a touch of the robot that are remembered."""
 _ROBOT, _FLOOR = 1, 100
@@ -270,7 +270,7 @@ def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]
     top = data.geom_xpos[:, 2] + np.einsum("ij,ij->i", vertical, model.geom_aabb[:, :3])
     top = top + np.einsum("ij,ij->i", np.abs(vertical), model.geom_aabb[:, 3:])
     plane = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
-    ground = np.where(plane, vertical[:, 2] > _UPWARDS, top <= FLOOR_REACH_M)
+    ground = np.where(plane, vertical[:, 2] > _UPWARDS, top <= _FLOOR_REACH_M)
     ground |= model.geom_type == mujoco.mjtGeom.mjGEOM_HFIELD
     return ground & (model.body_weldid[model.geom_bodyid] == 0)
 

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.requirement_kinds.kind import RequirementError
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
@@ -24,7 +25,6 @@ from ..episode.loading import LoadError, load_factory
 from ..episode.progress import Phase, Progress, Stop
 from ..episode.results import RESULT_FILE, Episode, Findings, ReportingEnvironment, make_result, write_result
 from ..recording.recording import McapRecorder, Recorder, RecordingError
-from ..requirements.measurements import RequirementError
 from ..ros.ros_robot import RosBridge
 from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder

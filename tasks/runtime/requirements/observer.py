@@ -2,18 +2,19 @@
 
 import math
 from collections.abc import Callable, Sequence
+from functools import cache
 from typing import Any
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
-from ....schemas.runs.requirements import JobRequirement, parse_requirements, rooms_of
+from ....schemas.runs.requirement_kinds.kind import Look, RequirementError, Rule
+from ....schemas.runs.requirements import JobRequirement, parse_requirements
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
 from ..episode.physics import raw_physics
 from ..episode.progress import RunEnded
 from ..episode.results import Findings, Observer
-from .measurements import Look, RequirementError, Scene, bind, make_rules
-from .rules import ClearanceRule, CollisionRule, GoalRule, Rule, TimeLimitRule
+from .scene import Scene
 
 _NO_PHYSICS = "the environment has no `physics` to judge it by"
 _NEVER_BEGAN = "the run ended before there was an environment"
@@ -34,11 +35,11 @@ class RequirementsObserver(Observer):
             world: Its world; absent: it is read when it is needed.
         """
         self._plan = plan
-        self._rules: list[Rule] | None = None
+        self._rules: list[Rule[Any]] | None = None
         self._checks: list[_Check] = []
         self._within_steps: list[_Check] = []
         self._model: Any = None
-        self._world = world
+        self._world = cache(lambda: _world_of(plan) if world is None else world)
         self._data: Any = None
         self._time_s = 0.0
 
@@ -80,7 +81,6 @@ class RequirementsObserver(Observer):
         """
         self._rules, self._time_s = state["rules"], state["time_s"]
         if self._rules:
-            self._read_world([rule.requirement for rule in self._rules])
             self._bind(environment)
             for check, due_s in zip(self._checks, state["due_s"], strict=True):
                 check.next_time_s = due_s
@@ -121,31 +121,23 @@ class RequirementsObserver(Observer):
         for check in self._checks:
             check.look_if_new(self._time_s)
 
-    def _cut(self, rules: Sequence[Rule]) -> str:
+    def _cut(self, rules: Sequence[Rule[Any]]) -> str:
         """Says how much of a run was driven that the job's duration limit has cut; empty: there is no telling."""
-        limits_s = [rule.asked.limit_s for rule in rules if isinstance(rule, TimeLimitRule)]
-        limits_s += [rule.goal.by_s for rule in rules if isinstance(rule, GoalRule) and rule.goal.by_s is not None]
-        whole_s = max(limits_s, default=0.0)
+        whole_s = max((rule.planned_s for rule in rules), default=0.0)
         cut = f"the job's duration limit ended the run at {self._time_s:.2f}"
         if self._time_s >= whole_s:
             return f"{cut} s" if rules else ""
         return f"{cut} of {whole_s:g} s: {100 * (1 - self._time_s / whole_s):.0f} % were not driven"
 
     def _begin(self, environment: Any) -> None:
-        requirements = merged(self._plan.requirements, _own_requirements(environment))
-        self._read_world(requirements)
-        self._rules = make_rules(requirements)
-
-    def _read_world(self, requirements: Sequence[JobRequirement]) -> None:
-        if self._world is None and self._plan.world_dir is not None and _needs_world(requirements):
-            self._world = World.model_validate_json((self._plan.world_dir / "world.json").read_bytes())
+        self._rules = make_rules(merged(self._plan.requirements, _own_requirements(environment)))
 
     def _bind(self, environment: Any) -> None:
         """Ties the rules to the model, which environments may replace."""
-        scene = Scene.of(environment, self._world, self._plan)
+        scene = Scene(environment, *raw_physics(environment.physics), self._plan, self._world)
         self._model, self._data = scene.model, scene.data
-        self._checks = [_Check(rule, bind(rule, scene)) for rule in self._rules or ()]
-        self._within_steps = [check for check in self._checks if isinstance(check.rule, CollisionRule)]
+        self._checks = [_Check(rule, rule.bind(scene)) for rule in self._rules or ()]
+        self._within_steps = [check for check in self._checks if check.rule.looks_within_steps]
         physics = environment.physics
         if self._within_steps and hasattr(physics, "between_substeps"):
             # Touches are short: an environment that lets others look within its control steps is asked to.
@@ -160,23 +152,20 @@ class RequirementsObserver(Observer):
         return look
 
     @staticmethod
-    def _all_goals_reached(rules: Sequence[Rule]) -> bool:
-        goals = [rule for rule in rules if isinstance(rule, GoalRule) and rule.requirement.stop]
-        return bool(goals) and all(goal.reached_s is not None for goal in goals)
+    def _all_goals_reached(rules: Sequence[Rule[Any]]) -> bool:
+        goals = [rule for rule in rules if rule.is_reached is not None and rule.asked.stop]
+        return bool(goals) and all(goal.is_reached for goal in goals)
 
 
 class _Check:
     """A rule with its measurement and its cadence."""
 
-    def __init__(self, rule: Rule, look: Look) -> None:
+    def __init__(self, rule: Rule[Any], look: Look) -> None:
         self.rule = rule
-        self.next_time_s = 0.0
+        self.next_time_s = rule.first_look_s
         self.look = look
         self._looked_at_s = -math.inf
-        # Nothing can happen before a time limit, and it is to be seen at once.
-        self._period_s = getattr(rule.requirement, "period_s", 0.0)
-        if isinstance(rule, TimeLimitRule):
-            self.next_time_s = rule.asked.limit_s
+        self._period_s = getattr(rule.asked, "period_s", 0.0)
 
     def look_if_due(self, time_s: float) -> None:
         if time_s < self.next_time_s - _ROUNDING_S:
@@ -190,6 +179,14 @@ class _Check:
         if time_s > self._looked_at_s and self.rule.error is None:
             self._looked_at_s = time_s
             self.look(time_s)
+
+
+def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
+    """Starts the score of each requirement."""
+    rules = [requirement.rule(requirement) for requirement in requirements]
+    for index, rule in enumerate(rules):
+        rule.follow(rules[:index])
+    return rules
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
@@ -217,9 +214,10 @@ def _own_requirements(environment: Any) -> list[JobRequirement]:
         raise RequirementError(str(error)) from None
 
 
-def _needs_world(requirements: Sequence[JobRequirement]) -> bool:
-    """Whether rooms or the names of furniture are asked for."""
-    return bool(rooms_of(requirements)) or any(each.kind in ("no_collision", "clearance") for each in requirements)
+def _world_of(plan: RunPlan) -> World | None:
+    if plan.world_dir is None:
+        return None
+    return World.model_validate_json((plan.world_dir / "world.json").read_bytes())
 
 
 def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Callable[[], None]:
@@ -231,17 +229,9 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
     return call
 
 
-def _metrics(rules: Sequence[Rule]) -> dict[str, float]:
+def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
     """Numbers of all requirements of a kind, for tables and comparisons."""
     metrics: dict[str, float] = {}
-    clearances = [rule.nearest_m for rule in rules if isinstance(rule, ClearanceRule) and rule.nearest_m < math.inf]
-    collisions = [rule for rule in rules if isinstance(rule, CollisionRule)]
-    goals = [rule for rule in rules if isinstance(rule, GoalRule)]
-    if clearances:
-        metrics["min_clearance_m"] = round(min(clearances), 6)
-    if collisions:
-        metrics["max_contact_force_N"] = round(max(rule.max_force_N for rule in collisions), 3)
-    if goals:
-        metrics["goals"] = float(len(goals))
-        metrics["goals_reached"] = float(sum(goal.reached_s is not None for goal in goals))
+    for rule in rules:
+        rule.add_metrics(metrics)
     return metrics

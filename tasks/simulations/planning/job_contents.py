@@ -20,7 +20,7 @@ from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
 from ....schemas.runs.provenance import Provenance
-from ....schemas.runs.requirements import REQUIREMENTS_VARIABLE
+from ....schemas.runs.requirements import REQUIREMENT_KINDS, REQUIREMENTS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
 from ....schemas.wire.json_values import is_list, is_mapping
 from ...catalog import Resource
@@ -201,8 +201,8 @@ def _judging_packages(requirements: Iterable[Any]) -> dict[str, str]:
 
     One that lies in an application's archive only is part of the application.
     """
-    predicates = (item for item in requirements if is_mapping(item) and item.get("kind") == "predicate")
-    names = {str(item.get("attribute", "")).partition(".")[0] for item in predicates}
+    kinds = ((REQUIREMENT_KINDS.get(str(item.get("kind"))), item) for item in requirements if is_mapping(item))
+    names = {name for kind, item in kinds if kind is not None for name in kind.packages(item)}
     return {f"package {name}": content for name in sorted(names) if name and (content := package_content(name))}
 
 

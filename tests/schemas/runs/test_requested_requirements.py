@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.operations.registry import parse_request
-from prefect_robomaker.schemas.runs.requirements import goals_at_start, starts_on_origin
+from prefect_robomaker.schemas.runs.requirement_kinds.goal import goals_at_start
+from prefect_robomaker.schemas.runs.requirements import starts_on_origin
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 HERE = {"kind": "goal", "name": "here", "x": 0.3, "y": 0.0}

@@ -5,10 +5,10 @@ import pytest
 
 from prefect_robomaker.schemas.operations.registry import check_request, parse_request
 from prefect_robomaker.schemas.operations.simulation_jobs import CreateSimulationJobRequest
+from prefect_robomaker.schemas.runs.requirement_kinds.clearance import ClearanceRequirement
+from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequirement
+from prefect_robomaker.schemas.runs.requirement_kinds.time_limit import TimeLimitRequirement
 from prefect_robomaker.schemas.runs.requirements import (
-    ClearanceRequirement,
-    GoalRequirement,
-    TimeLimitRequirement,
     parse_requirements,
     requirements_of,
     unknown_room,

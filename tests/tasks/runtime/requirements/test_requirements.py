@@ -14,7 +14,7 @@ from dm_control.rl import control
 from helpers.stop_flags import StopFlag
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, Requirement, RunPlan, RunResult
-from prefect_robomaker.schemas.runs.requirements import GoalRequirement
+from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequirement
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.episode.physics import robot_body
 from prefect_robomaker.tasks.runtime.episode.results import make_result

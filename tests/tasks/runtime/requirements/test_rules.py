@@ -7,16 +7,13 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
+from prefect_robomaker.schemas.runs.requirement_kinds.clearance import ClearanceRule
+from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRule
+from prefect_robomaker.schemas.runs.requirement_kinds.no_collision import SEPARATION_S, CollisionRule
+from prefect_robomaker.schemas.runs.requirement_kinds.predicate import PredicateRule
+from prefect_robomaker.schemas.runs.requirement_kinds.time_limit import TimeLimitRule
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
-from prefect_robomaker.tasks.runtime.requirements.measurements import make_rules
-from prefect_robomaker.tasks.runtime.requirements.rules import (
-    SEPARATION_S,
-    ClearanceRule,
-    CollisionRule,
-    GoalRule,
-    PredicateRule,
-    TimeLimitRule,
-)
+from prefect_robomaker.tasks.runtime.requirements.observer import make_rules
 
 times = st.lists(st.floats(0, 100), min_size=1, max_size=30, unique=True).map(sorted)
 forces = st.floats(0, 1e4)

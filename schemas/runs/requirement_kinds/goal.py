@@ -1,0 +1,199 @@
+"""Goals: the robot has to get somewhere."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ...wire.base import ShapeName, optional
+from ...wire.common import text
+from ...wire.json_values import is_mapping
+from ...wire.request_problems import nearest
+from ...worlds.world import Point, contains
+from .kind import (
+    ROUNDING_S,
+    STOP,
+    Coordinate,
+    Look,
+    Metres,
+    Numbers,
+    RequirementKind,
+    RequirementName,
+    RobotRequirement,
+    Rule,
+    Scene,
+    Seconds,
+)
+
+_WITHIN_M = 0.5
+_MAKES_SENSE = ("after", "by_s", "body")
+"""Members of a goal that another one counts from, or that is not about the place of the robot."""
+
+
+class GoalRequirement(RobotRequirement):
+    """The robot has to get somewhere: into a room of the world, or near a point."""
+
+    violated_when = "the robot's body never was in `room`, or within `within_m` (0.5) of `x`, `y`; or not before `by_s`"
+    more_members = "`after`: name of a goal above that has to be reached first"
+    margins_compare = False  # seconds where it was reached, metres where it was not
+
+    kind: Literal["goal"] = Field(description="`goal`.")
+    room: Annotated[str, ShapeName("RoomName"), text(1, 255)] | None = optional(
+        "Room of the world that the robot's body has to be in."
+    )
+    x: Coordinate | None = optional("Point to get to, in metres.")
+    y: Coordinate | None = optional("Point to get to, in metres.")
+    within_m: Metres = Field(default=_WITHIN_M, description="How near to the point is there, in metres.")
+    by_s: Seconds | None = optional("Simulated time at which it has to be there at the latest.")
+    after: RequirementName | None = optional(
+        "Name of the goal that has to be reached before; only then this one counts."
+    )
+    period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
+    stop: bool = Field(
+        default=False, description=f"{STOP}, or once all goals that say so are reached; the verdict stands then."
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        has_point = self.x is not None and self.y is not None
+        if (self.x is None) != (self.y is None):
+            raise ValueError("a point needs both x and y")
+        if has_point == (self.room is not None):
+            raise ValueError(f"{'both' if has_point else 'neither'} room and x, y; a goal is one of them")
+        return self
+
+    @property
+    def asked_room(self) -> str | None:
+        """The room to get to."""
+        return self.room
+
+    def check_after(self, before: Sequence[RequirementKind]) -> None:
+        """Checks that the goal it comes after is one of those above."""
+        goals = [each.name for each in before if isinstance(each, GoalRequirement)]
+        if self.after is not None and self.after not in goals:
+            there = f"those before it are {', '.join(goals)}" if goals else "there is none before it"
+            raise ValueError(f"{self.name}: after is {self.after!r}, no goal further up; {there}")
+
+
+class GoalRule(Rule[GoalRequirement]):
+    """Whether and when a goal was reached."""
+
+    is_reached = False
+
+    def __init__(self, asked: GoalRequirement) -> None:
+        super().__init__(asked)
+        self.reached_s: float | None = None
+        """When it was reached, late or not; None: not yet."""
+        self._before: GoalRule | None = None
+        """The goal that has to be reached first."""
+        self._nearest_m: float | None = None
+        """Smallest distance since it is its turn; None: it never was."""
+
+    def follow(self, before: Sequence[Rule[Any]]) -> None:
+        """Finds the goal that has to be reached first."""
+        goals = [rule for rule in before if isinstance(rule, GoalRule)]
+        self._before = next((goal for goal in goals if goal.asked.name == self.asked.after), None)
+
+    def bind(self, scene: Scene) -> Look:
+        """Measures how far the body is from the point, or whether it is in the room."""
+        goal, position = self.asked, scene.position(self)
+        if goal.room is None:
+            x, y = goal.x or 0.0, goal.y or 0.0
+            return lambda time_s: self.update(time_s, math.hypot(position[0] - x, position[1] - y))
+        polygon = self._polygon(goal.room, scene)
+
+        def look(time_s: float) -> None:
+            is_inside = contains(polygon, float(position[0]), float(position[1]))
+            self.update(time_s, 0.0 if is_inside else math.inf)
+
+        return look
+
+    def _polygon(self, room: str, scene: Scene) -> Sequence[Point]:
+        if scene.world is None:
+            raise self.cannot(f"it asks for the room {room!r}, but there is no world")
+        rooms = {each.name: each.polygon for each in scene.world.floorplan.rooms}
+        if room not in rooms:
+            there = nearest(room, rooms) or f"; there are {', '.join(rooms)}"
+            raise self.cannot(f"the world has no room {room!r}{there}")
+        return rooms[room]
+
+    def update(self, time_s: float, distance_m: float) -> None:
+        """Takes note of the distance to a goal; 0 inside a room, infinite outside of it."""
+        goal = self.asked
+        is_its_turn = self._before is None or self._before.is_reached
+        if is_its_turn and math.isfinite(distance_m):
+            self._nearest_m = distance_m if self._nearest_m is None else min(self._nearest_m, distance_m)
+        if self.reached_s is None and is_its_turn and distance_m <= (goal.within_m if goal.room is None else 0.0):
+            self.reached_s, self.is_reached = time_s, True
+        latest_s = math.inf if goal.by_s is None else goal.by_s + ROUNDING_S
+        if time_s > latest_s and (self.reached_s is None or self.reached_s > latest_s):
+            self.violate(latest_s - ROUNDING_S)
+
+    def add_metrics(self, metrics: dict[str, float]) -> None:
+        """Counts the goals, and those that were reached."""
+        for name, count in {"goals": 1.0, "goals_reached": float(self.reached_s is not None)}.items():
+            metrics[name] = metrics.get(name, 0.0) + count
+
+    @property
+    def planned_s(self) -> float:
+        """Simulated time at which it has to be reached."""
+        return self.asked.by_s or 0.0
+
+    def remark(self) -> str | None:
+        """Returns a line about a goal that was reached before the robot moved."""
+        is_ordinary = self._before is None and self.asked.by_s is None
+        if self.reached_s == 0.0 and is_ordinary and self._end_s:
+            return f"{self.asked.name}: reached where the robot starts, before it moved"
+        return None
+
+    def _numbers(self) -> Numbers:
+        if self.reached_s is None and self.asked.room is None:
+            return Numbers(self._nearest_m, self.asked.within_m, "m")
+        return Numbers(self.reached_s, self.asked.by_s, "s")
+
+    def _detail(self) -> str:
+        goal = self.asked
+        place = goal.room if goal.room is not None else f"({goal.x:g}, {goal.y:g})"
+        asked = "" if goal.by_s is None else f", {goal.by_s:g} s asked for"
+        if self.reached_s is not None:
+            return f"{place} reached at {self.reached_s:.2f} s{asked}"
+        first = self._before is not None and not self._before.is_reached and goal.after
+        why = f", {goal.after} comes first and was not reached either" if first else ""
+        near = ""
+        if goal.room is None and self._nearest_m is not None:
+            since = f" after {goal.after}" if goal.after else ""
+            near = f", nearest{since} {self._nearest_m:.2f} m, {goal.within_m:g} m asked for"
+        return f"{place} not reached in {self._end_s:.2f} s{asked}{near}{why}; ended by {self._ended_by}"
+
+
+def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
+    """Finds goals that are reached before the robot moves: index, member, and what is wrong with it.
+
+    Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
+
+    Args:
+        requirements: What an order asks for, as JSON; what is no goal is passed over.
+        start_room: Name of the room that the origin is in; None: that is not known.
+    """
+    goals = [
+        (index, each) for index, each in enumerate(requirements) if is_mapping(each) and each.get("kind") == "goal"
+    ]
+    begun = {each.get("after") for _, each in goals}
+    for index, goal in goals:
+        if goal.get("name") in begun or any(goal.get(key) is not None for key in _MAKES_SENSE):
+            continue
+        if start_room is not None and goal.get("room") == start_room:
+            yield index, "room", _in_words(f"the robot starts in {start_room!r}")
+        elif _is_near(goal):
+            yield index, "x", _in_words("the robot starts at (0, 0)")
+
+
+def _is_near(goal: Mapping[str, Any]) -> bool:
+    place = [goal.get("x"), goal.get("y"), goal.get("within_m") or _WITHIN_M]
+    numbers = [each for each in place if isinstance(each, int | float)]
+    return len(numbers) == 3 and math.hypot(numbers[0], numbers[1]) <= numbers[2]
+
+
+def _in_words(start: str) -> str:
+    return f"{start}, so the goal cannot be missed; `after` makes it one to come back to, `by_s` one to begin at"

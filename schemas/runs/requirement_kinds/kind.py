@@ -1,0 +1,291 @@
+"""Parts of a kind of requirement: a shape, which requests have, and a rule, which judges a run.
+
+Nothing here knows of MuJoCo: rules measure in a `Scene`. Times are simulated seconds.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, get_args
+
+from pydantic import Field
+
+from ...wire.base import Model, Shape, ShapeName, optional
+from ...wire.common import text
+from ...wire.errors import LaunchError
+from ...worlds.world import World
+
+Seconds = Annotated[float, ShapeName("Seconds"), Field(gt=0, allow_inf_nan=False)]
+Metres = Annotated[float, ShapeName("Metres"), Field(gt=0, allow_inf_nan=False)]
+Coordinate = Annotated[float, ShapeName("Coordinate"), Field(allow_inf_nan=False)]
+Newtons = Annotated[float, ShapeName("Newtons"), Field(ge=0, allow_inf_nan=False)]
+Count = Annotated[int, ShapeName("Count"), Field(ge=0)]
+RequirementName = Annotated[str, ShapeName("RequirementName"), text(1, 64, r"[a-zA-Z0-9_\-]+")]
+BodyName = Annotated[str, ShapeName("BodyName"), text(1, 255)]
+NamePatterns = Annotated[
+    list[Annotated[str, ShapeName("NamePattern"), text(1, 255)]],
+    ShapeName("NamePatterns"),
+    Field(min_length=1, max_length=50),
+]
+
+ROUNDING_S = 1e-6
+"""Times that differ by less are the same: sums of time steps are no round numbers."""
+STOP = "Whether the run ends as soon as it is violated"
+_MAX_TEXT = 300
+"""Characters of an error, or of a reason, that results keep."""
+
+Look = Callable[[float], None]
+"""Measures at a simulated time and tells the rule."""
+
+
+class Requirement(Model):
+    """One thing the verdict depends on."""
+
+    name: str = Field(description="Short name, `rooms_visited`.")
+    satisfied: bool = Field(description="Whether it held.")
+    detail: str = Field(description="Value found and value asked for, in words.")
+    kind: str | None = optional("Kind of requirement; absent: the environment's own.")
+    error: str | None = optional("Why it could not be judged; the verdict is ERROR then. Absent: it was judged.")
+    counts: bool = Field(
+        default=True,
+        description="Whether the verdict depends on it; what an environment asks for beyond the goals at which the "
+        "job ends its run does not.",
+    )
+    value: float | None = optional("The worst value found.")
+    limit: float | None = optional("The value asked for.")
+    unit: str | None = optional("Unit of value, limit and margin: `m`, `N`, `s`.")
+    margin: float | None = optional("How far the value is on the right side of the limit; negative: on the wrong one.")
+    first_violation_s: float | None = optional("Simulated time at which it was first found violated; absent: never.")
+
+
+class RequirementError(LaunchError):
+    """A requirement cannot be checked; the fault is the request's, not an application's."""
+
+
+class RequirementKind(Shape):
+    """One requirement. A kind is a subclass, whose member `kind` is a `Literal` of its name."""
+
+    kind: Any = Field(description="Name of its kind.")
+    name: RequirementName = Field(description="Its name, unique in the run.")
+    stop: bool = Field(default=False, description=f"{STOP}.")
+
+    violated_when: ClassVar[str]
+    """Words for the table of kinds in `docs/verdicts.md`."""
+    more_members: ClassVar[str] = ""
+    """The same table's words about members that those words do not name."""
+    rule: ClassVar[type["Rule[Any]"]]
+    """Its score: the class that is a `Rule` of it."""
+    margins_compare: ClassVar[bool] = True
+    """Whether margins of different runs have one unit, so that the smallest is the worst."""
+
+    @classmethod
+    def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it
+        """The packages whose code judges a requirement, as JSON, besides those of every run."""
+        own = cls.__module__.partition(".")[0]
+        if own != __name__.partition(".")[0]:
+            yield own
+
+    @property
+    def asked_room(self) -> str | None:
+        """The room of the world that it is about; `None`: it is about none."""
+        return None
+
+    def check_after(self, before: Sequence["RequirementKind"]) -> None:
+        """Checks it against those above it in the list.
+
+        Raises:
+            ValueError: They do not go together.
+        """
+
+
+class RobotRequirement(RequirementKind):
+    """A requirement about the robot's body."""
+
+    body: BodyName | None = optional(
+        "Body of the robot; absent: the environment's `robot_body`, else the first free body that has actuators."
+    )
+
+
+class ThingsRequirement(RobotRequirement):
+    """A requirement about the robot's body and the things around it, but the floor."""
+
+    others: NamePatterns | None = optional(
+        "Names of what counts, with `*` for any text: furniture ids, `wall`, bodies; absent: everything."
+    )
+    ignore: NamePatterns | None = optional(
+        "Names of what may be touched all the same, with `*` for any text; the floor always may."
+    )
+
+
+class Scene(Protocol):
+    """A simulation as rules see it; `tasks/runtime/requirements/scene.py` reads MuJoCo."""
+
+    @property
+    def environment(self) -> Any:
+        """The environment, for what it says of itself."""
+        ...
+
+    @property
+    def world(self) -> World | None:
+        """The world of the run, if it has one."""
+        ...
+
+    def position(self, rule: "Rule[Any]") -> Sequence[float]:
+        """Position of the robot's body, x, y, z in m, which changes with the simulation."""
+        ...
+
+    def contacts(self, rule: "Rule[Any]") -> Callable[[], Mapping[str, float]]:
+        """Reader of the normal force in N of everything that touches the robot now, by name."""
+        ...
+
+    def clearance(self, rule: "Rule[Any]") -> Callable[[float], tuple[float, str] | None]:
+        """Meter of the smallest distance in m to another thing, and its name; `None`: beyond the one given."""
+        ...
+
+    def function(self, rule: "Rule[Any]", attribute: str) -> Callable[..., Any]:
+        """A function of an application, or of an installed package."""
+        ...
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Measured value of a requirement and its limit."""
+
+    value: float | None = None
+    limit: float | None = None
+    unit: str | None = None
+    at_least: bool = False
+    """Whether the limit is a lower one."""
+
+    @property
+    def margin(self) -> float | None:
+        """Margin between value and limit, positive when satisfied."""
+        if self.value is None or self.limit is None:
+            return None
+        return self.value - self.limit if self.at_least else self.limit - self.value
+
+
+Asked = TypeVar("Asked", bound=RequirementKind)
+
+
+class Rule(ABC, Generic[Asked]):
+    """The score of one requirement. Checkpoints keep it, so it has nothing of the scene."""
+
+    looks_within_steps: ClassVar[bool] = False
+    """Whether it looks between two steps of an environment as well, where that lets others look."""
+    is_reached: bool | None = None
+    """Whether the thing that is asked for has happened; `None`: nothing has to."""
+
+    def __init_subclass__(cls) -> None:
+        (kind,) = get_args(vars(cls)["__orig_bases__"][0])
+        if "rule" in vars(kind):
+            raise TypeError(f"{kind.__name__} has a rule, {kind.rule.__name__}; {cls.__name__} would replace it")
+        kind.rule = cls
+
+    def __init__(self, asked: Asked) -> None:
+        self.asked = asked
+        self.violated_s: float | None = None
+        """When it was first found violated; None: never."""
+        self.error: str | None = None
+        """Why it cannot be judged; None: it can."""
+        self._end_s = 0.0
+        self._ended_by = ""
+
+    @abstractmethod
+    def bind(self, scene: Scene) -> Look:
+        """Ties the rule to a simulation, at its beginning and where an environment replaces its model.
+
+        Raises:
+            RequirementError: It cannot be judged there: no such body, room, function.
+        """
+
+    def follow(self, before: Sequence["Rule[Any]"]) -> None:
+        """Gets to know the rules of the requirements above it."""
+
+    def add_metrics(self, metrics: dict[str, float]) -> None:
+        """Adds its numbers to those of all requirements of its kind, for tables and comparisons."""
+
+    @property
+    def first_look_s(self) -> float:
+        """Simulated time before which there is nothing to see."""
+        return 0.0
+
+    @property
+    def planned_s(self) -> float:
+        """Simulated time that the run would take if it was used up; 0: it says nothing of it."""
+        return 0.0
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the run has to end now, as far as this requirement alone can say."""
+        return self.asked.stop and (self.violated_s is not None or self.error is not None)
+
+    def fail(self, error: str) -> None:
+        """Notes that it cannot be judged; the first reason stays."""
+        self.error = self.error or error[:_MAX_TEXT]
+
+    def cannot(self, why: str) -> RequirementError:
+        """The error for a requirement that cannot be judged in a scene."""
+        return RequirementError(f"requirement {self.asked.name} ({self.asked.kind}): {why}")
+
+    def violate(self, time_s: float) -> bool:
+        """Notes that it is violated; returns whether this is the first time."""
+        is_first = self.violated_s is None
+        self.violated_s = time_s if self.violated_s is None else self.violated_s
+        return is_first
+
+    def judged(self, end_s: float, ended_by: str) -> Requirement:
+        """Judges the whole run.
+
+        Args:
+            end_s: Simulated time at its end.
+            ended_by: What ended it.
+        """
+        self._end_s, self._ended_by = end_s, ended_by
+        if (why := self._unjudgeable()) is not None:
+            self.fail(why)
+        name, kind = self.asked.name, self.asked.kind
+        if self.error is not None:
+            detail = f"could not be judged: {self.error}"
+            return Requirement(name=name, kind=kind, satisfied=False, detail=detail, error=self.error)
+        satisfied = self.violated_s is None and self.is_reached is not False
+        if not satisfied:
+            self.violate(end_s)
+        numbers = self._numbers()
+        return Requirement(
+            name=name,
+            kind=kind,
+            satisfied=satisfied,
+            detail=self._detail(),
+            value=_rounded(numbers.value),
+            limit=numbers.limit,
+            unit=numbers.unit,
+            margin=_rounded(numbers.margin),
+            first_violation_s=_rounded(self.violated_s),
+        )
+
+    def _unjudgeable(self) -> str | None:
+        """Returns why the requirement cannot be judged, now that the run has ended; None: it can."""
+        return None
+
+    def remark(self) -> str | None:
+        """Returns a line beside the verdict, once it is judged; None: there is nothing to say."""
+        return None
+
+    @abstractmethod
+    def _numbers(self) -> Numbers: ...
+
+    @abstractmethod
+    def _detail(self) -> str:
+        """Returns the value found and the value asked for, in words."""
+
+
+def is_meant(name: str, others: Sequence[str] | None, ignore: Sequence[str] | None) -> bool:
+    """Whether a thing counts: its name fits one of `others`, if there are any, and none of `ignore`."""
+    wanted = others is None or any(fnmatchcase(name, pattern) for pattern in others)
+    return wanted and not any(fnmatchcase(name, pattern) for pattern in ignore or ())
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(value, 6)

@@ -1,0 +1,82 @@
+"""Predicates: a function of the application has to say yes."""
+
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from ...wire.base import ShapeName
+from ...wire.common import text
+from .kind import Look, Numbers, RequirementKind, Rule, Scene, Seconds
+
+DottedName = Annotated[str, ShapeName("DottedName"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+")]
+
+
+class PredicateRequirement(RequirementKind):
+    """A function of the application has to say yes each time."""
+
+    violated_when = "a function of the application, `attribute`, says no"
+    margins_compare = False  # it says yes or no
+
+    kind: Literal["predicate"] = Field(description="`predicate`.")
+    attribute: DottedName = Field(
+        description="Dotted path of the function in the simulation or robot application, `my_nav.rules.keeps_left`: "
+        "`(environment, time_s)` gives a bool, or a bool and a reason."
+    )
+    period_s: Seconds = Field(default=0.5, description="Simulated seconds from one check to the next.")
+
+    @classmethod
+    def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
+        """The function's package."""
+        yield str(requirement.get("attribute", "")).partition(".")[0]
+
+
+class PredicateRule(Rule[PredicateRequirement]):
+    """Answers of an application's predicate function."""
+
+    def __init__(self, asked: PredicateRequirement) -> None:
+        super().__init__(asked)
+        self._reason = ""
+        self._violations = self._checks = 0
+
+    def bind(self, scene: Scene) -> Look:
+        """Asks the function; one that raises, or answers something else, is an error."""
+        attribute, environment = self.asked.attribute, scene.environment
+        function = scene.function(self, attribute)
+
+        def look(time_s: float) -> None:
+            try:
+                answer = function(environment, time_s)
+            except (Exception, SystemExit) as error:
+                self.fail(f"{attribute} raised {type(error).__name__}: {error}")
+                return
+            is_pair = issubclass(type(answer), tuple) and len(answer) == 2
+            holds, reason = answer if is_pair else (answer, "")
+            if getattr(holds, "shape", None) == ():
+                holds = holds.item()  # a bool of NumPy
+            if isinstance(holds, bool) and isinstance(reason, str):
+                self.update(time_s, holds, reason)
+            else:
+                self.fail(f"{attribute} returned {str(answer)[:80]}; a bool, or a bool and a text, would be right")
+
+        return look
+
+    def update(self, time_s: float, holds: bool, reason: str = "") -> None:
+        """Takes note of one answer; the reason of the first no is kept."""
+        self._checks += 1
+        if not holds:
+            self._violations += 1
+            if self.violate(time_s):
+                self._reason = reason[:300]
+
+    def _unjudgeable(self) -> str | None:
+        return None if self._checks else f"{self.asked.attribute} was never asked"
+
+    def _numbers(self) -> Numbers:
+        return Numbers(float(self._violations), 0.0, "violations")
+
+    def _detail(self) -> str:
+        if self.violated_s is None:
+            return f"{self.asked.attribute} held in all {self._checks} checks"
+        reason = f": {self._reason}" if self._reason else ""
+        return f"{self.asked.attribute} did not hold at {self.violated_s:.2f} s{reason}"

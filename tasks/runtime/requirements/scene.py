@@ -1,0 +1,160 @@
+"""The scene that requirements are measured in: readings of MuJoCo, the world, functions of applications."""
+
+# MuJoCo has no type stubs.
+# pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirement_kinds.kind import Rule, is_meant
+from ....schemas.wire.request_problems import nearest
+from ....schemas.worlds.world import World
+from ..episode.loading import LoadError, load_factory
+from ..episode.physics import (
+    ClearanceMeter,
+    ContactForces,
+    acting_roots,
+    bodies_below,
+    can_touch,
+    floor_geoms,
+    geom_names,
+    robot_geoms,
+)
+
+_MAX_SHOWN = 12
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The scene that requirements are measured in: one model and its data."""
+
+    environment: Any
+    model: mujoco.MjModel
+    data: mujoco.MjData
+    plan: RunPlan
+    read_world: Callable[[], World | None]
+
+    @property
+    def world(self) -> World | None:
+        """The world of the run, read when a rule asks for it."""
+        return self.read_world()
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names of the geoms."""
+        return geom_names(self.model, [piece.id for piece in self.world.furniture] if self.world else [])
+
+    @cached_property
+    def is_stale(self) -> bool:
+        """Whether contacts have no forces between two steps; see `ContactForces`."""
+        return bool(getattr(self.environment.physics, "legacy_step", False))
+
+    def position(self, rule: Rule[Any]) -> Sequence[float]:
+        """Position of the robot's body, x, y, z in m, which changes with the simulation."""
+        return self.data.xpos[self._robot(rule)]
+
+    def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
+        """Reader of the normal force in N of everything that touches the robot now, by name; rules share it."""
+        body = self._robot(rule)
+        if body not in self._contacts:
+            robot = robot_geoms(self.model, body)
+            self._contacts[body] = ContactForces(self.model, self.data, robot, self.names, is_stale=self.is_stale)
+        self._obstacles(rule, robot_geoms(self.model, body))
+        return self._contacts[body].read
+
+    def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
+        """Meter of the smallest distance in m to another thing, and its name; `None`: beyond the one given."""
+        model, body = self.model, self._robot(rule)
+        own = robot_geoms(model, body)
+        part = own if rule.asked.body is None else bodies_below(model, body)[model.geom_bodyid]
+        return ClearanceMeter(model, self.data, part, self._obstacles(rule, own), self.names).measure
+
+    def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
+        """Imports a function from the bundle that has its package, else from what is installed.
+
+        Raises:
+            RequirementError: There is no such function.
+        """
+        package = attribute.partition(".")[0]
+        applications = (self.plan.simulation_application, self.plan.robot_application)
+        paths = [each.path for each in applications if each is not None and each.path is not None]
+        path = next((path for path in paths if _has(path, package)), None)
+        try:
+            return load_factory(attribute, path)
+        except LoadError as error:
+            raise rule.cannot(str(error)) from error
+
+    def _obstacles(self, rule: Rule[Any], robot: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Returns which geoms count as obstacles, shape `(ngeom,)`: neither the robot's, nor floor, nor ignored.
+
+        A requirement that nothing could miss becomes an error: a robot without collision shapes, no such thing.
+
+        Args:
+            rule: The rule.
+            robot: Which geoms are the robot's.
+        """
+        others, ignore = rule.asked.others, rule.asked.ignore
+        if not can_touch(self.model, robot):
+            rule.fail("the robot has no shape that collides with anything else, so it goes through everything")
+        elif others is not None:
+            there = sorted({name for name, own in zip(self.names, robot.tolist(), strict=True) if not own})
+            if unknown := [other for other in others if not any(is_meant(name, [other], None) for name in there)]:
+                rule.fail(f"nothing is named like {unknown[0]!r}{_near(unknown[0], there)}")
+        meant = np.array([is_meant(name, others, ignore) for name in self.names], dtype=np.bool_)
+        obstacles = meant & ~robot & ~floor_geoms(self.model, self.data)
+        if rule.error is None and not obstacles.any():
+            ignored = "" if ignore is None else " that is not ignored"
+            rule.fail(f"beside the robot and the floor there is nothing{ignored}, so it could not be missed")
+        return obstacles
+
+    def _robot(self, rule: Rule[Any]) -> int:
+        """The robot's body: the one that is named, else the environment's `robot_body`, else the one that acts.
+
+        Raises:
+            RequirementError: The model has no such body, or none that can be taken for a robot.
+        """
+        named = rule.asked.body if rule.asked.body is not None else getattr(self.environment, "robot_body", None)
+        if named is None:
+            return self._acting_body(rule)
+        number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, named)
+        if number < 0:
+            there = [name for name in map(self._body_name, range(1, self.model.nbody)) if name]
+            raise rule.cannot(f"the model has no body {named!r}{_near(named, there)}")
+        return number
+
+    @cached_property
+    def _contacts(self) -> dict[int, ContactForces]:
+        return {}
+
+    def _acting_body(self, rule: Rule[Any]) -> int:
+        """The first free body with actuators, else the first body with any, else the only free one."""
+        roots = list(dict.fromkeys(acting_roots(self.model)))
+        free = [int(self.model.jnt_bodyid[joint]) for joint in range(self.model.njnt) if _is_free(self.model, joint)]
+        for choice in ([root for root in free if root in roots], roots, free if len(free) == 1 else []):
+            if choice:
+                return choice[0]
+        raise rule.cannot("no body has actuators; name the robot's with `body`, or as the environment's `robot_body`")
+
+    def _body_name(self, body: int) -> str:
+        return self.model.body(body).name
+
+
+def _has(path: Path, package: str) -> bool:
+    return (path / package).is_dir() or (path / f"{package}.py").is_file()
+
+
+def _is_free(model: mujoco.MjModel, joint: int) -> bool:
+    return model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _near(name: str, there: list[str]) -> str:
+    shown = ", ".join(there[:_MAX_SHOWN]) + (f" and {len(there) - _MAX_SHOWN} more" if len(there) > _MAX_SHOWN else "")
+    return nearest(name, there) or f"; there are {shown or 'none'}"

@@ -1,0 +1,121 @@
+"""`docs/adding.md` keeps its word: one file for each kind, in a distribution of its own, is seen everywhere."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+from helpers.cartpole_spec import PACKAGE, poles
+from helpers.paths import REPOSITORY
+
+PAGE = (REPOSITORY / "docs" / "adding.md").read_text()
+FAST = "requirements: [{kind: speed, name: slow, max_mps: 0.001}]"
+
+
+def shown(language: str, text: str) -> str:
+    """The block of the page that has a text."""
+    (found,) = [each for each in re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.M | re.S) if text in each]
+    return found
+
+
+@pytest.fixture
+def example(tmp_path: Path) -> Path:
+    """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
+    kinds = {"requirements": shown("py", "class SpeedRule")}
+    site = tmp_path / "site"
+    for kind, text in kinds.items():
+        (site / "example" / kind).mkdir(parents=True)
+        (site / "example" / kind / "__init__.py").touch()
+        (site / "example" / kind / "one.py").write_text(text)
+    groups: dict[str, dict[str, str]] = tomllib.loads(shown("toml", "entry-points"))["project"]["entry-points"]
+    assert set(groups) == {f"prefect_robomaker.{kind}" for kind in kinds}
+    about = site / "example-1.0.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Metadata-Version: 2.1\nName: example\nVersion: 1.0\n")
+    lines = [f"[{group}]\n" + "\n".join(f"{n} = {v}" for n, v in points.items()) for group, points in groups.items()]
+    (about / "entry_points.txt").write_text("\n".join(lines))
+    return site
+
+
+def run(site: Path, *words: str, code: int = 0, **variables: str) -> str:
+    """Runs Python with the distribution, and gives its output."""
+    environment = {
+        **os.environ,
+        "PYTHONPATH": os.pathsep.join(map(str, (site, PACKAGE, REPOSITORY))),
+        "ROBOMAKER_HOME": str(site.parent / "home"),
+        **variables,
+    }
+    ended = subprocess.run([sys.executable, *words], env=environment, capture_output=True, text=True, check=False)
+    assert ended.returncode == code, ended.stderr
+    return ended.stdout + ended.stderr
+
+
+SEEN = """
+import json
+from prefect_robomaker.schemas.specs.check import load_spec
+from prefect_robomaker.schemas.specs.json_schema import schema_text
+from prefect_robomaker.schemas.wire.errors import SpecError
+from prefect_robomaker.deployments.service_model.model import service_model
+from prefect_robomaker.tasks.simulations.planning.job_contents import _judging_packages
+from tools.reference.pages import with_tables
+
+try:
+    load_spec(PLACE, "spec.yaml")
+except SpecError as error:
+    refused = str(error)
+print(json.dumps({
+    "refused": refused,
+    "schema": json.loads(schema_text())["$defs"]["SpeedRequirement"],
+    "service model": service_model()["shapes"]["JobRequirement"]["members"]["max_mps"]["documentation"],
+    "made of": list(_judging_packages([{"kind": "speed"}])),
+    "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
+}))
+"""
+
+
+def test_one_file_is_seen_everywhere(example: Path) -> None:
+    """All but what runs: validation, JSON Schema, service model, documentation."""
+    misspelt = poles(FAST.replace("kind: speed", "kind: sped"))
+    seen = json.loads(run(example, "-c", SEEN.replace("PLACE", repr(misspelt))))
+
+    assert "requirements[0].kind: is 'sped'; did you mean 'speed'?" in seen["refused"]
+    assert seen["schema"]["properties"]["max_mps"]["anyOf"][0]["type"] == "number"
+    assert "Highest speed, in metres per second." in seen["service model"]
+    assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
+    assert "| `speed` | its body moves faster than `max_mps` |" in seen["page"]
+
+
+@pytest.mark.deep
+def test_a_requirement_of_another_distribution_is_judged_and_reported(example: Path, prefect_server: str) -> None:
+    (example.parent / "spec.yaml").write_text(poles(FAST, FAST.replace("0.001", "1000")))
+    words = ("-m", "prefect_robomaker", "run", str(example.parent / "spec.yaml"))
+
+    said = run(example, *words, code=1, PREFECT_API_URL=prefect_server)
+
+    (folder,) = (example.parent / "home" / "runs").iterdir()
+    junit = example.parent / "junit.xml"
+    run(example, "-m", "prefect_robomaker", "report", str(folder), "--junit", str(junit))
+    for text in (said, (folder / "report.html").read_text(), junit.read_text()):
+        assert "m/s at most, 0.001 m/s allowed" in text
+    assert 'tests="2" failures="1" errors="0"' in junit.read_text()
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import no_such_module_9", "example.requirements, which an installed distribution names in"),
+        ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
+         "class Mine(Rule[GoalRequirement]): ...", "GoalRequirement has a rule, GoalRule; Mine would replace it"),
+        ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
+         "class Mine(GoalRequirement): ...", "are both 'goal'"),
+    ],
+)  # fmt: skip
+def test_what_would_judge_by_another_rule_than_it_says_is_refused(example: Path, text: str, words: str) -> None:
+    """A green run must not come from a package that took the place of what was asked."""
+    (example / "example" / "requirements" / "one.py").write_text(text)
+
+    assert words in run(example, "-c", "import prefect_robomaker.schemas.runs.requirements", code=1)
