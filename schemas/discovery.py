@@ -1,9 +1,11 @@
 """Finds kinds by being there: the modules of a folder, and those that installed distributions bring."""
 
+from collections.abc import Callable, Iterable
 from importlib import import_module
 from importlib.metadata import entry_points
 from pkgutil import iter_modules
 from types import ModuleType
+from typing import TypeVar
 
 from .wire.errors import ConfigurationError
 
@@ -28,6 +30,34 @@ def modules_of(package: str, kind: str) -> list[ModuleType]:
             raise ConfigurationError(
                 f"{entry.value}, which an installed distribution names in {group}, cannot be imported: {error}"
             ) from error
+    return found
+
+
+Kind = TypeVar("Kind")
+
+
+def classes_of(
+    base: type[Kind], package: str, kind: str, names: Callable[[type[Kind]], Iterable[str]]
+) -> dict[str, type[Kind]]:
+    """Finds the subclasses that modules of a kind define, by name.
+
+    Args:
+        base: Their base class.
+        package: As for `modules_of`.
+        kind: Likewise.
+        names: Gives the names of a class; none for a base class of others.
+
+    Raises:
+        ConfigurationError: Two have one name: it would not be known which of them did what a run was asked for.
+    """
+    found: dict[str, type[Kind]] = {}
+    for module in modules_of(package, kind):
+        for each in vars(module).values():
+            if isinstance(each, type) and issubclass(each, base) and each.__module__ == module.__name__:
+                for name in names(each):
+                    if name in found:
+                        raise ConfigurationError(f"{each.__module__} and {found[name].__module__} are both {name!r}")
+                    found[name] = each
     return found
 
 

@@ -1,17 +1,25 @@
 """`docs/adding.md` keeps its word: one file for each kind, in a distribution of its own, is seen everywhere."""
 
 import json
+import math
 import os
+import pickle
 import re
 import subprocess
 import sys
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from helpers import hand_written_flat
 from helpers.cartpole_spec import PACKAGE, poles
 from helpers.paths import REPOSITORY
+from helpers.robot_stands import CART_MAPPING, write_robot
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
+make_context = hand_written_flat.make_context
 PAGE = (REPOSITORY / "docs" / "adding.md").read_text()
 FAST = "requirements: [{kind: speed, name: slow, max_mps: 0.001}]"
 
@@ -25,7 +33,7 @@ def shown(language: str, text: str) -> str:
 @pytest.fixture
 def example(tmp_path: Path) -> Path:
     """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
-    kinds = {"requirements": shown("py", "class SpeedRule")}
+    kinds = {"requirements": shown("py", "class SpeedRule"), "sensors": shown("py", "class Magnetometer")}
     site = tmp_path / "site"
     for kind, text in kinds.items():
         (site / "example" / kind).mkdir(parents=True)
@@ -87,6 +95,50 @@ def test_one_file_is_seen_everywhere(example: Path) -> None:
     assert "Highest speed, in metres per second." in seen["service model"]
     assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
     assert "| `speed` | its body moves faster than `max_mps` |" in seen["page"]
+
+
+DRIVEN = """
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation import make_environment
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+
+folder = Path(FOLDER)
+context = pickle.loads((folder / "context.pickle").read_bytes())
+with McapRecorder(folder / "recording.mcap") as recorder:
+    environment = make_environment(replace(context, recorder=recorder))
+    print(environment.observation_spec()["magnetometer"])
+    environment.reset()
+    print(environment.step([0.0, 0.5]).observation["magnetometer"].tolist())
+"""
+
+
+def test_a_sensor_of_another_distribution_is_observed_and_recorded(
+    example: Path, make_context: hand_written_flat.MakeContext
+) -> None:
+    folder = example.parent
+    sensors = {"lidar": {"at": "eye"}, "magnetometer": {"at": "chassis"}}
+    context = make_context()
+    driven = {"robot_application": write_robot(folder, {**CART_MAPPING, "sensors": sensors})}
+    context = replace(context, plan=context.plan.model_copy(update=driven))
+    (folder / "context.pickle").write_bytes(pickle.dumps(context))
+
+    spec, reading = run(example, "-c", DRIVEN.replace("FOLDER", repr(str(folder)))).splitlines()[1:3]
+
+    assert "shape=(3,)" in spec
+    assert "magnetometer: T, in the sensor's frame" in spec
+    with (folder / "recording.mcap").open("rb") as stream:
+        said = [*make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()]
+    seen = [message for _, channel, _, message in said if channel.topic == "/magnetic_field"]
+    last = seen[-1].magnetic_field
+    assert [last.x, last.y, last.z] == json.loads(reading)
+    assert math.dist((last.x, last.y, last.z), (0, 0, 0)) == pytest.approx(0.5), "half a tesla is MuJoCo's field"
+    frames = {
+        each.child_frame_id: each.header.frame_id
+        for _, channel, _, message in said if channel.topic == "/tf_static" for each in message.transforms
+    }  # fmt: skip
+    assert frames[seen[0].header.frame_id] == "base_link"
 
 
 @pytest.mark.deep

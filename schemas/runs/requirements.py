@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias, Union
 
 from pydantic import AfterValidator, Field
 
-from ..discovery import modules_of
-from ..wire.base import Model, ShapeName, choices
+from ..discovery import classes_of
+from ..wire.base import Model, ShapeName
 from ..wire.common import unique_names
-from ..wire.errors import ConfigurationError, InvalidParameterException
+from ..wire.errors import InvalidParameterException
 from ..wire.job_configs import JobRequest, given_once, is_program, launches
 from ..wire.json_values import is_list, is_mapping
 from ..wire.request_problems import parsed_member
@@ -25,21 +25,9 @@ MAX_REQUIREMENTS = 50
 """How many requirements a run may have."""
 
 
-def _kinds() -> dict[str, type[RequirementKind]]:
-    kinds: dict[str, type[RequirementKind]] = {}
-    for module in modules_of(requirement_kinds.__name__, "requirements"):
-        for kind in vars(module).values():
-            if isinstance(kind, type) and issubclass(kind, RequirementKind) and kind.__module__ == module.__name__:
-                for name in choices(kind.model_fields["kind"].annotation):
-                    if name in kinds:  # or a run would be judged by one of them, and none could say by which
-                        raise ConfigurationError(f"{kind.__module__} and {kinds[name].__module__} are both {name!r}")
-                    if not hasattr(kind, "rule"):
-                        raise ConfigurationError(f"{kind.__module__} has no class that is a Rule[{kind.__name__}]")
-                    kinds[name] = kind
-    return kinds
-
-
-REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = _kinds()
+REQUIREMENT_KINDS: Mapping[str, type[RequirementKind]] = classes_of(
+    RequirementKind, requirement_kinds.__name__, "requirements", RequirementKind.names
+)
 """Kinds of requirements by name."""
 
 if TYPE_CHECKING:

@@ -8,6 +8,7 @@ from pathlib import Path
 from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
 from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import SENSOR_KINDS
 from tools.reference.behaviours import BEHAVIOURS, Kind
 from tools.reference.door import flows_stub, operation_flows_module, with_deployments
 from tools.reference.operations_page import operations_page
@@ -93,9 +94,19 @@ def _requirement_kinds() -> str:
     return "\n".join(lines)
 
 
+def _sensor_kinds() -> str:
+    """Each kind of sensor that is one module."""
+    lines = ["| member | what it is | names of the model's own | numbers | topic |", "| --- | --- | --- | --- | --- |"]
+    for name, kind in SENSOR_KINDS.items():
+        parts, topic = ", ".join(f"`{part}`" for part in kind.parts), f"`{kind.topic}`" if kind.topic else ""
+        lines.append(f"| `sensors.{name}` | {kind.__doc__} | {parts} | {kind.units} | {topic} |")
+    return "\n".join(lines)
+
+
 _TABLES: Mapping[str, Callable[[], str]] = {
     "calls": _calls,
     "requirement-kinds": _requirement_kinds,
+    "sensor-kinds": _sensor_kinds,
     "differences": lambda: _by_kind("differs", ("the service", "here")),
     "decisions": lambda: _by_kind("decided", ("what is known", "here")),
 }
@@ -111,15 +122,15 @@ def pages() -> Mapping[Path, str]:
     Raises:
         ConfigurationError: this is an installed package, which has no documentation.
     """
-    guide, verdicts = DOCS / "coming-from-robomaker.md", DOCS / "verdicts.md"
+    guide = DOCS / "coming-from-robomaker.md"
+    tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md")))
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
     root, architecture = DOCS.parent, DOCS / "architecture.md"
     deployments = root / "deployments" / "prefect.yaml"
     return {
         DOCS / "operations.md": operations_page(),
-        guide: with_tables(guide.read_text()),
-        verdicts: with_tables(verdicts.read_text()),
+        **{page: with_tables(page.read_text()) for page in tables},
         architecture: with_rooms(architecture.read_text(), root),
         root / "prefect_robomaker" / "operation_flows.py": operation_flows_module(),
         root / "flows" / "operations.pyi": flows_stub(),

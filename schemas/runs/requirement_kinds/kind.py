@@ -13,7 +13,7 @@ from pydantic import Field
 
 from ...wire.base import Model, Shape, ShapeName, optional
 from ...wire.common import text
-from ...wire.errors import LaunchError
+from ...wire.errors import ConfigurationError, LaunchError
 from ...worlds.world import World
 
 Seconds = Annotated[float, ShapeName("Seconds"), Field(gt=0, allow_inf_nan=False)]
@@ -78,6 +78,18 @@ class RequirementKind(Shape):
     """Its score: the class that is a `Rule` of it."""
     margins_compare: ClassVar[bool] = True
     """Whether margins of different runs have one unit, so that the smallest is the worst."""
+
+    @staticmethod
+    def names(kind: "type[RequirementKind]") -> tuple[str, ...]:
+        """The kind as requests write it; empty for a base of kinds.
+
+        Raises:
+            ConfigurationError: It has no rule.
+        """
+        names = get_args(kind.model_fields["kind"].annotation)
+        if names and not hasattr(kind, "rule"):
+            raise ConfigurationError(f"{kind.__module__} has no class that is a Rule[{kind.__name__}]")
+        return names
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it

@@ -28,7 +28,7 @@ def encode(message: Message) -> bytes:
         ValueError: A covariance does not have the length its message asks for.
     """
     kind = type(message)
-    shaped = _SHAPES.get(kind)
+    shaped = _SHAPES.get(kind, _as_it_is if hasattr(kind, "ROS_TYPE") else None)
     if shaped is None:
         known = ", ".join(kind.__name__ for kind in _SHAPES)
         raise TypeError(f"cannot encode {kind.__name__}; the messages that can be recorded are {known}")

@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....schemas.runs.plan import ApplicationPlan
-from ....schemas.runs.robot_yaml import RobotModel
 from ....schemas.wire.errors import LaunchError
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
@@ -32,6 +31,7 @@ from .robot_yaml.mapping import (
     read_mapping,
 )
 from .robot_yaml.model import RobotFiles
+from .robot_yaml.shape import RobotModel
 from .scout import SCOUT
 from .walker import WALKER
 

@@ -17,6 +17,8 @@ import numpy as np
 from dm_env import specs
 from numpy.typing import NDArray
 
+from .sensors.kind import Sensor
+
 CONTROL_TIMESTEP_S = 0.05
 """Between two actions."""
 
@@ -158,8 +160,8 @@ class Robot:
     """Absent: it has no range sensors."""
 
     proximity_height_m: float = 0.04
-    imu: tuple[str, str] | None = None
-    """Names of a gyro and an accelerometer."""
+    sensors: Sequence[Sensor] = ()
+    """Others, which observations and recordings have."""
 
     video_camera: str | None = None
     """Camera for video, absent: the model's first."""
@@ -204,17 +206,21 @@ def add_camera(
     camera.alt.xyaxes = [0, -1, 0, *up]
 
 
-def add_imu(spec: mujoco.MjSpec, site: str, names: tuple[str, str] = ("gyro", "accelerometer")) -> None:
-    """Add a gyro and an accelerometer at a site.
+def add_sensors(spec: mujoco.MjSpec, site: str, kinds: Mapping[str, str]) -> None:
+    """Add sensors at a site.
 
     Args:
         spec: The robot's model.
         site: Name of the site.
-        names: Names of the two sensors.
+        kinds: MuJoCo's types of sensors by the sensors' names, `{"gyro": "GYRO"}`.
     """
-    kinds = (mujoco.mjtSensor.mjSENS_GYRO, mujoco.mjtSensor.mjSENS_ACCELEROMETER)
-    for name, kind in zip(names, kinds, strict=True):
-        spec.add_sensor(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+    for name, kind in kinds.items():
+        spec.add_sensor(name=name, type=sensor_type(kind), objtype=mujoco.mjtObj.mjOBJ_SITE, objname=site)
+
+
+def sensor_type(kind: str) -> mujoco.mjtSensor:
+    """Returns MuJoCo's type of a sensor, `GYRO`."""
+    return getattr(mujoco.mjtSensor, f"mjSENS_{kind}")
 
 
 def robot_of(environment: Any) -> Robot | None:

@@ -11,7 +11,9 @@ wheels, two slides, a planar lidar, an IMU and a camera.
 import mujoco
 
 from .drives import DifferentialDrive
-from .robot import Lidar, Limits, Robot, add_camera, add_imu, add_look
+from .robot import Lidar, Limits, Robot, add_camera, add_look, add_sensors
+from .sensors.imu import Imu
+from .sensors.kind import Sensor
 
 RADIUS_M = 0.17
 """Radius of the body seen from above, in metres; nothing sticks out of it."""
@@ -154,7 +156,7 @@ def _look_wheel(wheel: mujoco.MjsBody) -> None:
 def _add_sensors(spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
     base.add_site(name="scan", pos=[0, 0, LIDAR_HEIGHT_M], group=5)
     base.add_site(name="imu", pos=[0, 0, 0.06], group=5)
-    add_imu(spec, "imu")
+    add_sensors(spec, "imu", Imu.parts)
     add_camera(base, "front", (0.172, 0, 0.09), (-0.08, 0, 1))
     add_camera(base, "follow", (-0.75, 0, 0.95), (0.72, 0, 0.69))
 
@@ -171,6 +173,6 @@ SCOUT = Robot(
     joints=WHEELS,
     is_differential=True,
     lidar=LIDAR,
-    imu=("gyro", "accelerometer"),
+    sensors=[Sensor(Imu, tuple(Imu.parts))],
 )
 """Scout, as the navigation task uses it."""

@@ -12,7 +12,9 @@ import mujoco
 
 from ..episode.context import KeepsAttributes
 from .drives import VelocityController, VelocityDrive
-from .robot import Controller, Lidar, Limits, Robot, add_camera, add_imu, add_look
+from .robot import Controller, Lidar, Limits, Robot, add_camera, add_look, add_sensors
+from .sensors.imu import Imu
+from .sensors.kind import Sensor
 
 Point = tuple[float, float, float]
 Angles = tuple[float, float, float]
@@ -281,7 +283,7 @@ def _limb(body: mujoco.MjsBody, length_m: float, radius_m: float, mass_kg: float
 
 def _add_sensors(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
     body.add_site(name="imu", group=5)
-    add_imu(spec, "imu")
+    add_sensors(spec, "imu", Imu.parts)
     add_camera(body, "follow", (-0.75, 0, 0.85), (0.72, 0, 0.69))
     add_camera(body, "front", (0.131, 0, 0.01), (0, 0, 1))
 
@@ -366,7 +368,7 @@ WALKER = Robot(
     home=_standing(),
     lidar=Lidar(LIDAR_HEIGHT_M),
     proximity_height_m=0.05,
-    imu=("gyro", "accelerometer"),
+    sensors=[Sensor(Imu, tuple(Imu.parts))],
     video_camera="follow",
 )
 """The walker, as the navigation task uses it."""

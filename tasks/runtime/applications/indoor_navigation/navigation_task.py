@@ -10,7 +10,7 @@ Built for dm_control's `rl.control.Environment`, which calls the methods in this
 # pyright: reportIncompatibleMethodOverride=false
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import mujoco
@@ -138,8 +138,7 @@ class NavigationTask(Task):
         else:
             observation["joint_position"] = np.array(state.joint_positions)
             observation["joint_velocity"] = np.array(state.joint_velocities)
-        if self._robot.imu is not None:
-            observation["imu"] = np.array(self._imu())
+        observation |= {kind.name: np.array(read()) for kind, read in self._sensors.items()}
         if self._ranging is not None:
             observation.update(scan=self._scan, proximity=self._proximity, scan_time=self._scan_time)
         return observation
@@ -161,7 +160,6 @@ class NavigationTask(Task):
 
     def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
         """Names, shapes and units of what the robot knows."""
-        del physics
         rooms, joints = len(self._goals), len(self._robot.joints)
         observed = {
             "time": specs.Array((), np.float64, name="time: s"),
@@ -173,11 +171,12 @@ class NavigationTask(Task):
         if self._robot.is_differential:
             observed["wheel_velocity"] = specs.Array((2,), np.float64, name="wheel_velocity: left, right rad/s")
         else:
-            names = ", ".join(self._robot.joints)
-            observed["joint_position"] = specs.Array((joints,), np.float64, name=f"joint_position: rad or m, {names}")
-            observed["joint_velocity"] = specs.Array((joints,), np.float64, name=f"joint_velocity: 1/s, {names}")
-        if self._robot.imu is not None:
-            observed["imu"] = specs.Array((6,), np.float64, name="imu: gyro rad/s, accelerometer m/s^2")
+            called = ", ".join(self._robot.joints)
+            observed["joint_position"] = specs.Array((joints,), np.float64, name=f"joint_position: rad or m, {called}")
+            observed["joint_velocity"] = specs.Array((joints,), np.float64, name=f"joint_velocity: 1/s, {called}")
+        for kind, names in self._robot.sensors:
+            size = len(self._reader(names, physics)())
+            observed[kind.name] = specs.Array((size,), np.float64, name=f"{kind.name}: {kind.units}")
         return observed if self._robot.lidar is None else observed | _range_specs(self._robot.lidar)
 
     # -- Called by the environment --------------------------------------------
@@ -227,8 +226,13 @@ class NavigationTask(Task):
         joints = [model.joint(f"{robot.prefix}{name}") for name in robot.joints]
         self._joint_positions = _picked(data.qpos, [int(joint.qposadr[0]) for joint in joints])
         self._joint_velocities = _picked(data.qvel, [int(joint.dofadr[0]) for joint in joints])
-        sensors = [int(model.sensor(f"{robot.prefix}{name}").adr[0]) for name in robot.imu or ()]
-        self._imu = _picked(data.sensordata, [first + axis for first in sensors for axis in range(3)])
+        self._sensors = {kind: self._reader(names, physics) for kind, names in robot.sensors}
+
+    def _reader(self, names: Sequence[str], physics: ScenePhysics) -> Callable[[], tuple[float, ...]]:
+        """A function that reads sensors of the robot's model."""
+        found = [physics.model.ptr.sensor(f"{self._robot.prefix}{name}") for name in names]
+        places = [int(each.adr[0]) + axis for each in found for axis in range(int(each.dim[0]))]
+        return _picked(physics.data.ptr.sensordata, places)
 
     def _start_sensing(self, physics: ScenePhysics) -> None:
         model, data, robot = physics.model.ptr, physics.data.ptr, self._robot
@@ -274,8 +278,9 @@ class NavigationTask(Task):
             self._visited.setflags(write=False)
             if self._recorder.enabled:
                 self._telemetry.publish_goals(self._world.floorplan.rooms, self._visited.tolist())
-        if self._robot.imu is not None and self._recorder.enabled:
-            self._telemetry.publish_imu(self._state.time_s, self._imu())
+        if self._recorder.enabled:
+            for sensor in self._robot.sensors:
+                self._telemetry.publish_reading(sensor.kind, self._state.time_s, self._sensors[sensor.kind]())
         if self._ranging is not None and self._steps % self._scan_every_steps == 0:
             self._measure_ranges(*self._ranging)
 

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from .....schemas.worlds.world import Room
 from ...episode.context import KeepsAttributes
 from ...recording import messages as ros
-from ...recording.cdr import imu, laser_scan
+from ...recording.cdr import laser_scan
 from ...recording.companions import WORLD_TOPIC
 from ...recording.links import Links
 from ...recording.recording import DEFAULT_FRAMES, Frames, Recorder
 from ...recording.robot_description import robot_description
 from ...recording.state_series import STATE_RATE_HZ, RowSeries, StateSeries
 from ...robots.robot import Lidar, Robot
+from ...robots.sensors.kind import SensorKind
 from .occupancy_map import OccupancyMap
 from .scene_markers import goal_markers, occupancy_grid, robot_markers, world_markers
 
@@ -77,7 +78,7 @@ class Telemetry(KeepsAttributes):
     | --- | --- | --- |
     | `/clock`, `/tf`, `/odom`, `/joint_states` | time, `odom` to `base_link`, motion, joints | 50 Hz |
     | `/scan` | the lidar | with every measurement |
-    | `/imu` | attitude, turning rates, acceleration | 20 Hz |
+    | topics of `robots/sensors`, as `/imu` | readings, with attitude in `/imu` | 20 Hz |
     | `/contacts` | what the robot touches | 50 Hz while it does |
     | `/goals` | the rooms' goals and which were visited | at the start and with every change |
     | `/map`, `/world`, `/robot` | the map, and what world and robot look like | once |
@@ -95,7 +96,9 @@ class Telemetry(KeepsAttributes):
         self._robot = robot
         self._series: StateSeries | None = None
         self._scans: RowSeries | None = None
-        self._imu: RowSeries | None = None
+        self._readings: dict[type[SensorKind], RowSeries] = {}
+        self._axes: dict[type[SensorKind], NDArray[np.float64]] = {}
+        """Axes of sensors, seen from the base."""
         self._shown: mujoco.MjModel | None = None
         self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
 
@@ -167,10 +170,11 @@ class Telemetry(KeepsAttributes):
             body = robot.footprint_id(model)
             foot = data.xmat[body].reshape(3, 3)
             add(frames.scan, data.xpos[body] + foot[:, 2] * robot.lidar.height_m, foot)
-        if robot.imu is not None:
-            site = int(model.sensor_objid[model.sensor(f"{robot.prefix}{robot.imu[0]}").id])
-            self._imu_axes = turn @ data.site_xmat[site].reshape(3, 3)
-            add(frames.imu, data.site_xpos[site], data.site_xmat[site].reshape(3, 3))
+        for kind, names in robot.sensors:
+            site = int(model.sensor_objid[model.sensor(f"{robot.prefix}{names[0]}").id])
+            axes = data.site_xmat[site].reshape(3, 3)
+            self._axes[kind] = turn @ axes
+            add(self._frame_of(kind), data.site_xpos[site], axes)
         self._recorder.add_static_transforms(transforms, data.time)
         self._mounts = transforms[1:]
 
@@ -206,15 +210,25 @@ class Telemetry(KeepsAttributes):
             self._recorder.add_series(self._scans)
         self._scans.add(self._recorder, time_s, ranges)
 
-    def publish_imu(self, time_s: float, measured: Sequence[float]) -> None:
-        """Publishes turning rates (rad/s) and acceleration (m/s²), and the exact attitude."""
-        if self._imu is None:
-            self._imu = RowSeries("/imu", imu(self.frames.imu))
-            self._recorder.add_series(self._imu)
+    def publish_reading(self, kind: type[SensorKind], time_s: float, numbers: Sequence[float]) -> None:
+        """Publishes a reading of a sensor, if it has a topic."""
+        frame = self._frame_of(kind)
+        if not kind.topic:
+            return
+        if kind.columns is None:
+            header = ros.Header(ros.Time.from_seconds(time_s), frame)
+            self._recorder.write(kind.topic, kind.message(header, numbers), time_s)
+            return
+        if kind not in self._readings:
+            self._readings[kind] = RowSeries(kind.topic, kind.columns(frame))
+            self._recorder.add_series(self._readings[kind])
         quaternion = np.zeros(4)
         base = self._model.body(moving_body(self._robot)).id
-        mujoco.mju_mat2Quat(quaternion, (self._data.xmat[base].reshape(3, 3) @ self._imu_axes).ravel())
-        self._imu.add(self._recorder, time_s, np.array((*quaternion[[1, 2, 3, 0]], *measured)))
+        mujoco.mju_mat2Quat(quaternion, (self._data.xmat[base].reshape(3, 3) @ self._axes[kind]).ravel())
+        self._readings[kind].add(self._recorder, time_s, np.array((*quaternion[[1, 2, 3, 0]], *numbers)))
+
+    def _frame_of(self, kind: type[SensorKind]) -> str:
+        return getattr(self.frames, kind.name, f"{kind.name}_link")
 
 
 def _scan(lidar: Lidar, ranges: NDArray[np.float32], frame: str) -> ros.LaserScan:

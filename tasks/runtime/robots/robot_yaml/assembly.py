@@ -12,11 +12,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .....schemas.runs.robot_yaml import RobotLidar, RobotModel
-from ..robot import Lidar, Limits, Robot
+from ..robot import Lidar, Limits, Robot, sensor_type
+from ..sensors.kind import Sensor, SensorKind
 from .drive import make_drive, planar_joints
 from .mapping import alternatives, invalid
-from .model import ACCELEROMETER, FOLLOW_CAMERA, FOOTPRINT, FREE_JOINT, GYRO, ModelBuilder, RobotFiles, stand_alone
+from .model import FOLLOW_CAMERA, FOOTPRINT, FREE_JOINT, ModelBuilder, RobotFiles, stand_alone
+from .shape import RobotLidar, RobotModel
 
 _GEOM = mujoco.mjtGeom
 _DIRECTIONS = 720
@@ -126,7 +127,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         home=home,
         lidar=_lidar(mapping, model, data, files.mapping.name),
         proximity_height_m=mapping.sensors.bumper_height_m,
-        imu=_imu(mapping, model, files.mapping.name),
+        sensors=[_sensor(each, model, files.mapping.name) for each in mapping.sensors.of_kinds()],
         video_camera=_video_camera(mapping, model, files.mapping.name),
         ros=mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {},
     )
@@ -215,21 +216,20 @@ def _lidar_height_m(lidar: RobotLidar, model: mujoco.MjModel, data: mujoco.MjDat
     return z
 
 
-def _imu(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str] | None:
-    imu = mapping.sensors.imu
-    if imu is None:
-        return None
-    if imu.at is not None:
-        return GYRO, ACCELEROMETER
-    if imu.gyro is None or imu.accelerometer is None:
-        raise invalid(where, "sensors.imu: give at (a body or site), or both gyro and accelerometer (names of sensors)")
-    kinds = {"gyro": mujoco.mjtSensor.mjSENS_GYRO, "accelerometer": mujoco.mjtSensor.mjSENS_ACCELEROMETER}
-    for field, name in (("gyro", imu.gyro), ("accelerometer", imu.accelerometer)):
-        there = [model.sensor(i).name for i in range(model.nsensor) if int(model.sensor_type[i]) == int(kinds[field])]
+def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
+    if sensor.at is not None:
+        return Sensor(type(sensor), sensor.own_names)
+    names = [getattr(sensor, part) for part in sensor.parts]
+    if None in names:
+        own = f"{'both ' if len(names) == 2 else ''}{' and '.join(sensor.parts)} (names of sensors)"
+        raise invalid(where, f"sensors.{sensor.name}: give at (a body or site), or {own}")
+    for (part, kind), name in zip(sensor.parts.items(), names, strict=True):
+        number = int(sensor_type(kind))
+        there = [model.sensor(index).name for index in range(model.nsensor) if model.sensor_type[index] == number]
         if name not in there:
-            hint = alternatives(name, there, f"{field} sensors")
-            raise invalid(where, f"sensors.imu.{field}: there is no {field} {name!r}; {hint}")
-    return imu.gyro, imu.accelerometer
+            hint = alternatives(name, there, f"{part} sensors")
+            raise invalid(where, f"sensors.{sensor.name}.{part}: there is no {part} {name!r}; {hint}")
+    return Sensor(type(sensor), names)
 
 
 def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str:

@@ -8,10 +8,10 @@ import logging
 import mujoco
 import numpy as np
 
-from .....schemas.runs.robot_yaml import DifferentialDriveModel, RobotModel, VelocityDriveModel
 from ..drives import DifferentialDrive, PlanarDrive, RawDrive
 from ..robot import Drive, Limits
 from .mapping import alternatives, invalid
+from .shape import DifferentialDriveModel, RobotModel, VelocityDriveModel
 
 _logger = logging.getLogger(__name__)
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from .....schemas.runs.robot_yaml import ROBOT_MODELS, RobotModel, robot_model_type
 from .....schemas.specs.text import MappingNode, child, key_place, parse, plain, value_place
 from .....schemas.wire.errors import LaunchError, SpecError
 from .....schemas.wire.request_problems import problems_of
+from .shape import ROBOT_MODELS, RobotModel, robot_model_type
 
 INVALID_ROBOT = "InvalidBundleRobotApplication"
 """Failure code of a job whose robot cannot be made from its files."""

@@ -14,9 +14,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from .....schemas.runs.robot_yaml import AddedActuator, RobotModel
-from ..robot import add_camera, add_imu
+from ..robot import add_camera, add_sensors
 from .mapping import alternatives, invalid
+from .shape import AddedActuator, RobotModel
 
 _logger = logging.getLogger(__name__)
 
@@ -161,7 +161,6 @@ def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Pat
 FREE_JOINT = "base_free_joint"
 FOOTPRINT = "base_footprint_mark"
 FOLLOW_CAMERA = "follow"
-GYRO, ACCELEROMETER = "imu_gyro", "imu_accelerometer"
 
 _SLIDING_FRICTION = (0.01, 0.005, 0.0001)
 _FREE = mujoco.mjtJoint.mjJNT_FREE
@@ -296,14 +295,15 @@ class ModelBuilder:
             _set(spec.add_actuator(name=name, target=wanted.joint, trntype=mujoco.mjtTrn.mjTRN_JOINT), wanted)
 
     def _add_sensors(self, spec: mujoco.MjSpec) -> None:
-        imu = self._mapping.sensors.imu
-        if imu is None or imu.at is None:
-            return
-        site = next((each.name for each in spec.sites if each.name == imu.at), None)
-        if site is None:
-            body = self.find([*spec.bodies, *spec.sites], imu.at, "sensors.imu.at", "bodies and sites")
-            site = body.add_site(name=f"{imu.at}_imu_site", group=5).name
-        add_imu(spec, site, (GYRO, ACCELEROMETER))
+        for sensor in self._mapping.sensors.of_kinds():
+            if sensor.at is None:
+                continue
+            site = next((each.name for each in spec.sites if each.name == sensor.at), None)
+            if site is None:
+                places = [*spec.bodies, *spec.sites]
+                body = self.find(places, sensor.at, f"sensors.{sensor.name}.at", "bodies and sites")
+                site = body.add_site(name=f"{sensor.at}_{sensor.name}_site", group=5).name
+            add_sensors(spec, site, dict(zip(sensor.own_names, sensor.parts.values(), strict=True)))
 
     def _add_cameras(self, spec: mujoco.MjSpec, base: mujoco.MjsBody) -> None:
         for index, wanted in enumerate(self._mapping.sensors.cameras):

@@ -67,7 +67,7 @@ def test_observations_have_the_robots_own_joints_and_sensors(make_cart: MakeCart
     assert robot.lidar == Lidar(height_m=robot.lidar.height_m)
     assert robot.lidar.height_m == pytest.approx(0.15)
     assert robot.name == "my_cart"
-    assert robot.imu == ("gyro", "acc")
+    assert [list(each.names) for each in robot.sensors] == [["gyro", "acc"]]
     assert make_cart(joints=["lift"]).joints == ("lift",)
     assert make_cart(sensors={}).lidar is None
 

@@ -37,7 +37,7 @@ def test_members_left_out_have_their_defaults(tmp_path: Path) -> None:
 
 
 def test_every_member_says_what_it_is() -> None:
-    from prefect_robomaker.schemas.runs.robot_yaml import ROBOT_MODELS
+    from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import ROBOT_MODELS
 
     for model in ROBOT_MODELS.values():
         schema = model.model_json_schema()

@@ -3,15 +3,18 @@
 The document's form depends on `drive.kind`, so that a mistake in it is told once and about the right members.
 """
 
-from typing import Annotated, Any, Literal, TypeAlias
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
-from pydantic import Field
+from pydantic import Field, create_model
 
-from ..wire.base import Model, optional
-from ..wire.json_values import is_object
-from .ros import RosOptions
+from .....schemas.discovery import classes_of
+from .....schemas.runs.ros import RosOptions
+from .....schemas.wire.base import Model, optional
+from .....schemas.wire.json_values import is_object
+from .. import sensors
+from ..sensors.kind import PartName, SensorKind
 
-PartName = Annotated[str, Field(min_length=1, max_length=200)]
 Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 Length = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
@@ -130,14 +133,6 @@ class RobotLidar(Model):
     )
 
 
-class RobotImu(Model):
-    """A gyro and an accelerometer: those of the model, or new ones in a body."""
-
-    at: PartName | None = optional("Site or body (link) that gets a gyro and an accelerometer.")
-    gyro: PartName | None = optional("Name of the model's gyro instead.")
-    accelerometer: PartName | None = optional("Name of the model's accelerometer instead.")
-
-
 class RobotCamera(Model):
     """A camera that the model does not have."""
 
@@ -148,15 +143,30 @@ class RobotCamera(Model):
     )
 
 
-class RobotSensors(Model):
-    """Sensors of the robot besides those of its joints."""
+class FixedSensors(Model):
+    """Sensors of the robot besides those of its joints: these, and one member for each kind in `sensors`."""
 
     lidar: RobotLidar | None = optional("Lidar, and sensors in the bumper; absent: none.")
     bumper_height_m: Length = Field(
         default=0.04, description="Height over the floor of the 15 range sensors that come with a lidar, metres."
     )
-    imu: RobotImu | None = optional("Gyro and accelerometer; absent: none.")
     cameras: list[RobotCamera] = Field(default=[], description="Cameras to add; those of an MJCF are there anyway.")
+
+    def of_kinds(self) -> list[SensorKind]:
+        """The sensors that are one kind each."""
+        return [sensor for name in SENSOR_KINDS if (sensor := getattr(self, name)) is not None]
+
+
+SENSOR_KINDS: Mapping[str, type[SensorKind]] = classes_of(
+    SensorKind, sensors.__name__, "sensors", lambda kind: (kind.name,) if hasattr(kind, "name") else ()
+)
+"""Kinds of sensors by name."""
+
+if TYPE_CHECKING:
+    RobotSensors: TypeAlias = FixedSensors
+else:
+    _OTHERS = {name: (kind | None, optional(f"{kind.__doc__} Absent: none.")) for name, kind in SENSOR_KINDS.items()}
+    RobotSensors = create_model("RobotSensors", __base__=FixedSensors, __doc__=FixedSensors.__doc__, **_OTHERS)
 
 
 class RobotModelHead(Model):
