@@ -34,6 +34,7 @@ def shown(language: str, text: str) -> str:
 def example(tmp_path: Path) -> Path:
     """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
     kinds = {"requirements": shown("py", "class SpeedRule"), "sensors": shown("py", "class Magnetometer")}
+    kinds["pages"] = shown("py", "visit.page(_PAGE")
     site = tmp_path / "site"
     for kind, text in kinds.items():
         (site / "example" / kind).mkdir(parents=True)
@@ -139,6 +140,41 @@ def test_a_sensor_of_another_distribution_is_observed_and_recorded(
         for _, channel, _, message in said if channel.topic == "/tf_static" for each in message.transforms
     }  # fmt: skip
     assert frames[seen[0].header.frame_id] == "base_link"
+
+
+SHOWN = """
+import asyncio, os
+import httpx
+from prefect_robomaker.deployments.console.console import Console
+from prefect_robomaker.deployments.console.rendering import render
+from prefect_robomaker.deployments.endpoint.application import Endpoint
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.service.service import Service
+
+async def get(path):
+    service = Service.open(Settings.from_environment(os.environ))
+    console = httpx.ASGITransport(Console(Endpoint(service), service))
+    async with httpx.AsyncClient(transport=console, base_url="http://127.0.0.1:8057") as client:
+        return (await client.get(path)).text
+
+print(asyncio.run(get("/console/seeds")))
+print(asyncio.run(get("/console/jobs")))
+print(render("{% if name %}{{ name }}{% endif %}", name="<b>"))
+"""
+
+
+def test_a_page_of_another_distribution_is_in_the_menu_and_escapes(example: Path) -> None:
+    said = run(example, "-c", SHOWN)
+
+    assert "<h1>Seeds</h1>" in said
+    assert said.count('<a href="/console/seeds"') == 2, "in the menus of both pages"
+    assert said.count('<a href="/console/seeds" aria-current="page">') == 1
+    assert said.rstrip().endswith("&lt;b&gt;")
+
+    page = example / "example" / "pages" / "one.py"
+    page.write_text(page.read_text().replace('{"/seeds": show}', '{"/jobs": show}'))
+    refused = run(example, "-c", "import prefect_robomaker.deployments.console.console", code=1)
+    assert "example.pages.one has pages of paths that others have: /jobs" in refused
 
 
 @pytest.mark.deep

@@ -17,8 +17,10 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 from starlette.routing import Route
 from starlette.types import Message, Receive, Scope, Send
 
+from ...schemas.discovery import modules_of
 from ...schemas.wings import parts_of_wings
 from ...schemas.wire.errors import (
+    ConfigurationError,
     ObjectNotFoundError,
     ResourceNotFoundException,
     RobomakerError,
@@ -34,13 +36,12 @@ from ..endpoint.messages import AccessDeniedException, ProtocolError, ServiceReq
 from ..endpoint.origins import is_local_host
 from ..foreign_pages import refusal
 from ..spec_runs.spec_runs import SpecRuns
-from . import batches, jobs, login, overview, runs, worlds
+from . import batches, jobs, login, overview, pages, runs, worlds
 from .batch_caches import BatchBriefs, JobLines, Posters
 from .files import published
 from .orders import going, start, worlds_form
 from .orders.forms import read_fields
-from .pages import applications, nights
-from .rendering import HOME, PAGES, address, asset, render
+from .rendering import FOLDERS, HOME, MENU, address, asset, render
 from .streams import Streams
 from .visit import Context, Sessions, Visit
 
@@ -76,7 +77,7 @@ def carry_out(visit: Visit) -> Response:
     if found is None:
         raise ResourceNotFoundException(f"there is nothing called {act!r} to do here")
     operation, member = found
-    kind = next(kind for kind, each in PAGES.items() if each == folder)
+    kind = next(kind for kind, each in FOLDERS.items() if each == folder)
     visit.call(operation, {member: visit.service.arn(kind, resource_id)})
     return RedirectResponse(address(kind, resource_id), 303)
 
@@ -101,7 +102,7 @@ _ADDED = (
 )
 """Headers of every answer that does not have others: nothing but the console's own files runs, loads or is asked."""
 
-_PAGES: Mapping[str, Page] = {
+_PAGES: dict[str, Page] = {
     "": overview.show,
     "/live": overview.follow,
     "/search": overview.find,
@@ -123,13 +124,15 @@ _PAGES: Mapping[str, Page] = {
     "/runs/{id}": going.show,
     "/runs/{id}/live": going.follow,
     "/runs/{id}/report": runs.send_report,
-    "/history": nights.show_all,
-    "/history/{name}": nights.show,
-    "/compare": nights.compare_runs,
-    "/applications": applications.show_all,
-    "/applications/{kind}/{id:path}": applications.show,
-    **{path: page for part in parts_of_wings("deployments", "console.pages") for path, page in part.PAGES.items()},
 }
+
+for _module in (*modules_of(pages.__name__, "pages"), *parts_of_wings("deployments", "console.pages")):
+    if _taken := _PAGES.keys() & _module.PAGES.keys():
+        raise ConfigurationError(f"{_module.__name__} has pages of paths that others have: {', '.join(sorted(_taken))}")
+    _PAGES |= _module.PAGES
+    FOLDERS |= getattr(_module, "FOLDERS", {})
+    MENU += [_module.MENU] if hasattr(_module, "MENU") else []
+MENU.sort()
 
 _FORMS: Mapping[str, Page] = {
     "/runs/new": start.take,

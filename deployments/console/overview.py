@@ -12,7 +12,7 @@ from ...schemas.lifecycles import LIFECYCLES
 from ...schemas.wings import parts_of_wings
 from ...tasks.catalog import Resource
 from .batches import BATCH, batch_lines
-from .rendering import HOME, PAGES, address, render
+from .rendering import FOLDERS, HOME, address, render
 from .runs import is_known, latest_runs, since_before
 from .standing import JOB, Look, job_line, look_of_status
 from .streams import Parts
@@ -100,7 +100,7 @@ def find(visit: Visit) -> Response:
     """Leads to what was searched for, or shows what has that name."""
     wanted = visit.parameter("q").strip()[:_MOST_CHARACTERS]
     catalog, service = visit.service.catalog, visit.service
-    arns = [wanted] if wanted.startswith("arn:") else [service.arn(kind, wanted) for kind in (*PAGES, *_NAMED)]
+    arns = [wanted] if wanted.startswith("arn:") else [service.arn(kind, wanted) for kind in (*FOLDERS, *_NAMED)]
     for resource in visit.seen(catalog.get_many(arns, ()).values()):
         if page := address(resource.kind, resource.id):
             return RedirectResponse(page, 303)

@@ -19,8 +19,9 @@ HOME = "/console"
 
 
 def render(template: str, /, **values: Any) -> str:
-    """Fills a template; all text is escaped."""
-    return _environment().get_template(template).render(values)
+    """Fills a template, which is a file or the text of one; all values are escaped."""
+    found = _environment().from_string if template.startswith("{%") else _environment().get_template
+    return found(template).render(values)
 
 
 @cache
@@ -44,7 +45,7 @@ def address(kind: str, resource_id: str) -> str:
     """The page of a resource; empty for kinds that have none."""
     if kind == "world-template":
         return f"{HOME}/worlds?template={quote(resource_id)}"
-    folder = PAGES.get(kind)
+    folder = FOLDERS.get(kind)
     return f"{HOME}/{folder}/{quote(resource_id)}" if folder else ""
 
 
@@ -56,27 +57,16 @@ def icon(key: str) -> str:
 
 _OF_WINGS = parts_of_wings("deployments", "console.kinds")
 
-PAGES = {
+FOLDERS: dict[str, str] = {
     "simulation-job": "jobs",
     "simulation-job-batch": "batches",
     "world": "worlds",
     "world-generation-job": "generations",
-    "robot-application": "applications/robot-application",
-    "simulation-application": "applications/simulation-application",
-    **{kind: folder for part in _OF_WINGS for kind, folder in part.FOLDERS.items()},
 }
-"""Folders of the pages of resources, by kind."""
+"""Folders of the pages of resources, by kind; the modules in `pages` add theirs."""
 
-MENU: tuple[tuple[str, str], ...] = (
-    ("runs", "Runs"),
-    ("batches", "Batches"),
-    ("jobs", "Jobs"),
-    ("worlds", "Worlds"),
-    ("history", "History"),
-    *(entry for part in _OF_WINGS for entry in part.MENU),
-    ("applications", "Applications"),
-)
-"""Folder and title of each page that all pages lead to."""
+MENU = [(1, "runs", "Runs"), (2, "batches", "Batches"), (3, "jobs", "Jobs"), (4, "worlds", "Worlds")]
+"""Entries of the menu: place, folder, title; the modules in `pages` add theirs."""
 
 
 def ago(moment: datetime) -> str:

@@ -42,3 +42,11 @@ def show(visit: Visit) -> Response:
         versions=[(each, ApplicationDocument.of(each)) for each in reversed(versions)],
         jobs=[job_line(job) for job in visit.seen(jobs.resources)],
     )
+
+
+MENU = (7, "applications", "Applications")
+FOLDERS = {kind: f"applications/{kind}" for kind in KINDS}
+PAGES = {
+    "/applications": show_all,
+    "/applications/{kind}/{id:path}": show,
+}

@@ -91,3 +91,11 @@ def _bar(metric: MetricChange) -> tuple[float, float, float] | None:
     if not math.isfinite(reach) or reach == 0:
         return None
     return tuple(100 * value / reach for value in (metric.low, metric.difference, metric.high))  # type: ignore[return-value]
+
+
+MENU = (5, "history", "History")
+PAGES = {
+    "/history": show_all,
+    "/history/{name}": show,
+    "/compare": compare_runs,
+}

@@ -152,6 +152,8 @@ def _robot_lines(robots: Sequence[Resource], visit: Visit) -> list[RobotLine]:
     ]
 
 
+MENU = (6, "fleets", "Fleets")
+FOLDERS = {FLEET: "fleets", ROBOT: "robots", DEPLOYMENT: "deployments"}
 PAGES = {
     "/fleets": show_all,
     "/fleets/{id:path}": show,
