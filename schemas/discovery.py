@@ -33,6 +33,15 @@ def modules_of(package: str, kind: str) -> list[ModuleType]:
     return found
 
 
+def named(kind: str) -> dict[str, str]:
+    """Lists the modules that distributions bring by the names of their entry points; imports none.
+
+    Args:
+        kind: As for `modules_of`.
+    """
+    return {entry.name: entry.value for entry in sorted(entry_points(group=f"prefect_robomaker.{kind}"))}
+
+
 Kind = TypeVar("Kind")
 
 

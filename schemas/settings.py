@@ -50,6 +50,7 @@ import platformdirs
 from pydantic import Field, IPvAnyNetwork, ValidationError
 from pydantic.fields import FieldInfo
 
+from .backends import BACKENDS, BACKENDS_IN_WORDS
 from .runs.programs import DISK_BYTES, BoxNetwork, SandboxMode
 from .wings import parts_of_wings
 from .wire.base import Model, optional
@@ -86,8 +87,8 @@ class Settings(Model):
     )
     backend: str = Field(
         default="local",
-        pattern=r"^(local|by-hand|(workers|dask|ray):.+)$",
-        description="Backend that runs the jobs of batches: local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS.",
+        pattern=rf"^(local|by-hand|({'|'.join(map(re.escape, BACKENDS))}):.+)$",
+        description=f"Backend that runs the jobs of batches: {BACKENDS_IN_WORDS}.",
     )
     max_jobs: int = Field(ge=1, description="Simulation jobs at once on this machine, whatever batches ask for.")
     job_memory_mb: int = Field(

@@ -34,6 +34,7 @@ def shown(language: str, text: str) -> str:
 def example(tmp_path: Path) -> Path:
     """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
     kinds = {"requirements": shown("py", "class SpeedRule"), "sensors": shown("py", "class Magnetometer")}
+    kinds["backends"] = shown("py", "def backend_at")
     kinds["pages"] = shown("py", "visit.page(_PAGE")
     site = tmp_path / "site"
     for kind, text in kinds.items():
@@ -175,6 +176,28 @@ def test_a_page_of_another_distribution_is_in_the_menu_and_escapes(example: Path
     page.write_text(page.read_text().replace('{"/seeds": show}', '{"/jobs": show}'))
     refused = run(example, "-c", "import prefect_robomaker.deployments.console.console", code=1)
     assert "example.pages.one has pages of paths that others have: /jobs" in refused
+
+
+OPENED = """
+from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.backends.backend import open_backend
+
+print(type(open_backend(Settings.from_environment({"ROBOMAKER_BACKEND": "processes:2"}).backend)).__name__)
+try:
+    Settings.from_environment({"ROBOMAKER_BACKEND": "slurm:2"})
+except Exception as error:
+    print(error)
+"""
+
+
+def test_a_backend_of_another_distribution_is_a_setting(example: Path) -> None:
+    opened, refused = run(example, "-c", OPENED).splitlines()
+
+    assert opened == "Processes"
+    assert "slurm:2" in refused
+    assert "local, by-hand, processes:PLACE, workers:POOL, dask:ADDRESS or ray:ADDRESS" in " ".join(
+        run(example, "-m", "prefect_robomaker", "run", "--help").split()
+    )
 
 
 @pytest.mark.deep

@@ -22,10 +22,10 @@ def add_report(parser: argparse.ArgumentParser) -> None:
 
 def add_backend(parser: argparse.ArgumentParser) -> None:
     """Adds `--backend`."""
-    kinds = "local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS"
-    parser.add_argument(
-        "--backend", metavar="B", help=f"where jobs of batches run, in place of ROBOMAKER_BACKEND: {kinds}"
-    )
+    from ...schemas.backends import BACKENDS_IN_WORDS
+
+    text = f"where jobs of batches run, in place of ROBOMAKER_BACKEND: {BACKENDS_IN_WORDS}"
+    parser.add_argument("--backend", metavar="B", help=text)
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:

@@ -8,6 +8,8 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Protocol
 
+from ...schemas.backends import BACKENDS_IN_WORDS
+from ...schemas.discovery import named
 from ...schemas.extras import how_to_install
 from ...schemas.wire.errors import ConfigurationError, RobomakerError
 
@@ -137,15 +139,16 @@ def check_answer(cluster: str, address: str, program: str) -> None:
         ) from error
 
 
-_MODULES = {"workers": "work_pools", "dask": "dask_cluster", "ray": "ray_cluster"}
+_OWN = {"workers": "work_pools", "dask": "dask_cluster", "ray": "ray_cluster"}
+_MODULES = {**named("backends"), **{kind: f"{__package__}.{module}" for kind, module in _OWN.items()}}
 """Each has a function `backend_at`, and imports its library when that connects."""
 
 
-def open_backend(named: str) -> Backend | None:
+def open_backend(setting: str) -> Backend | None:
     """Makes the backend that `ROBOMAKER_BACKEND` names; nothing is connected yet.
 
     Args:
-        named: `local`, `by-hand`, `workers:POOL`, `dask:ADDRESS` or `ray:ADDRESS`.
+        setting: `local`, `by-hand`, `workers:POOL`, `dask:ADDRESS` or `ray:ADDRESS`.
 
     Returns:
         The backend; `None`: batches run in the process that carries them out.
@@ -153,14 +156,12 @@ def open_backend(named: str) -> Backend | None:
     Raises:
         ConfigurationError: there is no such backend, or its address is missing.
     """
-    kind, _, place = named.partition(":")
-    if named == "local":
+    kind, _, place = setting.partition(":")
+    if setting == "local":
         return None
-    if named == "by-hand":
+    if setting == "by-hand":
         return ByHandBackend()
     if kind not in _MODULES or not place:
-        raise ConfigurationError(
-            f"ROBOMAKER_BACKEND is {named!r}; it has to be local, by-hand, workers:POOL, dask:ADDRESS or ray:ADDRESS"
-        )
-    backend: Backend = importlib.import_module(f".{_MODULES[kind]}", __package__).backend_at(place)
+        raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}; it has to be {BACKENDS_IN_WORDS}")
+    backend: Backend = importlib.import_module(_MODULES[kind]).backend_at(place)
     return backend
