@@ -28,6 +28,7 @@ from ..tasks.execution.dead_flow_runs import (
     UNHEARD_S,
     close_unheard,
     ensure_automation,
+    has_open_runs,
     sweep,
     tell_ends,
     tell_of_dead,
@@ -148,7 +149,14 @@ class RecordedEnds:
 
 
 SWEEP_S = 5.0
-"""Time from one sweep to the next."""
+"""Time from one sweep to the next while a flow run is open."""
+
+IDLE_SWEEP_S = 60.0
+"""The same once none has been for as long: only what is told late is found then."""
+
+IDLE_LOOK_S = 20.0
+"""Time from one look for open flow runs to the next, then; less than `SILENCE_S`, so that a run that dies is closed no
+later for it."""
 
 _LIMITS_S = 60.0
 """Time from one look at the limits of batches to the next."""
@@ -190,6 +198,36 @@ def close_dead_runs_once(settings: Settings) -> None:
     threading.Thread(target=_sweep_once, args=(settings,), name="dead runs").start()
 
 
+class _Pace:
+    """Says when to sweep: often while a flow run is open and for a minute after that, else seldom."""
+
+    def __init__(self) -> None:
+        self._open_at_s = self._swept_at_s = self._answers_since_s = time.monotonic()
+        self._looked_at_s = time.time()
+
+    @property
+    def pause_s(self) -> float:
+        """How long to wait before the next look for open flow runs."""
+        return SWEEP_S if time.monotonic() - self._open_at_s < IDLE_SWEEP_S else IDLE_LOOK_S
+
+    def is_due(self, is_open: bool) -> bool:
+        """Whether to sweep now, which is noted; by whether a flow run is open."""
+        now_s = time.monotonic()
+        if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
+            self._answers_since_s = now_s  # it slept, and may have slept together with those it judges
+        self._looked_at_s = time.time()
+        if is_open:
+            self._open_at_s = now_s
+        if now_s - self._open_at_s >= IDLE_SWEEP_S > now_s - self._swept_at_s:
+            return False
+        self._swept_at_s = now_s
+        return True
+
+    def has_heard_all(self) -> bool:
+        """Whether the server has answered for as long as a flow run may be silent."""
+        return time.monotonic() - self._answers_since_s > UNHEARD_S
+
+
 def _close_until_end(
     connect: Callable[[], SyncPrefectClient], settings: Settings, make_automation: bool = False
 ) -> None:
@@ -203,16 +241,15 @@ def _close_until_end(
                     ensure_automation(client)
                     make_automation = False
                 ends = RecordedEnds(settings, client)
-                answers_since, limits_at_s, looked_at_s = time.monotonic(), 0.0, time.time()
-                while not pause.wait(SWEEP_S):
-                    if time.time() - looked_at_s > UNHEARD_S - SILENCE_S:
-                        answers_since = time.monotonic()  # it slept, and may have slept together with those it judges
-                    looked_at_s = time.time()
+                limits_at_s, pace = 0.0, _Pace()
+                while not pause.wait(pace.pause_s):
+                    if not pace.is_due(has_open_runs(client, flow_names())):
+                        continue
                     tell_ends(client, _watched_flows(), ends.end_of)
                     sweep(client, flow_names())
                     if is_ours:
                         tell_of_broken_off(client, settings, told)
-                    if time.monotonic() - answers_since > UNHEARD_S:
+                    if pace.has_heard_all():
                         close_unheard(client, _watched_flows(), end_of=ends.end_of)
                     if time.monotonic() - limits_at_s > _LIMITS_S:
                         limits_at_s = time.monotonic()

@@ -1,13 +1,18 @@
 import ast
+import re
 import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
 from pathlib import Path
+from typing import Any
 
 import yaml
 from helpers.paths import REPOSITORY
+from packaging.markers import Marker
+from packaging.tags import sys_tags
+from packaging.utils import parse_wheel_filename
 
 from prefect_robomaker.tasks.operations.registry import registry
 
@@ -85,3 +90,35 @@ def test_the_licence_is_that_of_the_distribution() -> None:
 
     assert (project["license"], project["license-files"]) == ("Apache-2.0", ["LICENSE"])
     assert "Apache License" in (REPOSITORY / "LICENSE").read_text()
+
+
+def _size_of_wheel(package: dict[str, Any]) -> int:
+    """The size of the file that is downloaded for a locked package here."""
+    ranks = {tag: rank for rank, tag in enumerate(sys_tags())}
+    wheels = [(parse_wheel_filename(each["url"].rpartition("/")[2])[3], each) for each in package.get("wheels", ())]
+    fitting = [(min(ranks[tag] for tag in tags & ranks.keys()), each) for tags, each in wheels if tags & ranks.keys()]
+    return (min(fitting, key=lambda pair: pair[0])[1] if fitting else package["sdist"])["size"]
+
+
+def test_the_readme_says_how_much_its_first_command_downloads() -> None:
+    locked = {}
+    for package in tomllib.loads((REPOSITORY / "uv.lock").read_text())["package"]:
+        if any(Marker(marker).evaluate() for marker in package.get("resolution-markers", ["python_version > '3'"])):
+            locked[package["name"]] = package
+    needed: set[str] = set()
+    waiting = [("prefect-robomaker", "")]
+    while waiting:
+        name, extra = waiting.pop()
+        chosen = locked[name]["optional-dependencies"].get(extra, ()) if extra else locked[name].get("dependencies", ())
+        for each in chosen:
+            if "marker" in each and not Marker(each["marker"]).evaluate():
+                continue
+            new = [(each["name"], asked) for asked in ("", *each.get("extra", ()))]
+            waiting += new if each["name"] not in needed else new[1:]
+            needed.add(each["name"])
+    mb = sum(_size_of_wheel(locked[name]) for name in needed) / 1e6
+    said = re.search(r"It downloads (\d+) MB once", (REPOSITORY / "README.md").read_text())
+
+    assert said is not None
+    uv_mb = 18  # the program that downloads, which is no part of the lock
+    assert abs(mb + uv_mb - int(said[1])) < 0.1 * int(said[1])

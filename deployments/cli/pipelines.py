@@ -49,9 +49,15 @@ def carry_out(
     Returns:
         The exit code, which says how the run ended.
     """
+    from ...tasks.inspection.preflight import check_named, check_templates
+    from ...tasks.service.service import Service
     from .output.progress import watcher
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
+    with Service.opened(settings) as service:  # what is refused starts no server and imports no Prefect
+        check_named(spec, service)
+        if not (reuse or rerun_of or open_run):
+            check_templates(spec, service)
     api_url = use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:

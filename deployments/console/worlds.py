@@ -15,7 +15,6 @@ from ...tasks.inspection.reports import report_of_world
 from ...tasks.reporting import view_report
 from ...tasks.simulations.inputs.bundles import world_bundle
 from ...tasks.worldforge.proofs.guarantees import proof_lines, violations
-from ...tasks.worldforge.viewer.viewer_page import viewer_page
 from ...tasks.worlds.previews import preview_of
 from .standing import look_of_status
 from .visit import Visit
@@ -106,6 +105,9 @@ def show(visit: Visit) -> Response:
 
 def show_in_3d(visit: Visit) -> Response:
     """The world's 3D page, as `robomaker world view` makes it."""
+    # Imports MuJoCo and what makes meshes, 25 MB that `serve` does not need otherwise.
+    from ...tasks.worldforge.viewer.viewer_page import viewer_page
+
     world = visit.find(WORLD, visit.request.path_params["id"])
     return HTMLResponse(viewer_page(world_bundle(world, visit.service), world.id), headers=_OPEN_PAGE)
 

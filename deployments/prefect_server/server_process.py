@@ -7,15 +7,21 @@ import asyncio
 import faulthandler
 import json
 import logging
+import queue
 import socket
 import sqlite3
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import AsyncExitStack, asynccontextmanager
+from datetime import timedelta
+from functools import partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import aiosqlite
 import uvicorn
+from burner_redis.pubsub import PubSub
+from docket import Worker
+from prefect.server.api import background_workers
 from prefect.server.api.server import create_app
 from prefect.server.database.configurations import AioSqliteConfiguration
 from prefect.settings import get_current_settings
@@ -173,6 +179,34 @@ def _refused(error: sqlite3.OperationalError, call: Callable[..., Any]) -> bool:
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY and getattr(call, "__name__", "") in _CALLS
 
 
+_LOOK_FOR_DUE = timedelta(seconds=2)
+"""How often it is looked which of Prefect's services is due, and they are due every 5 s at most; by default 0.25 s."""
+
+_LOOK_FOR_MESSAGES_S = 0.5
+"""How often it is looked whether one of its tasks is cancelled, which Prefect never does."""
+
+
+def look_seldom() -> None:
+    """Has Prefect's background worker look less often, and without threads; what is to be done at once wakes it."""
+    background_workers.Worker = partial(  # pyright: ignore[reportPrivateImportUsage]
+        Worker, minimum_check_interval=_LOOK_FOR_DUE, scheduling_resolution=_LOOK_FOR_DUE
+    )  # fmt: skip
+    PubSub._queue_get = _wait_for_message  # pyright: ignore[reportPrivateUsage]
+
+
+async def _wait_for_message(self: Any, timeout: float | None) -> Any:
+    """Waits for a message in the event loop; burner-redis has a thread wait, ten times a second, and costs more."""
+    clock = asyncio.get_running_loop().time
+    deadline = None if timeout is None else clock() + timeout
+    while True:
+        try:
+            return self._queue.get_nowait()
+        except queue.Empty:
+            if deadline is not None and clock() >= deadline:
+                return None
+        await asyncio.sleep(_LOOK_FOR_MESSAGES_S)
+
+
 _HOST = "127.0.0.1"
 
 
@@ -194,6 +228,7 @@ def run(listener: socket.socket, auth_string: str) -> None:
         auth_string: what every request to Prefect's API has to carry.
     """
     wait_in_the_event_loop()
+    look_seldom()
     prefect = get_current_settings().server.api
     port: int = listener.getsockname()[1]
     config = uvicorn.Config(

@@ -18,6 +18,7 @@ from ...tasks.service.catalog_wait import once_catalog_answers
 from ...tasks.service.service import Service
 from ..dead_run_sweeper import close_dead_runs
 from ..log_lines import log_formatter
+from ..prefect_server.local_server import is_own_server
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch
@@ -26,7 +27,10 @@ if TYPE_CHECKING:
     from .warm_worker import WarmWorker
 
 POLL_S = 0.25
-"""How often the worker looks into the catalog without being woken."""
+"""How often the worker looks into the catalog without being woken, while it has jobs."""
+
+IDLE_POLL_S = 1.0
+"""The same while it has none. The endpoint wakes it for a new job, so only jobs of other processes wait for it."""
 
 END_S = 5.0
 """Time limit for shutting down."""
@@ -49,7 +53,8 @@ def main() -> None:
     try:
         worker = _make(look)
         worker.prepare()
-        close_dead_runs(worker.settings)
+        if not is_own_server(os.environ.get("PREFECT_API_URL", ""), worker.settings):  # which does it itself
+            close_dead_runs(worker.settings)
     except RobomakerError as error:
         channel.send({"state": "failed", "error": str(error)})
         os._exit(2)
@@ -78,7 +83,7 @@ def _serve(worker: "WarmWorker", channel: Channel, look: threading.Event, stop: 
         if status != told and time.monotonic() - told_at > (_STATUS_S if told else 0.0):
             told, told_at = status, time.monotonic()
             channel.send(status)
-        look.wait(POLL_S)
+        look.wait(POLL_S if worker.has_jobs else IDLE_POLL_S)
         look.clear()
 
 

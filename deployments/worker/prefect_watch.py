@@ -7,7 +7,7 @@ import threading
 from ...schemas.settings import Settings
 from ..prefect_server.local_server import server_status
 
-_GOOD_S = 5.0
+_GOOD_S = 10.0
 _BAD_S = 1.0
 
 _logger = logging.getLogger(__name__)

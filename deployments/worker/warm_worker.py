@@ -100,6 +100,11 @@ class WarmWorker:
         except ServiceUnavailableException as error:
             self._note_catalog(error)
 
+    @property
+    def has_jobs(self) -> bool:
+        """Whether it has begun jobs that have not ended."""
+        return bool(self._jobs.counts())
+
     def status(self) -> dict[str, Any]:
         """Returns the status for the health page."""
         counts, waits = self._jobs.counts(), self._waits()

@@ -26,6 +26,10 @@ from pydantic import Field
 
 from ..wire.base import Model, optional
 
+WORLD_FILE = "world.json"
+PREVIEW_FILE = "preview.png"
+"""In bundles from the first time that somebody looks at the world, and in exports."""
+
 PassageKind = Literal["Doorway", "Opening"]
 
 

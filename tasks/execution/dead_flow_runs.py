@@ -99,6 +99,20 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
     return current[0] if current else client.create_automation(wanted)
 
 
+def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str]) -> bool:
+    """Whether a flow run of some flows is open: only such a one can die, or hold what is open in it.
+
+    Args:
+        client: the server's client.
+        flow_names: names of the flows that are asked about.
+    """
+    return bool(
+        client.read_flow_runs(
+            flow_filter=_flows_named(flow_names), flow_run_filter=_flow_runs(state=_in(_OPEN)), limit=1
+        )
+    )
+
+
 def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:
     """Closes task runs and subflow runs that are open in flow runs that have died or were cancelled.
 
@@ -113,7 +127,7 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
     flow_runs = task_runs = 0
     for _ in range(_DEPTH):
         tasks = client.read_task_runs(flow_filter=ours, task_run_filter=is_open, flow_run_filter=_dead(before))
-        flows = [run.id for run in _open_flows(client, ours, _dead(before))]
+        flows = [run.id for run in _parts_of(client, _open_parts(client, ours), _dead(before))]
         for task in tasks:
             client.set_task_run_state(task.id, Crashed(message=_TASK_OF_DEAD), force=True)
         for flow_run in flows:
@@ -149,13 +163,15 @@ def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndO
         if (end := end_of(run)) is not None:
             _tell_end(client, run.id, end)
             told.append(run.id)
+    open_parts = _open_parts(client, ours)
     settled = now - timedelta(seconds=_SETTLE_S)
-    for part in _open_flows(client, ours, _ended_since(now - _TOLD_FOR, _ENDED, before=settled)):
+    for part in _parts_of(client, open_parts, _ended_since(now - _TOLD_FOR, _ENDED, before=settled)):
         if (end := end_of(part)) is not None:
             _tell_end(client, part.id, end)
             told.append(part.id)
     late = now - timedelta(seconds=_LATE_S)
-    for part in _open_flows(client, ours, _ended_since(now - _TOLD_FOR, _ENDED_BY_ITSELF, before=late)):
+    unheard = [part for part in open_parts if part.id not in told]
+    for part in _parts_of(client, unheard, _ended_since(now - _TOLD_FOR, _ENDED_BY_ITSELF, before=late)):
         client.set_flow_run_state(part.id, Crashed(message=_PART_OF_ENDED))
     is_open = TaskRunFilter.model_validate({"state": _in(_OPEN)})
     for end in _ENDED_BY_ITSELF:
@@ -336,10 +352,14 @@ def _ended_since(since: datetime, states: list[StateType], before: datetime | No
     return _flow_runs(state=_in(states), end_time={"after_": since, "before_": before})
 
 
-def _open_flows(client: SyncPrefectClient, ours: FlowFilter, outer: FlowRunFilter) -> list[FlowRun]:
-    """Open subflow runs of flow runs that a filter chooses."""
+def _open_parts(client: SyncPrefectClient, ours: FlowFilter) -> list[FlowRun]:
+    """Open subflow runs."""
     chosen = _flow_runs(state=_in(_OPEN), parent_task_run_id={"is_null_": False})
-    subflows = client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
+    return client.read_flow_runs(flow_filter=ours, flow_run_filter=chosen)
+
+
+def _parts_of(client: SyncPrefectClient, subflows: Collection[FlowRun], outer: FlowRunFilter) -> list[FlowRun]:
+    """Those subflow runs whose flow run a filter chooses."""
     if not subflows:
         return []
     ids = [run.parent_task_run_id for run in subflows if run.parent_task_run_id]

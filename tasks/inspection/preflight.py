@@ -97,8 +97,6 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
 
     What a run stores with its own credentials has to be stored somewhere: a few bytes are written there, and removed.
 
-    Applications that a step of the same specification makes count as existing.
-
     Raises:
         SpecError: an application is named that does not exist, or a goal is in a room that its world has not, or where
             its robot starts; says where and what is near.
@@ -109,13 +107,26 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
         service.backend.check()
     prepare_bucket(service, service.settings.bucket)
     _check_writable(checked, service)
+    check_named(checked, service)
+    rooms_of = cache(lambda arn: _rooms(arn, service))
+    if problems := [problem for step in checked.steps.values() for problem in _room_problems(step, rooms_of)]:
+        raise SpecError(problems)
+
+
+def check_named(checked: CheckedSpec, service: Service) -> None:
+    """Checks that applications that jobs name exist, by the catalog alone.
+
+    Those that a step of the same specification makes count as existing.
+
+    Raises:
+        SpecError: one does not exist; says where and what is near.
+    """
     made = {
         (f"{step.operation.removeprefix('Create').removesuffix('Application').lower()}-application", name)
         for step in checked.steps.values()
         if step.operation.endswith("Application") and isinstance(name := plain(step.input).get("name"), str)
     }
     is_stored = cache(lambda kind, name: service.catalog.find(kind, name) is not None)
-    rooms_of = cache(lambda arn: _rooms(arn, service))
     problems = []
     for step in checked.steps.values():
         for path, kind, name in _named(plain(step.input), f"steps.{step.name}.input"):
@@ -124,7 +135,22 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
                 known |= {resource.name for resource in service.catalog.list(kind).resources}
                 words = f"there is no {kind.replace('-', ' ')} {name!r}{nearest(name, sorted(known))}"
                 problems.append(Problem(step.place, path, words))
-        problems += _room_problems(step, rooms_of)
+    if problems:
+        raise SpecError(problems)
+
+
+def check_templates(checked: CheckedSpec, service: Service) -> None:
+    """Checks that world templates that steps name exist; not for a run that goes on: its worlds may be there already.
+
+    Raises:
+        SpecError: one does not exist; says where.
+    """
+    problems = []
+    for step in checked.steps.values():
+        template = plain(step.input).get("template") if step.operation == "CreateWorldGenerationJob" else None
+        if isinstance(template, str) and "${{" not in template and not service.catalog.get_many([template]):
+            words = f"there is no world template {template!r}"
+            problems.append(Problem(step.place, f"steps.{step.name}.input.template", words))
     if problems:
         raise SpecError(problems)
 

@@ -34,7 +34,6 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..comparison.nights import NightRun
-from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
@@ -444,6 +443,9 @@ def _reported_step(step: StepRecord) -> ReportedStep:
 
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
+    # Imports Prefect, which the console does not need: it only reads.
+    from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
+
     rows: list[dict[str, Any]] = [
         {
             "job": job.label,

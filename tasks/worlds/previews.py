@@ -4,12 +4,10 @@ from contextlib import suppress
 
 from ...schemas.documents.worlds import WorldDocument
 from ...schemas.wire.errors import ObjectNotFoundError, StorageAccessDeniedError, StorageError
-from ...schemas.worlds.world import World
+from ...schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, World
 from ..catalog import Resource
 from ..service.service import Service
 from ..storage import read_manifest
-from ..worldforge.bundle.bundle import PREVIEW_FILE, WORLD_FILE
-from ..worldforge.pictures.preview import render_preview
 from .bundles import bundle_held
 
 
@@ -33,6 +31,9 @@ def preview_of(world: Resource, service: Service) -> bytes:
     # AWS does not tell clients without the right to list a bucket that an object does not exist.
     with suppress(ObjectNotFoundError, StorageAccessDeniedError):
         return service.store.get_bytes(bundle.bucket, key)
+    # Imports what makes worlds, which none of those who read reports and runs need otherwise.
+    from ..worldforge.pictures.preview import render_preview
+
     text = service.store.get_bytes(bundle.bucket, f"{bundle.prefix}/{WORLD_FILE}")
     try:
         picture = render_preview(World.model_validate_json(text))

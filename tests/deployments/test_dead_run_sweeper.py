@@ -2,16 +2,22 @@
 
 import logging
 import threading
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
+from uuid import uuid4
 
 import pytest
+from prefect import flow
+from prefect.client.orchestration import get_client
+from prefect.states import Completed, Running
 
 from prefect_robomaker.deployments import dead_run_sweeper
 from prefect_robomaker.deployments.dead_run_sweeper import _close_until_end, tell_of_broken_off
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.execution.dead_flow_runs import SILENCE_S, has_open_runs
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
 
@@ -43,10 +49,6 @@ def test_a_defect_is_logged_once_and_the_thread_goes_on(
 
 
 def test_a_flow_run_whose_process_died_says_what_finishes_it(settings: Settings, prefect_server: str) -> None:
-    from prefect import flow
-    from prefect.client.orchestration import get_client
-    from prefect.states import Running
-
     del prefect_server
 
     @flow(name="RunPipeline")
@@ -73,3 +75,64 @@ def test_a_flow_run_whose_process_died_says_what_finishes_it(settings: Settings,
         assert state.message is not None
         assert state.message.startswith("its process died; robomaker serve or a Prefect worker finishes it")
         assert state.message.endswith(f"or: robomaker perform {folder.name}")
+
+
+class ManualClock:
+    """Time that passes only while the sweeper waits; in place of the module `time` and of its event."""
+
+    def __init__(self, ends_at_s: float) -> None:
+        self.now_s = 0.0
+        self._ends_at_s = ends_at_s
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+    time = monotonic
+
+    def wait(self, duration_s: float) -> bool:
+        self.now_s += duration_s
+        if self.now_s > self._ends_at_s:
+            raise SystemExit
+        return False
+
+
+def test_an_idle_server_is_swept_seldom_and_a_run_that_begins_is_seen_before_it_can_count_as_dead(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    begun_s, closed_s, end_s = 1201.0, 1300.0, 1500.0
+    clock = ManualClock(end_s)
+    sweeps: list[float] = []
+    monkeypatch.setattr(dead_run_sweeper, "time", clock)
+    monkeypatch.setattr(dead_run_sweeper.threading, "Event", lambda: clock)
+    monkeypatch.setattr(dead_run_sweeper, "has_open_runs", lambda *_: begun_s <= clock.now_s < closed_s)
+    monkeypatch.setattr(dead_run_sweeper, "tell_ends", lambda *_: sweeps.append(clock.now_s))
+    for name in ("sweep", "close_unheard", "remove_leftover_limits"):
+        monkeypatch.setattr(dead_run_sweeper, name, lambda *_, **__: None)
+
+    with suppress(SystemExit):
+        _close_until_end(lambda: nullcontext(Mock()), Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path)}))
+
+    idle = [at_s for at_s in sweeps if 100 < at_s < begun_s]
+    assert len(idle) <= 20  # in more than 18 minutes
+    first = next(at_s for at_s in sweeps if at_s > begun_s)
+    assert first - begun_s < SILENCE_S
+    # What is on its way, when the last run has ended, is waited for at the quick pace.
+    assert [at_s for at_s in sweeps if first <= at_s < closed_s + 50] == pytest.approx(
+        [first + 5 * turn for turn in range(round((closed_s + 50 - first) / 5))], abs=5
+    )
+
+
+def test_open_runs_are_those_of_our_flows_that_have_not_ended(prefect_server: str) -> None:
+    del prefect_server
+    name = f"of-this-test-{uuid4().hex[:8]}"
+
+    @flow(name=name)
+    def begun() -> None:
+        """Is never run."""
+
+    with get_client(sync_client=True) as client:
+        run = client.create_flow_run(begun, state=Running()).id
+        assert has_open_runs(client, {name})
+        assert not has_open_runs(client, {f"{name}-of-others"})
+        client.set_flow_run_state(run, Completed(), force=True)
+        assert not has_open_runs(client, {name})

@@ -32,7 +32,7 @@ from ....schemas.wire.errors import (
     StorageError,
     StorageUnavailableError,
 )
-from ....schemas.worlds.world import World, contains
+from ....schemas.worlds.world import WORLD_FILE, World, contains
 from ...catalog import Resource
 from ...service.patience import at_once, patiently, stopped_of
 from ...service.service import Service
@@ -277,9 +277,6 @@ def _remove_parts(part: Path) -> None:
     """Removes a folder that was to be filled, and what filling it has put beside it."""
     for left in part.parent.glob(f"*{glob.escape(part.name)}*"):
         shutil.rmtree(left, ignore_errors=True)
-
-
-WORLD_FILE = "world.json"
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from ....schemas.runs.requirements import JobRequirement, parse_requirements, ro
 from ....schemas.runs.trials import Trials
 from ....schemas.runs.variables import number_in
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException, StorageError, StorageUnavailableError
-from ....schemas.worlds.world import World
+from ....schemas.worlds.world import WORLD_FILE, World
 from ...catalog import Resource
 from ...runtime.states.checkpoint_files import CheckpointError, last_checkpoint, resumable_plan
 from ...service.service import Service
@@ -29,7 +29,7 @@ from ..environment.run_environment import (
     process_variables,
     run_sandbox,
 )
-from ..inputs.bundles import WORLD_FILE, world_bundle
+from ..inputs.bundles import world_bundle
 from ..inputs.data_sources import fetch_data_sources
 from ..inputs.world_packages import place_world_packages
 from ..ros.job_services import DOMAIN_VARIABLE

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from ....schemas.worlds.appearance import DAY, appearance_named, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
-from ....schemas.worlds.world import World
+from ....schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, World
 from ..doors.parts import leaf_outlines
 from ..geometry.occupancy import map_files, occupancy_grid
 from ..materials.textures import SKY, sky_png, texture_png, texture_size_m
@@ -19,11 +19,8 @@ from ..model.description import description_text
 from ..model.mjcf import TEXTURES_FOLDER, decorated_mjcf, surfaces
 from ..pictures.plan_svg import floorplan_svg
 
-WORLD_FILE = "world.json"
 MODEL_FILE = "world.xml"
 PLAN_FILE = "floorplan.svg"
-PREVIEW_FILE = "preview.png"
-"""Only in bundles of earlier releases, and in exports."""
 
 
 def write_bundle(world: World, folder: Path) -> str:

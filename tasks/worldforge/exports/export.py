@@ -21,7 +21,8 @@ from pathlib import Path
 from typing import Any
 from uuid import uuid4
 
-from ..bundle.bundle import MODEL_FILE, NAMES_FILE, PREVIEW_FILE, with_plain_names
+from ....schemas.worlds.world import PREVIEW_FILE
+from ..bundle.bundle import MODEL_FILE, NAMES_FILE, with_plain_names
 from ..bundle.robot_map import MAP_FILES, write_robot_map
 from ..pictures.preview import render_preview
 from .export_readme import readme

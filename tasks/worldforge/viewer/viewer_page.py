@@ -14,8 +14,8 @@ from typing import Any
 from markupsafe import Markup
 from trimesh import resources
 
-from ....schemas.worlds.world import Room, World, bounds
-from ..bundle.bundle import PLAN_FILE, PREVIEW_FILE, read_world
+from ....schemas.worlds.world import PREVIEW_FILE, Room, World, bounds
+from ..bundle.bundle import PLAN_FILE, read_world
 from ..exports.glb import world_glb
 from ..pictures.plan_svg import floorplan_svg
 from ..pictures.preview import render_preview

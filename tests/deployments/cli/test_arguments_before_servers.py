@@ -11,6 +11,16 @@ from prefect_robomaker.schemas.settings import Settings
 
 SPEC = 'version: 1\nname: flat\nsteps:\n  flat: {operation: CreateWorldTemplate, input: {templateBody: "{}"}}\n'
 NO_JOB = "arn:aws:robomaker:us-east-1:123456789012:simulation-job/sim-012345678901"
+_WORLDS = "worldCount: {floorplanCount: 1, interiorCountPerFloorplan: 1}"
+NO_TEMPLATE = "arn:aws:robomaker:us-east-1:123456789012:world-template/template-012345678901"
+REFUSED = {
+    "spec.yaml": SPEC,
+    "scot.yaml": "version: 1\nname: refused\nsteps:\n  drive: {operation: CreateSimulationJob, input: {"
+    "maxJobDurationInSeconds: 60, iamRole: 'arn:aws:iam::000000000000:role/local', "
+    "robotApplications: [{application: scot, launchConfig: {}}]}}\n",
+    "gone.yaml": "version: 1\nname: refused\nsteps:\n  worlds: {operation: CreateWorldGenerationJob, "
+    f"input: {{template: '{NO_TEMPLATE}', {_WORLDS}}}}}\n",
+}
 DEPLOY = ("deploy", "spec.yaml", "--pool", "p")
 
 
@@ -34,6 +44,8 @@ def no_server_left(home: Path) -> Iterator[None]:
         (("pool-template", "docker", "--image", "i", "--env", "A"), "--env is 'A'"),
         (("perform", NO_JOB), "sim-012345678901"),
         (("perform", "sim-012345678901"), "sim-012345678901"),
+        (("run", "scot.yaml"), "there is no robot application 'scot'; did you mean 'scout'?"),
+        (("run", "gone.yaml"), f"steps.worlds.input.template: there is no world template '{NO_TEMPLATE}'"),
         (("run", "spec.yaml", "--seed", "-1"), "--seed is -1"),
         (("run", "spec.yaml", "--report", "no/such/folder.html"), "--report is no/such/folder.html"),
         (("rerun", "latest", "--report", "no/such/folder.html"), "--report is no/such/folder.html"),
@@ -50,7 +62,8 @@ def test_wrong_arguments_cost_no_server(
     message: str,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    Path("spec.yaml").write_text(SPEC)
+    for name, text in REFUSED.items():
+        Path(name).write_text(text)
 
     ended = robomaker(*words)
 
@@ -58,4 +71,4 @@ def test_wrong_arguments_cost_no_server(
     assert (ended.code, ended.out) == (2, "")
     assert "Starting the local Prefect server" not in ended.err
     assert not (home / "prefect").exists()
-    assert {path.name for path in tmp_path.iterdir()} <= {"spec.yaml", "home"}
+    assert {path.name for path in tmp_path.iterdir()} <= {*REFUSED, "home"}

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.reports.run_record import RunRecord, StepRecord
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
-from prefect_robomaker.tasks.worlds import previews
+from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worlds.keeping import keep_world
 
 ALICE = AccessKey("AKID", "word", "alice")
@@ -320,6 +320,6 @@ def test_the_gallerys_picture_of_a_world_is_drawn_when_it_is_looked_at(
 ) -> None:
     world = generate_world(WorldTemplateBody.model_validate(BODY), *seeds_for(7, 0, 0), settle=False)
     kept = keep_world(world, "import", {}, service)
-    monkeypatch.setattr(previews, "render_preview", lambda _: b"picture")
+    monkeypatch.setattr(preview, "render_preview", lambda _: b"picture")
     picture = browser.get(f"/console/worlds/{kept.id}/preview.png")
     assert (picture.status_code, picture.headers["content-type"], picture.content) == (200, "image/png", b"picture")

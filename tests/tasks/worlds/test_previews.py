@@ -13,7 +13,7 @@ from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import unpublish
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
-from prefect_robomaker.tasks.worlds import previews
+from prefect_robomaker.tasks.worldforge.pictures import preview
 from prefect_robomaker.tasks.worlds.bundles import delete_world
 from prefect_robomaker.tasks.worlds.keeping import keep_world
 from prefect_robomaker.tasks.worlds.previews import preview_of
@@ -42,7 +42,7 @@ def test_a_world_is_drawn_once(kept: Resource, service: Service, monkeypatch: py
     picture = preview_of(kept, service)
     assert Image.open(io.BytesIO(picture)).size == (960, 720)
     assert stored(kept, service, "preview.png") == picture
-    monkeypatch.setattr(previews, "render_preview", lambda _: b"drawn again")
+    monkeypatch.setattr(preview, "render_preview", lambda _: b"drawn again")
     assert preview_of(kept, service) == picture
 
 
@@ -60,7 +60,7 @@ def test_a_picture_of_a_world_that_has_just_gone_is_not_kept(
         unpublish(service.store, place(kept).bucket, place(kept).prefix)
         return b"picture"
 
-    monkeypatch.setattr(previews, "render_preview", go)
+    monkeypatch.setattr(preview, "render_preview", go)
     assert preview_of(kept, service) == b"picture"
     with pytest.raises(StorageError):
         stored(kept, service, "preview.png")

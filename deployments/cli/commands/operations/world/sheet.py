@@ -88,8 +88,7 @@ _TROUBLES = (("broken", "with broken guarantees"), ("not checked", "never checke
 
 
 def _sheet_world(resource: "Resource", service: "Service") -> "SheetWorld":
-    from ......schemas.worlds.world import World
-    from ......tasks.worldforge.bundle.bundle import WORLD_FILE
+    from ......schemas.worlds.world import WORLD_FILE, World
     from ......tasks.worldforge.viewer.contact_sheet import SheetWorld, sheet_world
     from ......tasks.worlds.previews import preview_of
 
