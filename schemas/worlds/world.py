@@ -28,7 +28,7 @@ from ..wire.base import Model, optional
 
 WORLD_FILE = "world.json"
 PREVIEW_FILE = "preview.png"
-"""In bundles from the first time that somebody looks at the world, and in exports."""
+"""The picture from above: in bundles once somebody has looked at the world, and in exports."""
 
 PassageKind = Literal["Doorway", "Opening"]
 
