@@ -26,6 +26,7 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
+from prefect_robomaker.tasks.runtime.ros.bridge_recorder import TOPICS
 from prefect_robomaker.tasks.runtime.ros.ros_robot import RosBridge
 from prefect_robomaker.tasks.simulations.ros.job_services import own_domain
 from prefect_robomaker.tasks.worldforge.bundle.bundle import read_world, write_bundle
@@ -40,7 +41,9 @@ from prefect_robomaker.tasks.runtime.ros.bridge_recorder import TOPICS
 from prefect_robomaker.tasks.runtime.ros.dds import Participant, Reach
 node = Participant(int(sys.argv[1]), Reach())
 readers = [
-    node.reader(each.name, each.ros_type, is_reliable=True, is_latched=each.is_latched) for each in TOPICS.values()
+    node.reader(each.name, each.ros_type, is_reliable=True, is_latched=each.is_latched)
+    for each in TOPICS.values()
+    if each.name in sys.argv[2:]
 ]
 commands = node.writer("/cmd_vel", "geometry_msgs/msg/Twist", is_latched=False, depth=10)
 while True:
@@ -97,10 +100,11 @@ def cpu_us(environment: Any, agent: Callable[[Any], Any], timestep: Any, steps: 
     return 1e6 * (time.process_time() - began_s) / steps, timestep
 
 
-def test_the_bridge_costs_a_small_part_of_a_step(scout: Scout, tmp_path: Path) -> None:
+@pytest.mark.parametrize("topics", [["/clock", "/scan"], ["/clock", "/tf", "/odom", "/scan"], list(TOPICS)], ids=len)
+def test_the_bridge_costs_a_part_of_a_step(scout: Scout, tmp_path: Path, topics: list[str]) -> None:
     action = np.array((0.2, 0.5))
     with own_domain("benchmark") as domain:
-        node = subprocess.Popen([sys.executable, "-c", NODE, str(domain)])
+        node = subprocess.Popen([sys.executable, "-c", NODE, str(domain), *topics])
         try:
             (tmp_path / "alone").mkdir()
             alone = scout(McapRecorder(tmp_path / "alone" / "r.mcap"))

@@ -62,6 +62,8 @@ def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
     """Returns the report of an error for the supervisor."""
     faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
     phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
+    if isinstance(error, LaunchError) and error.failure_code.startswith("RobotApplication"):
+        phase = Phase.AGENT  # some of what a robot lacks is known at the end only
     what = _describe(error, _without_runtime(error.__traceback__))
     report: dict[str, Any] = {"error": what[:_MAX_ERROR_CHARACTERS], "phase": int(phase)}
     if isinstance(error, LaunchError):

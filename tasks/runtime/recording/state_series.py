@@ -4,6 +4,7 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 from collections.abc import Sequence
+from copy import copy
 from typing import Any
 
 import mujoco
@@ -87,6 +88,12 @@ class StateSeries:
         self._times: list[float] = []
         self._samples: tuple[list[bytes], list[bytes], list[bytes]] = ([], [], [])
         """Positions, velocities and forces."""
+
+    def twin(self) -> "StateSeries":
+        """Returns a series of the same state, with samples of its own."""
+        other = copy(self)
+        other._times, other._samples = [], ([], [], [])
+        return other
 
     @property
     def data(self) -> mujoco.MjData:

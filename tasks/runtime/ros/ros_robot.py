@@ -208,6 +208,7 @@ class RosAgent:
         self._most_commanders = 0
         self._heard: frozenset[str] = frozenset()
         self._goal: tuple[float, float] | None = None
+        self._visited: Any = None
         self._placed_at_s = -math.inf
         self._notes: dict[str, None] = {}
 
@@ -302,6 +303,8 @@ class RosAgent:
             return
         self._looked_at_s, self._peers = now_s, self._wire.peers()
         self._heard |= self._peers.heard
+        if not isinstance(self._timing, Lockstep):  # where the first message that is heard has to be answered
+            self._recorder.spare(self._peers.heard)
         count = self._peers.commanders
         self._most_commanders = max(self._most_commanders, count)
         if count > 1:
@@ -323,6 +326,9 @@ class RosAgent:
         seen = timestep.observation
         if not isinstance(seen, Mapping) or "pose" not in seen:
             return
+        # The simulation has one array until another room has been visited.
+        if self._commands and seen.get("visited") is self._visited:
+            return
         x, y, yaw = (float(value) for value in seen["pose"])
         header = ros.Header(ros.Time.from_seconds(time_s), self._options.map_frame)
         if self._options.localization == "robot" and not self._commands and time_s - self._placed_at_s >= 1.0:
@@ -330,6 +336,7 @@ class RosAgent:
             turned = ros.Quaternion(z=math.sin(yaw / 2), w=math.cos(yaw / 2))
             pose = ros.Pose(ros.Vector3(x, y), turned)
             self._recorder.write("/initialpose", ros.PoseWithCovarianceStamped(header, pose), time_s)
+        self._visited = seen.get("visited")
         if self._options.goals and "goals" in seen and "visited" in seen:
             goal = _next_goal(seen["goals"], seen["visited"], (x, y), self._goal)
             if goal != self._goal and goal is not None:

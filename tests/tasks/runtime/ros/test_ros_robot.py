@@ -29,7 +29,7 @@ class Run:
 
     def __init__(self, make_context: Any, wire: ScriptedWire, monkeypatch: pytest.MonkeyPatch, **options: Any) -> None:
         self.wire, self.kept = wire, []
-        monkeypatch.setattr(ros_robot, "make_wire", lambda _: wire)
+        monkeypatch.setattr(ros_robot, "make_wire", lambda *_: wire)
         plan = SimpleNamespace(ros=RosPlan(suite=2, domain=7, options=RosOptions.model_validate(options)))
         self.bridge = RosBridge(plan, "driver", Recorder(), wire.clock)  # pyright: ignore[reportArgumentType]
         self.environment = make_environment(make_context(recorder=self.bridge.recorder))
@@ -63,7 +63,8 @@ def notes(made: Run) -> str:
 
 
 def test_a_node_gets_the_state_of_each_step_before_the_scan_and_moves_the_robot(run) -> None:
-    made = run(ScriptedWire([(2.0, drive(0.3)), (2.5, drive(0.3))]), time="free")
+    hears = Peers(frozenset(TOPICS), commanders=1)
+    made = run(ScriptedWire([(2.0, drive(0.3)), (2.5, drive(0.3))], peers=lambda _: hears), time="free")
     made.begin()
     made.go(40)
     clocks = [message.clock.sec + message.clock.nanosec * 1e-9 for message in made.messages("/clock")]
@@ -83,13 +84,37 @@ def test_a_node_gets_the_state_of_each_step_before_the_scan_and_moves_the_robot(
     assert [0.3, 0.0] in actions
 
 
+def test_states_go_out_where_they_are_heard_and_to_all_in_lockstep(run) -> None:
+    def listeners(now_s: float) -> Peers:
+        return Peers(frozenset({"/scan"} if now_s < 2.0 else {"/scan", "/odom"}), commanders=1)
+
+    made = run(ScriptedWire(peers=listeners), time="free")
+    made.begin()
+    made.go(60)
+    first = min(at_s for at_s, topic, _ in made.wire.sent if topic == "/odom")
+    assert 2.0 <= first < 2.7
+    topics = {topic for _, topic, _ in made.wire.sent}
+    assert "/clock" in topics
+    assert not {"/tf", "/imu", "/joint_states"} & topics
+    stepped = run(ScriptedWire([(0.1 * n, drive(0.1)) for n in range(90)], peers=listeners), time="lockstep")
+    stepped.begin()
+    stepped.go(4)
+    assert len(stepped.messages("/odom")) == 4
+
+
 def test_who_comes_late_learns_where_sensors_are_and_truth_only_where_asked(run) -> None:
     made = run()
     made.begin()
     frames = {each.child_frame_id for each in made.messages("/tf_static")[-1].transforms}
     assert frames == {"base_footprint", "base_scan", "imu_link"}
     assert "/map" not in [topic for _, topic, _ in made.wire.sent]
-    truth = run(localization="truth", base_frame="base_footprint", topics={"/scan": "/laser", "/imu": None})
+    hears = Peers(frozenset({"/laser", "/tf"}), commanders=1)
+    truth = run(
+        ScriptedWire(peers=lambda _: hears),
+        localization="truth",
+        base_frame="base_footprint",
+        topics={"/scan": "/laser", "/imu": None},
+    )
     truth.begin()
     truth.go(1)
     names = {topic for _, topic, _ in truth.wire.sent}
