@@ -110,7 +110,8 @@ def test_an_idle_server_is_swept_seldom_and_a_run_that_begins_is_seen_before_it_
         monkeypatch.setattr(dead_run_sweeper, name, lambda *_, **__: None)
 
     with suppress(SystemExit):
-        _close_until_end(lambda: nullcontext(Mock()), Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path)}))
+        client: Any = nullcontext(Mock())
+        _close_until_end(lambda: client, Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path)}))
 
     idle = [at_s for at_s in sweeps if 100 < at_s < begun_s]
     assert len(idle) <= 20  # in more than 18 minutes

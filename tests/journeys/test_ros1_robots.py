@@ -137,7 +137,7 @@ def test_nodes_in_a_container_drive_through_the_bridge_in_it(
         "CreateRobotApplication", {"name": "robot", "robotSoftwareSuite": suite, "environment": {"uri": image}}, service
     )
     world = keep_world(
-        generate_world(WorldTemplateBody.model_validate({**BODY, "Version": "2"}), 1, 2), "v", {}, service
+        generate_world(WorldTemplateBody.model_validate({**BODY, "Version": "2"}), 1, 2), "import", {}, service
     )
     node = files_of_page()["my_robot/nodes/rotate"].partition("\n")[2]
     limit = {"environmentVariables": {"ROBOMAKER_SIM_TIME_LIMIT_S": "6"}}

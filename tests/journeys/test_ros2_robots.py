@@ -95,7 +95,7 @@ def driven(service: Service, tmp_path: Path, rclpy: Path) -> Callable[..., Endin
     for bucket in ("applications", "results"):
         service.store.ensure_bucket(bucket)
     body = WorldTemplateBody.model_validate({**BODY, "Version": "2"})
-    world = keep_world(generate_world(body, 1, 2), "v", {}, service)
+    world = keep_world(generate_world(body, 1, 2), "import", {}, service)
 
     numbers = itertools.count()
 
@@ -247,10 +247,11 @@ def test_an_unchanged_client_has_its_node_driven_over_http(
         service.store.ensure_bucket(bucket)
     service.store.put_file("applications", "driver.tar.gz", tmp_path / "driver.tar.gz")
     body = WorldTemplateBody.model_validate({**BODY, "Version": "2"})
-    world = keep_world(generate_world(body, 1, 2), "v", {}, service)
+    world = keep_world(generate_world(body, 1, 2), "import", {}, service)
     with serve(ROBOMAKER_SANDBOX_SHOW=str(rclpy.parents[1])) as endpoint:
         endpoint.wait_until_ready()
-        client: Any = boto3.session.Session().client(
+        session: Any = boto3.session.Session()
+        client = session.client(
             "robomaker", region_name=service.settings.region, endpoint_url=endpoint.url,
             aws_access_key_id="local", aws_secret_access_key="local", config=Config(retries={"total_max_attempts": 1}),
         )  # fmt: skip

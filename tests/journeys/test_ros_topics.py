@@ -190,7 +190,10 @@ def test_a_recorder_that_is_killed_is_started_again_and_its_run_goes_on(performe
 
     with AnyReader([folder]) as reader:
         words = [connection for connection in reader.connections if connection.topic == "/chatter"]
-        said = [reader.deserialize(raw, c.msgtype).data for c, _, raw in reader.messages(words)]
+        said = [
+            reader.deserialize(raw, c.msgtype).data  # pyright: ignore[reportAttributeAccessIssue]
+            for c, _, raw in reader.messages(words)
+        ]
     assert said == [f"hello {number}" for number in range(20)]
     assert not list(folder.glob("**/ros-topics*.mcap"))
     result = json.loads((folder / "result.json").read_text())

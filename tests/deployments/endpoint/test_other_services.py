@@ -2,6 +2,7 @@
 
 import urllib.error
 import urllib.request
+from typing import Any
 
 import botocore.session
 import pytest
@@ -27,17 +28,18 @@ def test_an_sdk_tells_the_sentence(
     members: dict[str, object],
     serve_here: ServeHere,
 ) -> None:
-    keys = {"aws_access_key_id": "local", "aws_secret_access_key": "local", "region_name": "us-east-1"}
+    keys: Any = {"aws_access_key_id": "local", "aws_secret_access_key": "local", "region_name": "us-east-1"}
     quick = Config(retries={"max_attempts": 0})
     with serve_here() as served:
         client = botocore.session.Session().create_client(name, endpoint_url=f"{served.url}/aws", config=quick, **keys)
         with pytest.raises(ClientError) as caught:
             getattr(client, operation)(**members)
 
-    error = caught.value.response["Error"]
+    response: Any = caught.value.response
+    error = response["Error"]
     assert SENTENCE in error["Message"]
     assert error["Code"] in ("AccessDenied", "AccessDeniedException", "UnauthorizedOperation")
-    assert caught.value.response["ResponseMetadata"]["HTTPStatusCode"] == 403
+    assert response["ResponseMetadata"]["HTTPStatusCode"] == 403
     assert ("ROBOMAKER_OBJECT_STORE" in error["Message"]) == (name == "s3")
 
 

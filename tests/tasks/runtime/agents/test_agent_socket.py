@@ -77,7 +77,9 @@ def test_another_user_is_refused_unless_a_container_has_the_socket(
         own.connect(listening.path.name)
         foreign.sendall(b"foreign")
         own.sendall(b"own")
-        with listening.accept(time.monotonic() + 30, StopFlag()) as accepted:
+        connection = listening.accept(time.monotonic() + 30, StopFlag())
+        assert connection is not None
+        with connection as accepted:
             assert accepted.recv(100) == (b"foreign" if image else b"own")
         if image is None:
             with pytest.raises(ConnectionResetError):

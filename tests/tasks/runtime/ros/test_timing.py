@@ -1,9 +1,9 @@
 from collections.abc import Sequence
 from itertools import pairwise
-from types import SimpleNamespace
 
 import pytest
 from helpers.scripted_wire import ScriptedWire
+from helpers.stop_flags import StopFlag
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,7 +21,7 @@ def drive(speed: float, stamp_s: float | None = None) -> Command:
 
 def steps(wire: ScriptedWire, options: RosOptions, count: int, scan_every: int = 4) -> list[tuple[float, float | None]]:
     """The wall-clock time after each step, and the speed that was commanded in it."""
-    timing = make_timing(wire, SimpleNamespace(reason=""), options, STEP_S, wire.clock)
+    timing = make_timing(wire, StopFlag(), options, STEP_S, wire.clock)
     found = []
     for number in range(count):
         if isinstance(timing, Lockstep):
@@ -102,7 +102,7 @@ def test_time_always_goes_on_and_never_faster_than_asked(arrivals: list[float], 
 
 @pytest.mark.parametrize("mode", ["paced", "free", "lockstep"])
 def test_a_run_that_is_stopped_waits_no_longer(mode: str) -> None:
-    wire, stop = ScriptedWire(), SimpleNamespace(reason="canceled")
+    wire, stop = ScriptedWire(), StopFlag("canceled")
     timing = make_timing(wire, stop, RosOptions.model_validate({"time": mode}), STEP_S, wire.clock)
     with pytest.raises(RunStopped):
         timing.next_command(0.0, scanned=True)
