@@ -54,11 +54,13 @@ def carry_out(
     from .output.progress import watcher
     from .prefect_server import tell_after_outage, use_server, wait_for_server_once
 
+    # A server that somebody else keeps is asked first: without it nothing is made here, not even the home.
+    api_url = use_server(settings, for_runs=True) if os.environ.get("PREFECT_API_URL") else None
     with Service.opened(settings) as service:  # what is refused starts no server and imports no Prefect
         check_named(spec, service)
         if not (reuse or rerun_of or open_run):
             check_templates(spec, service)
-    api_url = use_server(settings, for_runs=True)
+    api_url = api_url or use_server(settings, for_runs=True)
     steps = [(name, spec.steps[name].operation) for name in spec.order]
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import run_spec

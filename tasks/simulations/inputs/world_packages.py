@@ -13,7 +13,6 @@ from ...catalog import Resource
 from ...service.patience import stopped_of
 from ...service.service import Service
 from ...worldforge.exports import ros_prefix
-from ...worldforge.exports.export import archive_name
 from ...worldforge.exports.ros_prefix import CONTENTS, SETUP_VARIABLE, first_on_paths, world_map, write_ros_prefix
 from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, package_folders, remove
 from ..ros.launch_files import MANIFEST, name_in
@@ -45,6 +44,8 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
         LaunchError: they cannot be made.
         StorageError: the world's bundle cannot be fetched.
     """
+    from ...worldforge.exports.export import archive_name  # brings MuJoCo
+
     name = archive_name(world.id)
     bundle = world_bundle(world, service)
     made_by = hashlib.sha256(f"{name}\n{_code()}".encode()).hexdigest()[:_DIGITS]

@@ -14,7 +14,6 @@ import tempfile
 import zipfile
 from pathlib import Path
 
-from .export import TOP, write_export_zip
 from .ros_packages import PATH_VARIABLES, SHARED_MODELS, WORLDS
 
 PACKAGES = (WORLDS, SHARED_MODELS)
@@ -80,6 +79,8 @@ def write_ros_prefix(name: str, bundle: Path, folder: Path) -> None:
         ValueError: the bundle holds no world.
         OSError: it cannot be read, or the folder cannot be written.
     """
+    from .export import TOP, write_export_zip  # brings MuJoCo, which planning a job does without
+
     folder.mkdir(parents=True)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         archive = Path(scratch, "export.zip")
