@@ -1,8 +1,8 @@
 """Options of the ROS bridge, in the variable `ROBOMAKER_ROS` or the part `ros` of a `robot.yaml`."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from ..wire.base import Model, optional
 from ..wire.errors import InvalidParameterException
@@ -93,6 +93,24 @@ class RosOptions(Model):
         default=[], description="ROS 2: addresses of machines that the robot's nodes run on; empty: only this one."
     )
     interface: str | None = optional("ROS 2: network interface, `eth0`; absent: only this machine's loopback.")
+
+    @model_serializer(mode="wrap")
+    def _given(self, whole: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Writes what was given alone: the rest may come from the robot's `robot.yaml`, in another process."""
+        return {name: value for name, value in whole(self).items() if name in self.model_fields_set}
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> Self:
+        if self.topics.get("/cmd_vel", "") is None:
+            raise ValueError("topics: /cmd_vel is how nodes drive, so that it cannot be left out")
+        names = [name for name in self.topics.values() if name is not None]
+        if twice := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"topics: two of them are called {twice[0]}")
+        return self
+
+
+NOT_OF_ROBOTS = ("suite", "peers", "interface")
+"""Options that are needed before a robot's `robot.yaml` is read."""
 
 
 class RosPlan(Model):

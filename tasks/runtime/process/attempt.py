@@ -171,7 +171,15 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
             checkpoints.close()
         raise
     progress.mark(Phase.FINISHING)
-    findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
+    try:
+        findings = [observer.close(episode.ended_by) for observer in (health, *observers)]
+    except LaunchError:  # what was seen of a run without commands is what one wants to look at
+        for observer in observers:
+            with suppress(Exception):
+                observer.close(None)
+        with suppress(RecordingError):
+            recorder.close()
+        raise
     recorder.close()
     write_result(make_result(episode, plan.seed, [*findings, recording_findings(episode, recording)]), plan.output_dir)
     progress.write_report({"ended_by": episode.ended_by})

@@ -153,7 +153,7 @@ def _split(parts: Sequence[Any], direction: str, percentage: float | None = None
 
 METADATA_FILE = "metadata.yaml"
 _VERSION = 9
-_LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot"})
+_LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robot_description"})
 """Topics that are sent once; a player has to keep them for subscribers that come later."""
 
 

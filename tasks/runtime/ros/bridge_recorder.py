@@ -136,7 +136,8 @@ class BridgeRecorder(Recorder):
                 continue
             for topic, data in relayed.time() if wanted == [_CLOCK] else relayed.news():
                 self._send(topic, data)
-                published.add(topic)
+                if topic in self._names:
+                    published.add(topic)
         return published
 
     def state(self) -> Any:

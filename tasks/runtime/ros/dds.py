@@ -15,6 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from importlib import metadata
 from typing import Any, NamedTuple
+from xml.sax.saxutils import quoteattr
 
 from rosbags.interfaces import Nodetype
 
@@ -25,6 +26,8 @@ from ..recording.cdr import fields_of, is_known, type_hash
 CYCLONEDDS = "11.0.1"
 """The release whose private functions are known, and the first with `IgnoreTypeInformation`."""
 
+RECORDER_MARK = b"robomaker=recorder;"
+"""User data of subscribers that record topics."""
 SIMULATION_MARK = b"robomaker=simulation;"
 """Among the user data of the participant of a simulation: what it publishes is in its own recording."""
 _ENCLAVE = b"enclave=/;"
@@ -94,8 +97,8 @@ def configuration(reach: Reach) -> str:
     interfaces = '<NetworkInterface name="lo" multicast="false"/>'
     multicast = "false"
     if reach.interface is not None:
-        interfaces, multicast = f'<NetworkInterface name="{reach.interface}"/>', "spdp"
-    peers = "".join(f'<Peer Address="{each}"/>' for each in dict.fromkeys(("127.0.0.1", *reach.peers)))
+        interfaces, multicast = f"<NetworkInterface name={quoteattr(reach.interface)}/>", "spdp"
+    peers = "".join(f"<Peer Address={quoteattr(each)}/>" for each in dict.fromkeys(("127.0.0.1", *reach.peers)))
     return (
         '<CycloneDDS><Domain Id="any">'
         f"<General><Interfaces>{interfaces}</Interfaces><AllowMulticast>{multicast}</AllowMulticast></General>"
@@ -250,6 +253,8 @@ class Writer:
         from cyclonedds._clayer import ddspy_write
 
         self._entity, self._write = entity, ddspy_write
+        self._recorders: dict[int, bool] = {}
+        """Whether a subscriber is the recorder of topics, by its handle."""
 
     def write(self, message: bytes) -> None:
         """Publishes a message: CDR with its encapsulation header; one that a full reader does not take is lost."""
@@ -260,8 +265,19 @@ class Writer:
 
     @property
     def readers(self) -> int:
-        """Matching subscribers."""
+        """Matching subscribers, without the recorder of topics, which listens to everything and is no node."""
+        return sum(not self._is_recorder(handle) for handle in self._entity.get_matched_subscriptions())
+
+    @property
+    def listeners(self) -> int:
+        """Matching subscribers, with the recorder of topics."""
         return len(self._entity.get_matched_subscriptions())
+
+    def _is_recorder(self, handle: int) -> bool:
+        if handle not in self._recorders:
+            told = self._entity.get_matched_subscription_data(handle)
+            self._recorders[handle] = told is not None and RECORDER_MARK in user_data(told.qos)
+        return self._recorders[handle]
 
 
 class Received(NamedTuple):
@@ -334,6 +350,13 @@ def _qos(*, is_reliable: bool, is_latched: bool, depth: int, ros_type: str | Non
     if ros_type is not None:  # `ros2 topic info -v` and recorders read it
         policies.append(Policy.Userdata(f"typehash={type_hash(ros_type)};".encode()))
     return Qos(*policies)
+
+
+def user_data(qos: Any) -> bytes:
+    """Bytes that a participant, a publisher or a subscriber tells of itself."""
+    from cyclonedds.qos import Policy
+
+    return bytes(qos[Policy.Userdata].data) if qos is not None and Policy.Userdata in qos else b""
 
 
 def named_type(ros_type: str) -> Any:

@@ -7,7 +7,7 @@ import time
 from contextlib import suppress
 from typing import Any, NamedTuple
 
-from .dds import SIMULATION_MARK, Participant, Reach, Reader, Received, Writer, named_type
+from .dds import RECORDER_MARK, SIMULATION_MARK, Participant, Reach, Reader, Received, Writer, named_type, user_data
 
 _AT_ONCE = 100
 _BLOCKED_NS = 100_000_000
@@ -124,7 +124,7 @@ class Listener:
         # After that: a publisher's participant is known before it is.
         while found := self._participants.take(N=_AT_ONCE):
             for each in found:
-                if each.qos is not None and SIMULATION_MARK in _user_data(each.qos):
+                if each.qos is not None and SIMULATION_MARK in user_data(each.qos):
                     self.simulations.add(str(each.key))
         return [
             _announced(sample)
@@ -192,6 +192,7 @@ def _qos(depth: int, *, is_reliable: bool, is_latched: bool) -> Any:
         Policy.Reliability.Reliable(_BLOCKED_NS) if is_reliable else Policy.Reliability.BestEffort,
         Policy.Durability.TransientLocal if is_latched else Policy.Durability.Volatile,
         Policy.History.KeepLast(depth),
+        Policy.Userdata(RECORDER_MARK),
     )
 
 
@@ -207,14 +208,8 @@ def _announced(sample: Any) -> Announced:
         participant=str(sample.participant_key),
         topic=sample.topic_name,
         type=sample.type_name,
-        type_hash=_user_data(qos).partition(_HASH)[2].partition(b";")[0].decode("ascii", "replace"),
+        type_hash=user_data(qos).partition(_HASH)[2].partition(b";")[0].decode("ascii", "replace"),
         is_latched=Policy.Durability in qos and qos[Policy.Durability] != Policy.Durability.Volatile,
         is_reliable=Policy.Reliability in qos and qos[Policy.Reliability] != Policy.Reliability.BestEffort,
         depth=depth,
     )
-
-
-def _user_data(qos: Any) -> bytes:
-    from cyclonedds.qos import Policy
-
-    return bytes(qos[Policy.Userdata].data) if Policy.Userdata in qos else b""

@@ -71,11 +71,10 @@ class DdsWire:
         """See `Wire`."""
         assert self._participant is not None
         publications = [each for each in self._participant.publications() if each.participant != self._own]
-        others = {
-            each.topic: each.ros_type
-            for each in publications
-            if each.topic == self._command_topic and each.ros_type not in (TWIST, TWIST_STAMPED)
-        }
+        of_commands = [each for each in publications if each.topic == self._command_topic]
+        others = {each.topic: each.ros_type for each in of_commands if each.ros_type not in (TWIST, TWIST_STAMPED)}
+        if self._is_reliable:
+            others |= {each.topic: f"best effort {each.ros_type}" for each in of_commands if not each.is_reliable}
         return Peers(
             heard=frozenset(topic for topic, writer in self._writers.items() if writer.readers),
             commanders=sum(reader.writers for _, reader in self._readers),

@@ -100,8 +100,8 @@ class Part:
         if len(head) < _HEAD.size:
             return None
         opcode, size = _HEAD.unpack(head)
-        if size > _MOST_CHUNK_BYTES:
-            raise ValueError(f"a record of {size} bytes is too large")
+        if opcode == 0 or size > _MOST_CHUNK_BYTES:
+            raise ValueError(f"a record of kind {opcode} with {size} bytes is none of ours")
         content = self._file.read(size)
         return (opcode, content) if len(content) == size else None
 

@@ -96,7 +96,7 @@ class RosBridge:
             wire = make_wire(self._plan, self._ros.model_copy(update={"options": self._options}))
             names = _names(self._options, self._ros.suite)
             topics = [TOPICS[topic]._replace(name=name) for topic, name in names.items()]
-            wire.open(topics, self._command_topic)
+            wire.open(topics, command_topic(self._options))
         except LaunchError as error:
             self._problem = error
             return
@@ -132,7 +132,7 @@ class RosBridge:
         there = [f"{topic} with {kind}" for topic, kind in self._peers.mistyped.items()]
         there += [f"subscribers of {', '.join(sorted(self._peers.heard))}"] if self._peers.heard else []
         return (
-            f"or a node has to publish geometry_msgs/Twist or TwistStamped on {self._command_topic} in "
+            f"or a node has to publish geometry_msgs/Twist or TwistStamped on {command_topic(self._options)} in "
             f"{self._wire.name}; found there: {'; '.join(there) or 'no node'}"
         )
 
@@ -173,10 +173,6 @@ class RosBridge:
             raise agent.silent()
         return findings
 
-    @property
-    def _command_topic(self) -> str:
-        return self._options.topics.get(COMMANDS) or COMMANDS
-
 
 class RosAgent:
     """Answers time steps with the velocity that nodes command."""
@@ -195,6 +191,8 @@ class RosAgent:
         """Begins with a robot that stands still; see `RosBridge.make_agent`."""
         self._wire, self._recorder, self._timing, self._options = wire, recorder, timing, options
         self._robot, self._environment, self._keep, self._clock = robot, environment, keep, clock
+        self._command_topic = command_topic(options)
+        self._clock_topic = options.topics.get(_CLOCK, _CLOCK)
         named = robot_of(environment)
         self._has_lidar = named is not None and named.lidar is not None
         self._command = Command(STILL, STILL)
@@ -209,7 +207,7 @@ class RosAgent:
         self._heard: frozenset[str] = frozenset()
         self._goal: tuple[float, float] | None = None
         self._visited: Any = None
-        self._placed_at_s = -math.inf
+        self._placed_at_s = self._told_at_s = -math.inf
         self._notes: dict[str, None] = {}
 
     def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
@@ -249,8 +247,9 @@ class RosAgent:
     def silent(self) -> LaunchError:
         """The error about nodes that send no commands at all."""
         return LaunchError(
-            f"the nodes of robot application {self._robot} sent no command on {COMMANDS} in {self._time_s:.2f} s of "
-            f"simulated time; topics that they listen to: {', '.join(sorted(self._heard)) or 'none'}",
+            f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
+            f"{self._time_s:.2f} s of simulated time; topics that they listen to: "
+            f"{', '.join(sorted(self._heard)) or 'none'}",
             _UNHEALTHY,
         )
 
@@ -270,7 +269,7 @@ class RosAgent:
                 f"the nodes sent {self._commands} commands for {self._steps} steps, and none after step "
                 f"{self._acted_at}: the robot stood still"
             ] = None
-        if self._commands and _CLOCK not in self._heard:
+        if self._commands and self._clock_topic is not None and self._clock_topic not in self._heard:
             self._notes[
                 "no node subscribed /clock: nodes that should follow simulated time need use_sim_time set to true"
             ] = None
@@ -281,8 +280,8 @@ class RosAgent:
         if not all(map(math.isfinite, numbers)):
             shown = f"linear {command.linear_mps}, angular {command.angular_radps}"
             raise RobotProgramError(
-                f"a node of robot application {self._robot} sent a command on {COMMANDS} whose numbers are not "
-                f"finite: {shown}"
+                f"a node of robot application {self._robot} sent a command on {self._command_topic} "
+                f"whose numbers are not finite: {shown}"
             )
         if command.stamp_s is not None and command.stamp_s > max(time_s + _MOST_WALL_STAMP_S, _MOST_WALL_STAMP_S):
             self._notes["commands have stamps of a wall clock: set use_sim_time to true in the nodes"] = None
@@ -308,18 +307,18 @@ class RosAgent:
         count = self._peers.commanders
         self._most_commanders = max(self._most_commanders, count)
         if count > 1:
-            self._notes[f"{count} nodes publish {COMMANDS} at once: the newest command of either is taken"] = None
+            self._notes[f"{count} nodes publish {self._command_topic} at once: the newest command is taken"] = None
         for topic, kind in self._peers.mistyped.items():
             self._notes[
                 f"a node publishes {topic} with {kind}, which is not heard: it has to be geometry_msgs/msg/Twist or "
-                "TwistStamped"
+                "TwistStamped, and reliable in lock-step"
             ] = None
         if count or not self._most_commanders:
             self._left_at_s = None
             return
         self._left_at_s = now_s if self._left_at_s is None else self._left_at_s
         if now_s - self._left_at_s >= _RETURN_S:
-            self._notes[f"all publishers of {COMMANDS} had left by {time_s:.2f} s of simulated time"] = None
+            self._notes[f"all publishers of {self._command_topic} had left by {time_s:.2f} s of simulated time"] = None
             raise StopIteration
 
     def _publish_mission(self, timestep: dm_env.TimeStep, time_s: float) -> None:
@@ -339,10 +338,18 @@ class RosAgent:
         self._visited = seen.get("visited")
         if self._options.goals and "goals" in seen and "visited" in seen:
             goal = _next_goal(seen["goals"], seen["visited"], (x, y), self._goal)
-            if goal != self._goal and goal is not None:
+            # Those who drive to goals take some time to come up, and lose what is told before.
+            again = not self._commands and time_s - self._told_at_s >= 1.0
+            if goal is not None and (goal != self._goal or again):
+                self._told_at_s = time_s
                 pose = ros.Pose(ros.Vector3(*goal))
                 self._recorder.write("/goal_pose", ros.PoseStamped(header, pose), time_s)
             self._goal = goal
+
+
+def command_topic(options: RosOptions) -> str:
+    """The topic on which nodes drive."""
+    return options.topics.get(COMMANDS) or COMMANDS
 
 
 def _next_goal(

@@ -1,5 +1,6 @@
 """How simulated time passes while ROS nodes drive: paced, free, or in lock-step."""
 
+import math
 import time
 from collections import deque
 from collections.abc import Callable
@@ -149,16 +150,20 @@ class Lockstep:
         self._answered: deque[bool] = deque(maxlen=_WINDOW)
         self._unanswered = self._steps = 0
         self._waited_s = 0.0
+        self._last_s = -math.inf
+        """Simulated time of the last step that had to be answered."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
         """See `Timing`."""
         if not (scanned or self._each_step):
             return None
         began_s = self._waits.clock()
-        # A command without a stamp answers if it came after the step; what came before was taken then.
+        # A command without a stamp answers if it came after the step; what came before was taken then. The clock of a
+        # node may be one step behind when it stamps its answer.
         command = self._waits.first(
-            began_s + self._timeout_s, lambda each: each.stamp_s is None or each.stamp_s >= time_s - 1e-6
+            began_s + self._timeout_s, lambda each: not each.stamp_s or each.stamp_s > self._last_s + 1e-6
         )
+        self._last_s = time_s
         self._waited_s += self._waits.clock() - began_s
         self._steps += 1
         self._answered.append(command is not None)

@@ -1,6 +1,6 @@
 """The way from a simulation to ROS nodes: topics out, velocity commands in."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -85,8 +85,3 @@ class Wire(Protocol):
     def close(self) -> None:
         """Leave; a second call does nothing."""
         ...
-
-
-def unheard(peers: Peers, topics: Collection[str]) -> list[str]:
-    """Those of some topics that no node subscribes, in order."""
-    return sorted(set(topics) - peers.heard)

@@ -22,6 +22,8 @@ from .finished_outputs import add_result_notes, read_result
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
 _POLL_S = 0.1
+_BLOCK_BYTES = 512
+"""Unit of `st_blocks` on Linux, whatever the file system."""
 _LIMIT_S = 60.0
 """Wall-clock limit of joining, besides what the size of the files adds."""
 _BYTES_A_SECOND = 10 * 1024 * 1024
@@ -85,7 +87,7 @@ def _size(folder: Path, parts: Sequence[Path]) -> int:
     size = 0
     for path in (folder / "recording.mcap", *parts):
         with suppress(OSError):
-            size += path.lstat().st_size
+            size += path.lstat().st_blocks * _BLOCK_BYTES  # programs of the job may write there, holes too
     return size
 
 

@@ -172,12 +172,22 @@ def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> 
     A robot application may speak ROS 1, or say so and connect to the agent socket: no rospy is no reason to fail.
     """
     robot = planned.robot
-    if robot is None or (launcher := robot.launch.launcher or run_environment.which("roslaunch")) is None:
+    if robot is None:
+        return planned.programs
+    launcher = robot.launch.launcher or run_environment.which("roslaunch")
+    if launcher is None:
+        _note_no_bridge(run_environment, "there is no roslaunch where the job runs")
         return planned.programs
     packages = package_folders(robot.code.folder) if robot.code.folder else []
     given, environ = robot.program.environment, run_environment.environ
     variables = node_variables(packages, Path(launcher), sys.executable, given, environ)
-    if not has_rospy(in_ros(robot.code, Path(launcher), ("python3",)), {**given, **variables}):
+    # Code of a bundle is for the box, so that it is not asked for rospy unless its launch file is of ROS 1: its setups
+    # have made the message package then.
+    code, found = robot.code, {**given, **variables}
+    if robot.launch.ros != 1:
+        code, found = replace(code, folder=None), {**variables, "PYTHONPATH": ""}
+    if not has_rospy(in_ros(code, Path(launcher), ("python3",)), found):
+        _note_no_bridge(run_environment, "its Python has no rospy: install python3-rospy where the job runs")
         return planned.programs
     argv = in_ros(robot.code, Path(launcher), ("python3", str(BRIDGE)))
     programs = list(planned.programs)
@@ -188,6 +198,13 @@ def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> 
         launched = with_launch_file(robot.program.argv, file)
         programs[programs.index(robot.program)] = robot.program.model_copy(update={"argv": list(launched)})
     return [*programs, _companion(robot, "ros-bridge", argv, run_environment, variables)]
+
+
+def _note_no_bridge(run_environment: RunEnvironment, why: str) -> None:
+    """Says in the log that the bridge would write why there is none."""
+    log = run_environment.plan.output_dir / "logs" / "robot.ros-bridge.stderr.log"
+    log.parent.mkdir(exist_ok=True)
+    log.write_text(f"no bridge to nodes of ROS 1: {why}\n")
 
 
 def _is_ros_1(launch: Factory | Program) -> bool:

@@ -7,11 +7,13 @@ import logging
 import math
 from collections.abc import Mapping
 from itertools import product
+from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from .....schemas.runs.ros import NOT_OF_ROBOTS
 from ..robot import Lidar, Limits, Robot, sensor_type
 from ..sensors.kind import Sensor, SensorKind
 from .drive import make_drive, planar_joints
@@ -129,7 +131,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         proximity_height_m=mapping.sensors.bumper_height_m,
         sensors=[_sensor(each, model, files.mapping.name) for each in mapping.sensors.of_kinds()],
         video_camera=_video_camera(mapping, model, files.mapping.name),
-        ros=mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {},
+        ros=_ros(mapping, files.mapping.name),
     )
 
 
@@ -230,6 +232,15 @@ def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
             hint = alternatives(name, there, f"{part} sensors")
             raise invalid(where, f"sensors.{sensor.name}.{part}: there is no {part} {name!r}; {hint}")
     return Sensor(type(sensor), names)
+
+
+def _ros(mapping: RobotModel, where: str) -> dict[str, Any]:
+    """Options of the ROS bridge; those that are needed before this file is read are refused."""
+    given = mapping.ros.model_dump(exclude_unset=True) if mapping.ros is not None else {}
+    for name in NOT_OF_ROBOTS:
+        if name in given:
+            raise invalid(where, f"ros.{name}: it is needed before this file is read; set it in ROBOMAKER_ROS")
+    return given
 
 
 def _video_camera(mapping: RobotModel, model: mujoco.MjModel, where: str) -> str:

@@ -2,6 +2,7 @@ import os
 import time
 from collections.abc import Iterator
 from importlib import metadata
+from typing import Any
 
 import numpy as np
 import pytest
@@ -77,6 +78,28 @@ def test_publishers_of_other_types_are_told(domain: int) -> None:
     finally:
         node.close()
         wire.close()
+
+
+def test_lockstep_says_that_it_cannot_hear_best_effort(domain: int) -> None:
+    wire, node = DdsWire(domain, Reach(), is_reliable=True), Participant(domain, Reach())
+    try:
+        wire.open([], "/cmd_vel")
+        writer = best_effort_writer(node)
+        wait_for(lambda: wire.peers().mistyped, "the publisher")
+        assert wire.peers().mistyped == {"/cmd_vel": "best effort geometry_msgs/msg/Twist"}
+        del writer
+    finally:
+        node.close()
+        wire.close()
+
+
+def best_effort_writer(node: Participant) -> Any:
+    from cyclonedds.pub import DataWriter
+    from cyclonedds.qos import Policy, Qos
+    from cyclonedds.topic import Topic as DdsTopic
+
+    kind = dds.idl_type(TWIST, {})
+    return DataWriter(node.entity, DdsTopic(node.entity, "rt/cmd_vel", kind), qos=Qos(Policy.Reliability.BestEffort))
 
 
 def test_users_configuration_is_kept_and_ours_added(domain: int, monkeypatch: pytest.MonkeyPatch) -> None:

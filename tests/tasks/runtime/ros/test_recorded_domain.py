@@ -56,7 +56,8 @@ def test_nodes_are_recorded_in_simulated_time_and_the_simulation_is_not(
     latched.write(encode(PoseStamped(Header(Time(0, 0), "map"), Pose())))
     frames = node.writer("/tf", "tf2_msgs/msg/TFMessage", is_latched=False, depth=100)
     thing = bare_writer(node, "/thing", "my_msgs/msg/Thing")
-    wait_for(lambda: all(each.readers for each in (clock, latched, frames, thing)), "the recorder to subscribe")
+    wait_for(lambda: all(each.listeners for each in (clock, latched, frames, thing)), "the recorder to subscribe")
+    assert not any(each.readers for each in (clock, latched, frames, thing)), "the recorder is no node"
     time.sleep(1.0)  # who has subscribed is there some time before what is sent reaches it
     for second in range(1, 11):
         clock.write(encode(Clock(Time(second, 0))))

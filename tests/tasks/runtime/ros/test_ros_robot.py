@@ -142,7 +142,7 @@ def test_the_mission_goes_out_as_goals_and_a_place_to_begin(run) -> None:
     made.begin()
     made.go(25)
     assert made.messages("/goal_pose")[0].header.frame_id == "map"
-    assert len(made.messages("/goal_pose")) == 1
+    assert len(made.messages("/goal_pose")) == 2  # again, for those who come up slowly
     assert len(made.messages("/initialpose")) == 2  # each second until the first command
     yaw = made.messages("/initialpose")[0].pose.pose.orientation
     assert 2 * math.atan2(yaw.z, yaw.w) == pytest.approx(made.timestep.observation["pose"][2], abs=0.01)
@@ -204,7 +204,7 @@ def test_two_commanders_and_stamps_of_a_wall_clock_are_said_once(run) -> None:
     made.go(40)
     found = made.bridge.close()
     assert found.notes == [
-        "2 nodes publish /cmd_vel at once: the newest command of either is taken",
+        "2 nodes publish /cmd_vel at once: the newest command is taken",
         "commands have stamps of a wall clock: set use_sim_time to true in the nodes",
     ]
     assert found.extra["ros"]["heard"] == ["/clock"]
@@ -215,6 +215,38 @@ def test_simulations_that_take_no_velocities_are_refused(run) -> None:
     made.bridge.look_in(SimpleNamespace(action_spec=lambda: np.zeros(4)))
     assert not made.bridge.came()
     assert "send velocities, which need actions of two numbers" in made.bridge.missing()
+
+
+def test_renamed_topics_are_called_by_their_names(run) -> None:
+    peers, names = Peers(frozenset({"/time"}), commanders=1), {"/cmd_vel": "/base", "/clock": "/time"}
+    made = run(ScriptedWire([(0.6, drive(0.1))], peers=lambda _: peers), topics=names)
+    made.begin()
+    made.go(30)
+    assert "/clock" not in notes(made)
+    silent = run(ScriptedWire(peers=lambda _: peers), topics={"/cmd_vel": "/base"})
+    silent.begin()
+    silent.go(2)
+    with pytest.raises(LaunchError, match="sent no command on /base"):
+        silent.bridge.close("environment")
+
+
+def test_options_of_a_robot_are_under_those_that_were_given_also_in_another_process() -> None:
+    plan = RosPlan(suite=2, domain=7, options=RosOptions(time="free"))
+    arrived = RosPlan.model_validate_json(plan.model_dump_json())
+    assert arrived.options.model_fields_set == {"time"}
+    assert arrived == plan
+
+
+@pytest.mark.parametrize(
+    ("topics", "said"),
+    [
+        ({"/cmd_vel": None}, "/cmd_vel is how nodes drive"),
+        ({"/scan": "/x", "/odom": "/x"}, "two of them are called /x"),
+    ],
+)
+def test_names_that_cannot_be_are_refused(topics: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        RosOptions.model_validate({"topics": topics})
 
 
 def test_the_topics_that_can_be_named_are_those_that_there_are() -> None:

@@ -73,7 +73,18 @@ def test_lockstep_waits_for_the_answer_to_each_scan() -> None:
 def test_lockstep_takes_no_command_that_is_older_than_the_step() -> None:
     def answer(topic: str, now_s: float) -> Sequence[tuple[float, Command]]:
         number = len(wire.sent) - 1
-        return [(now_s + 0.1, drive(9.0, stamp_s=number * STEP_S - 0.2)), (now_s + 0.2, drive(0.1, number * STEP_S))]
+        return [(now_s + 0.1, drive(9.0, stamp_s=number * STEP_S - 0.13)), (now_s + 0.2, drive(0.1, number * STEP_S))]
+
+    wire = ScriptedWire(answer=answer)
+    found = steps(wire, RosOptions(time="lockstep", answers="step"), 5)
+    assert [speed for _, speed in found] == [9.0, *[0.1] * 4]  # before the first step there is nothing older
+
+
+@pytest.mark.parametrize("behind", [0.0, 0.9 * STEP_S])
+def test_lockstep_takes_answers_without_a_stamp_and_of_a_clock_that_is_behind(behind: float) -> None:
+    def answer(topic: str, now_s: float) -> Sequence[tuple[float, Command]]:
+        stamp_s = (len(wire.sent) - 1) * STEP_S - behind if behind else 0.0
+        return [(now_s + 0.1, drive(0.1, stamp_s=stamp_s))]
 
     wire = ScriptedWire(answer=answer)
     found = steps(wire, RosOptions(time="lockstep", answers="step"), 5)

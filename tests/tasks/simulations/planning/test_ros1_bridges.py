@@ -38,7 +38,8 @@ def plan(tmp_path: Path) -> Plan:
         program = ProgramPlan(name="robot", role="robot", kind="application", argv=argv, folder=tmp_path)
         launch = Program(tuple(argv), launcher if ros else None, ros)
         which = {"roslaunch": str(launcher)}.get
-        environment = SimpleNamespace(sandbox=sandbox, which=which, environ={"PATH": "/usr/bin:/bin"})
+        run = SimpleNamespace(output_dir=tmp_path)
+        environment = SimpleNamespace(sandbox=sandbox, which=which, environ={"PATH": "/usr/bin:/bin"}, plan=run)
         planned = Applications(programs=[program], robot=RosLaunch(Code("robot", "mine"), launch, program))
         return with_ros1_bridge(planned, cast("RunEnvironment", environment))
 
@@ -68,5 +69,5 @@ def test_a_command_stays_as_it_is_and_has_a_bridge_too(plan: Plan) -> None:
     assert bridge.argv[-1] == str(BRIDGE)
 
 
-def test_without_rospy_there_is_no_bridge_to_start_again_and_again(plan: Plan) -> None:
+def test_without_rospy_there_is_no_bridge_to_start_again_and_again(plan: Plan, tmp_path: Path) -> None:
     assert [program.argv for program in plan(None, ["./start"], has_rospy=False)] == [["./start"]]
