@@ -67,9 +67,7 @@ def run(site: Path, *words: str, code: int = 0, **variables: str) -> str:
 SEEN = """
 import json
 from prefect_robomaker.schemas.specs.check import load_spec
-from prefect_robomaker.schemas.specs.json_schema import schema_text
 from prefect_robomaker.schemas.wire.errors import SpecError
-from prefect_robomaker.deployments.service_model.model import service_model
 from prefect_robomaker.tasks.simulations.planning.job_contents import _judging_packages
 from tools.reference.pages import with_tables
 
@@ -79,8 +77,6 @@ except SpecError as error:
     refused = str(error)
 print(json.dumps({
     "refused": refused,
-    "schema": json.loads(schema_text())["$defs"]["SpeedRequirement"],
-    "service model": service_model()["shapes"]["JobRequirement"]["members"]["max_mps"]["documentation"],
     "made of": list(_judging_packages([{"kind": "speed"}])),
     "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
 }))
@@ -88,13 +84,13 @@ print(json.dumps({
 
 
 def test_one_file_is_seen_everywhere(example: Path) -> None:
-    """All but what runs: validation, JSON Schema, service model, documentation."""
+    """All but what runs: validation, JSON Schema, documentation."""
     misspelt = poles(FAST.replace("kind: speed", "kind: sped"))
     seen = json.loads(run(example, "-c", SEEN.replace("PLACE", repr(misspelt))))
 
     assert "requirements[0].kind: is 'sped'; did you mean 'speed'?" in seen["refused"]
-    assert seen["schema"]["properties"]["max_mps"]["anyOf"][0]["type"] == "number"
-    assert "Highest speed, in metres per second." in seen["service model"]
+    schema = json.loads(run(example, "-m", "prefect_robomaker", "schema"))
+    assert schema["$defs"]["SpeedRequirement"]["properties"]["max_mps"]["anyOf"][0]["type"] == "number"
     assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
     assert "| `speed` | its body moves faster than `max_mps` |" in seen["page"]
 

@@ -5,6 +5,7 @@ import json
 import sys
 from pathlib import Path
 
+from .....schemas.discovery import named
 from .....schemas.specs import __file__ as specs_file
 
 
@@ -16,7 +17,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Prints a schema."""
     if arguments.operation is None:
-        sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
+        if named("requirements"):  # the file knows the kinds of this package only
+            from .....schemas.specs.json_schema import schema_text
+
+            sys.stdout.write(schema_text())
+        else:
+            sys.stdout.write(Path(specs_file).with_name("pipeline.schema.json").read_text())
         return 0
     from .....schemas.operations.registry import operation_shape
     from ...inputs.specifications import operation_name
