@@ -218,7 +218,11 @@ def test_a_requirement_of_another_distribution_is_judged_and_reported(example: P
         ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
          "class Mine(Rule[GoalRequirement]): ...", "GoalRequirement has a rule, GoalRule; Mine would replace it"),
         ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
-         "class Mine(GoalRequirement): ...", "are both 'goal'"),
+         "class Mine(GoalRequirement): ...\nclass Its(Rule[Mine]): ...", "are both 'goal'"),
+        ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
+         "class Mine(GoalRequirement):\n kind: Literal['mine']", "one has no class that is a Rule[Mine]"),
+        ("from prefect_robomaker.schemas.runs.requirement_kinds.goal import *\n"
+         "class Mine(GoalRule): ...", "Mine does not say whose rule it is; add Rule[ItsShape] to its bases"),
     ],
 )  # fmt: skip
 def test_what_would_judge_by_another_rule_than_it_says_is_refused(example: Path, text: str, words: str) -> None:

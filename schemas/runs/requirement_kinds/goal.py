@@ -77,14 +77,14 @@ class GoalRequirement(RobotRequirement):
 
 
 class GoalRule(Rule[GoalRequirement]):
-    """Whether and when a goal was reached."""
+    """Score of a goal: reached or not, and at which time."""
 
     is_reached = False
 
     def __init__(self, asked: GoalRequirement) -> None:
         super().__init__(asked)
         self.reached_s: float | None = None
-        """When it was reached, late or not; None: not yet."""
+        """Simulated time at which it was reached, late or not; None: not yet."""
         self._before: GoalRule | None = None
         """The goal that has to be reached first."""
         self._nearest_m: float | None = None

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
-from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, get_args
+from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, get_args, get_origin
 
 from pydantic import Field
 
@@ -77,7 +77,7 @@ class RequirementKind(Shape):
     rule: ClassVar[type["Rule[Any]"]]
     """Its score: the class that is a `Rule` of it."""
     margins_compare: ClassVar[bool] = True
-    """Whether margins of different runs have one unit, so that the smallest is the worst."""
+    """True: margins of different runs have one unit, so that the smallest is the worst."""
 
     @staticmethod
     def names(kind: "type[RequirementKind]") -> tuple[str, ...]:
@@ -87,7 +87,7 @@ class RequirementKind(Shape):
             ConfigurationError: It has no rule.
         """
         names = get_args(kind.model_fields["kind"].annotation)
-        if names and not hasattr(kind, "rule"):
+        if names and "rule" not in vars(kind):  # its parent's would judge as if it had no members of its own
             raise ConfigurationError(f"{kind.__module__} has no class that is a Rule[{kind.__name__}]")
         return names
 
@@ -168,7 +168,7 @@ class Numbers:
     limit: float | None = None
     unit: str | None = None
     at_least: bool = False
-    """Whether the limit is a lower one."""
+    """True: the limit is a lower one."""
 
     @property
     def margin(self) -> float | None:
@@ -185,12 +185,15 @@ class Rule(ABC, Generic[Asked]):
     """The score of one requirement. Checkpoints keep it, so it has nothing of the scene."""
 
     looks_within_steps: ClassVar[bool] = False
-    """Whether it looks between two steps of an environment as well, where that lets others look."""
+    """True: it looks between two steps of an environment as well, where that lets others look."""
     is_reached: bool | None = None
-    """Whether the thing that is asked for has happened; `None`: nothing has to."""
+    """True: the thing that is asked for has happened; `None`: nothing has to."""
 
     def __init_subclass__(cls) -> None:
-        (kind,) = get_args(vars(cls)["__orig_bases__"][0])
+        kinds = [get_args(base)[0] for base in vars(cls).get("__orig_bases__", ()) if get_origin(base) is Rule]
+        if not kinds:
+            raise TypeError(f"{cls.__name__} does not say whose rule it is; add Rule[ItsShape] to its bases")
+        kind = kinds[0]
         if "rule" in vars(kind):
             raise TypeError(f"{kind.__name__} has a rule, {kind.rule.__name__}; {cls.__name__} would replace it")
         kind.rule = cls
@@ -198,9 +201,9 @@ class Rule(ABC, Generic[Asked]):
     def __init__(self, asked: Asked) -> None:
         self.asked = asked
         self.violated_s: float | None = None
-        """When it was first found violated; None: never."""
+        """Simulated time at which it was first found violated; None: never."""
         self.error: str | None = None
-        """Why it cannot be judged; None: it can."""
+        """Reason why it cannot be judged; None: it can."""
         self._end_s = 0.0
         self._ended_by = ""
 
@@ -230,7 +233,7 @@ class Rule(ABC, Generic[Asked]):
 
     @property
     def is_over(self) -> bool:
-        """Whether the run has to end now, as far as this requirement alone can say."""
+        """True: the run has to end now, as far as this requirement alone can say."""
         return self.asked.stop and (self.violated_s is not None or self.error is not None)
 
     def fail(self, error: str) -> None:
@@ -294,7 +297,7 @@ class Rule(ABC, Generic[Asked]):
 
 
 def is_meant(name: str, others: Sequence[str] | None, ignore: Sequence[str] | None) -> bool:
-    """Whether a thing counts: its name fits one of `others`, if there are any, and none of `ignore`."""
+    """Tells if a thing counts: its name fits one of `others`, if there are any, and none of `ignore`."""
     wanted = others is None or any(fnmatchcase(name, pattern) for pattern in others)
     return wanted and not any(fnmatchcase(name, pattern) for pattern in ignore or ())
 

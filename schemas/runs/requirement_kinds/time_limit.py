@@ -18,7 +18,7 @@ class TimeLimitRequirement(RequirementKind):
 
 
 class TimeLimitRule(Rule[TimeLimitRequirement]):
-    """Whether the run ended in time."""
+    """Score of a time limit: the run ended in time, or not."""
 
     def bind(self, scene: Scene) -> Look:
         """Looks at the time; a limit that an environment never comes to, since it ends its runs before, is an error."""

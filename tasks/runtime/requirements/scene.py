@@ -54,7 +54,7 @@ class Scene:
 
     @cached_property
     def is_stale(self) -> bool:
-        """Whether contacts have no forces between two steps; see `ContactForces`."""
+        """True: contacts have no forces between two steps; see `ContactForces`."""
         return bool(getattr(self.environment.physics, "legacy_step", False))
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:
@@ -74,7 +74,7 @@ class Scene:
         """Meter of the smallest distance in m to another thing, and its name; `None`: beyond the one given."""
         model, body = self.model, self._robot(rule)
         own = robot_geoms(model, body)
-        part = own if rule.asked.body is None else bodies_below(model, body)[model.geom_bodyid]
+        part = own if getattr(rule.asked, "body", None) is None else bodies_below(model, body)[model.geom_bodyid]
         return ClearanceMeter(model, self.data, part, self._obstacles(rule, own), self.names).measure
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
@@ -101,7 +101,7 @@ class Scene:
             rule: The rule.
             robot: Which geoms are the robot's.
         """
-        others, ignore = rule.asked.others, rule.asked.ignore
+        others, ignore = getattr(rule.asked, "others", None), getattr(rule.asked, "ignore", None)
         if not can_touch(self.model, robot):
             rule.fail("the robot has no shape that collides with anything else, so it goes through everything")
         elif others is not None:
@@ -121,8 +121,8 @@ class Scene:
         Raises:
             RequirementError: The model has no such body, or none that can be taken for a robot.
         """
-        named = rule.asked.body if rule.asked.body is not None else getattr(self.environment, "robot_body", None)
-        if named is None:
+        named = getattr(rule.asked, "body", None)
+        if named is None and (named := getattr(self.environment, "robot_body", None)) is None:
             return self._acting_body(rule)
         number = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, named)
         if number < 0:
