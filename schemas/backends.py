@@ -1,8 +1,19 @@
 """Kinds of backends by name, as the setting `ROBOMAKER_BACKEND` and its help list them."""
 
 from .discovery import named
+from .wire.errors import ConfigurationError
 
-BACKENDS = {**dict.fromkeys(named("backends"), "PLACE"), "workers": "POOL", "dask": "ADDRESS", "ray": "ADDRESS"}
+_OWN = {"workers": "POOL", "dask": "ADDRESS", "ray": "ADDRESS"}
+_WITHOUT_PLACE = ("local", "by-hand")
+_NAMED = named("backends")
+for _name, _module in _NAMED.items():
+    if _name in _OWN or _name in _WITHOUT_PLACE:
+        raise ConfigurationError(
+            f"{_module}, which an installed distribution names in prefect_robomaker.backends, takes the name {_name!r} "
+            "of a backend of this package; its entry point needs another name"
+        )
+
+BACKENDS = {**dict.fromkeys(_NAMED, "PLACE"), **_OWN}
 """Backends that need a place, and a word for it. Those of distributions are named by their entry points."""
-*_SOME, _LAST = ("local", "by-hand", *(f"{kind}:{place}" for kind, place in BACKENDS.items()))
+*_SOME, _LAST = (*_WITHOUT_PLACE, *(f"{kind}:{place}" for kind, place in BACKENDS.items()))
 BACKENDS_IN_WORDS = f"{', '.join(_SOME)} or {_LAST}"

@@ -19,16 +19,17 @@ def modules_of(package: str, kind: str) -> list[ModuleType]:
             point of the group `prefect_robomaker.requirements`.
 
     Raises:
-        ConfigurationError: A distribution's module cannot be imported. It is not left out: a process without a kind
-            that others have would refuse, or not show, what they have stored.
+        ConfigurationError: A distribution's module cannot be imported, or two have one name. None is left out: a
+            process without a kind that others have would refuse, or not show, what they have stored.
     """
-    found, group = _modules(package), f"prefect_robomaker.{kind}"
-    for entry in sorted(entry_points(group=group)):
+    found = _modules(package)
+    for module in named(kind).values():
         try:
-            found += _modules(entry.value)
+            found += _modules(module)
         except Exception as error:
             raise ConfigurationError(
-                f"{entry.value}, which an installed distribution names in {group}, cannot be imported: {error}"
+                f"{module}, which an installed distribution names in prefect_robomaker.{kind}, cannot be imported: "
+                f"{error}"
             ) from error
     return found
 
@@ -38,8 +39,18 @@ def named(kind: str) -> dict[str, str]:
 
     Args:
         kind: As for `modules_of`.
+
+    Raises:
+        ConfigurationError: Two modules have one name.
     """
-    return {entry.name: entry.value for entry in sorted(entry_points(group=f"prefect_robomaker.{kind}"))}
+    found, group = dict[str, str](), f"prefect_robomaker.{kind}"
+    for entry in sorted(entry_points(group=group)):
+        if found.setdefault(entry.name, entry.value) != entry.value:
+            raise ConfigurationError(
+                f"installed distributions name two modules {entry.name!r} in {group}, {found[entry.name]} and "
+                f"{entry.value}; uninstall one of them"
+            )
+    return found
 
 
 Kind = TypeVar("Kind")

@@ -196,6 +196,37 @@ def test_a_backend_of_another_distribution_is_a_setting(example: Path) -> None:
     )
 
 
+OPEN = "from prefect_robomaker.tasks.backends.backend import open_backend as o; o('processes:2')"
+UNUSABLE = "ROBOMAKER_BACKEND is 'processes:2': example.backends.one cannot be used: "
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("import no_such_module_9", f"{UNUSABLE}No module named 'no_such_module_9'"),
+        ("backend_of = 1", f"{UNUSABLE}module 'example.backends.one' has no attribute 'backend_at'"),
+    ],
+)
+def test_a_backend_that_cannot_be_used_says_why(example: Path, text: str, words: str) -> None:
+    (example / "example" / "backends" / "one.py").write_text(text)
+
+    assert words in run(example, "-c", OPEN, code=1)
+
+
+def test_names_of_entry_points_are_given_once(example: Path) -> None:
+    """What a setting names must not depend on the order in which distributions were installed."""
+    other = example / "other-1.0.dist-info"
+    other.mkdir()
+    (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")
+    points = other / "entry_points.txt"
+
+    points.write_text("[prefect_robomaker.backends]\nprocesses = other.backends")
+    said = run(example, "-c", OPEN, code=1)
+    assert "two modules 'processes' in prefect_robomaker.backends, example.backends.one and other.backends" in said
+    points.write_text("[prefect_robomaker.backends]\ndask = other.backends")
+    assert "other.backends, which an installed distribution names" in run(example, "-c", OPEN, code=1)
+
+
 @pytest.mark.deep
 def test_a_requirement_of_another_distribution_is_judged_and_reported(example: Path, prefect_server: str) -> None:
     (example.parent / "spec.yaml").write_text(poles(FAST, FAST.replace("0.001", "1000")))

@@ -154,7 +154,7 @@ def open_backend(setting: str) -> Backend | None:
         The backend; `None`: batches run in the process that carries them out.
 
     Raises:
-        ConfigurationError: there is no such backend, or its address is missing.
+        ConfigurationError: there is no such backend, its address is missing, or its module cannot be used.
     """
     kind, _, place = setting.partition(":")
     if setting == "local":
@@ -163,5 +163,10 @@ def open_backend(setting: str) -> Backend | None:
         return ByHandBackend()
     if kind not in _MODULES or not place:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}; it has to be {BACKENDS_IN_WORDS}")
-    backend: Backend = importlib.import_module(_MODULES[kind]).backend_at(place)
+    try:
+        backend: Backend = importlib.import_module(_MODULES[kind]).backend_at(place)
+    except RobomakerError:
+        raise
+    except Exception as error:
+        raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}: {_MODULES[kind]} cannot be used: {error}") from error
     return backend

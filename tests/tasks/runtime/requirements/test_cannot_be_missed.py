@@ -18,6 +18,7 @@ from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
+from prefect_robomaker.tasks.runtime.requirements.scene import Scene
 
 MODEL = """
 <mujoco><option timestep="0.02"/><worldbody>
@@ -195,3 +196,14 @@ class TestRequirementsOfTheEnvironment:
         arena.requirements = FAR
         with pytest.raises(RequirementError, match=r"environment\.requirements is of type list; it has to be a method"):
             judged(tmp_path, arena=arena)
+
+
+def test_kinds_without_members_for_bodies_and_things_measure_the_robot_and_everything() -> None:
+    arena = Arena()
+    arena.reset()
+    rule: Any = SimpleNamespace(asked=SimpleNamespace(name="own", kind="own"), error=None)
+    scene = Scene(arena, arena.physics.model, arena.physics.data, RunPlan.model_construct(), lambda: None)
+
+    assert list(scene.position(rule)) == pytest.approx([0, 0, 0.06])
+    assert scene.contacts(rule)() == {}
+    assert scene.clearance(rule)(1.0) == (pytest.approx(0.4), "crate")
