@@ -10,6 +10,7 @@ import sys
 import tomllib
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from helpers import hand_written_flat
@@ -18,6 +19,9 @@ from helpers.paths import REPOSITORY
 from helpers.robot_stands import CART_MAPPING, write_robot
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
+
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
+from prefect_robomaker.tasks.backends.backend import BackendError
 
 make_context = hand_written_flat.make_context
 PAGE = (REPOSITORY / "docs" / "adding.md").read_text()
@@ -194,6 +198,31 @@ def test_a_backend_of_another_distribution_is_a_setting(example: Path) -> None:
     assert "local, by-hand, processes:PLACE, workers:POOL, dask:ADDRESS or ray:ADDRESS" in " ".join(
         run(example, "-m", "prefect_robomaker", "run", "--help").split()
     )
+
+
+def test_the_backend_of_the_page_replaces_job_workers_and_says_when_they_cannot_run() -> None:
+    """A batch must not wait for job workers that have ended, and a misspelt place must not give none."""
+    made: dict[str, Any] = {"__name__": "example"}
+    exec(compile(shown("py", "def backend_at"), "docs/adding.md", "exec"), made)
+
+    ends = made["JobWorkers"](1, sys.executable, "-c", "pass")
+    started: set[int] = set()
+    for _ in range(2):
+        assert ends.look() == "1 job workers here"
+        ((process, _began_s),) = ends._running
+        process.wait(200)
+        started.add(process.pid)
+    assert len(started) == 2
+    fails = made["JobWorkers"](2, sys.executable, "-c", "raise SystemExit(3)")
+    fails.look()
+    for process, _began_s in fails._running:
+        process.wait(200)
+    made["_BRIEF_S"] = 1000.0  # a busy machine may take long to start Python
+    with pytest.raises(BackendError, match="ended at once with exit code 3"):
+        fails.look()
+    for place in ("0", "-1", "two", "1.5"):
+        with pytest.raises(ConfigurationError, match=rf"'processes:{place}'; after processes: there has to be"):
+            made["backend_at"](place)
 
 
 OPEN = "from prefect_robomaker.tasks.backends.backend import open_backend as o; o('processes:2')"

@@ -163,10 +163,11 @@ def open_backend(setting: str) -> Backend | None:
         return ByHandBackend()
     if kind not in _MODULES or not place:
         raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}; it has to be {BACKENDS_IN_WORDS}")
+    module = _MODULES[kind]
     try:
-        backend: Backend = importlib.import_module(_MODULES[kind]).backend_at(place)
+        backend: Backend = importlib.import_module(module).backend_at(place)
     except RobomakerError:
         raise
     except Exception as error:
-        raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}: {_MODULES[kind]} cannot be used: {error}") from error
+        raise ConfigurationError(f"ROBOMAKER_BACKEND is {setting!r}: {module} cannot be used: {error}") from error
     return backend
