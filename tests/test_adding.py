@@ -172,10 +172,37 @@ def test_a_page_of_another_distribution_is_in_the_menu_and_escapes(example: Path
     assert said.count('<a href="/console/seeds" aria-current="page">') == 1
     assert said.rstrip().endswith("&lt;b&gt;")
 
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("/jobs", "has a page '/jobs', and '/jobs' is there already; give it another path"),
+        ("/worlds/seeds", "has a page '/worlds/seeds', and '/worlds/{id:path}' is there already"),
+        ("/login", "has a page '/login', and '/login' is there already"),
+        ("/logout", "has a page '/logout', and '/logout' is there already"),
+        ("/assets/seeds", "has a page '/assets/seeds', and '/assets/' is there already"),
+        ("/{name}", "has a page '/{name}', and '/login' is there already"),
+        ("seeds", "has a page 'seeds'; its path has to begin with /"),
+    ],
+)
+def test_a_page_that_would_not_be_shown_is_refused(path: str, words: str) -> None:
+    from prefect_robomaker.deployments.console.console import add_page
+
+    with pytest.raises(ConfigurationError, match=re.escape(f"example.pages.one {words}")):
+        add_page("example.pages.one", path, lambda visit: visit.page("problem.html.j2"))
+
+
+@pytest.mark.parametrize(
+    ("pages", "words"),
+    [('PAGES = {"/login": show}', "has a page '/login', and '/login' is there already"), ("", "has no PAGES")],
+)
+def test_a_module_with_such_a_page_or_without_pages_is_refused(example: Path, pages: str, words: str) -> None:
     page = example / "example" / "pages" / "one.py"
-    page.write_text(page.read_text().replace('{"/seeds": show}', '{"/jobs": show}'))
+    page.write_text(page.read_text().replace('PAGES = {"/seeds": show}', pages))
+
     refused = run(example, "-c", "import prefect_robomaker.deployments.console.console", code=1)
-    assert "example.pages.one has pages of paths that others have: /jobs" in refused
+
+    assert f"example.pages.one {words}" in refused
 
 
 OPENED = """

@@ -1,8 +1,10 @@
 """The console as an ASGI application beside the endpoint, and the addresses of its pages."""
 
 import logging
+import re
 import secrets
 import time
+import uuid
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -14,7 +16,7 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import PlainTextResponse, RedirectResponse, Response
-from starlette.routing import Route
+from starlette.routing import Route, compile_path
 from starlette.types import Message, Receive, Scope, Send
 
 from ...schemas.discovery import modules_of
@@ -126,10 +128,47 @@ _PAGES: dict[str, Page] = {
     "/runs/{id}/report": runs.send_report,
 }
 
+_LOGIN, _LOGOUT, _ASSETS = "/login", "/logout", "/assets/{version}/{name}"
+_SAMPLES = {"int": "1", "float": "1.5", "uuid": str(uuid.UUID(int=1))}
+"""Values of parameters by their types in paths; others are texts."""
+
+
+def add_page(module: str, path: str, page: Page) -> None:
+    """Adds a page of a module.
+
+    Args:
+        module: The module's name.
+        path: The page's path below `/console`.
+        page: The page.
+
+    Raises:
+        ConfigurationError: It would never be shown, or hide what is needed to log in.
+    """
+    if not path.startswith("/"):
+        raise ConfigurationError(f"{module} has a page {path!r}; its path has to begin with /")
+    pattern, sample = _pattern(path), _sample(path)
+    hidden = next((each for each in _PAGES if _pattern(each).match(sample)), None)
+    hidden = hidden or next((each for each in (_LOGIN, _LOGOUT, _ASSETS) if pattern.match(_sample(each))), None)
+    if hidden is not None or sample.startswith("/assets/"):
+        taken = hidden or "/assets/"
+        raise ConfigurationError(f"{module} has a page {path!r}, and {taken!r} is there already; give it another path")
+    _PAGES[path] = page
+
+
+def _pattern(path: str) -> re.Pattern[str]:
+    return compile_path(path)[0]
+
+
+def _sample(path: str) -> str:
+    """A path that fits a pattern."""
+    return re.sub(r"{\w+:?(\w*)}", lambda found: _SAMPLES.get(found[1], "x"), path)
+
+
 for _module in (*modules_of(pages.__name__, "pages"), *parts_of_wings("deployments", "console.pages")):
-    if _taken := _PAGES.keys() & _module.PAGES.keys():
-        raise ConfigurationError(f"{_module.__name__} has pages of paths that others have: {', '.join(sorted(_taken))}")
-    _PAGES |= _module.PAGES
+    if not hasattr(_module, "PAGES"):
+        raise ConfigurationError(f"{_module.__name__} has no PAGES, which are functions by the paths of their pages")
+    for _path, _page in _module.PAGES.items():
+        add_page(_module.__name__, _path, _page)
     FOLDERS |= getattr(_module, "FOLDERS", {})
     MENU += [_module.MENU] if hasattr(_module, "MENU") else []
 MENU.sort()
@@ -181,12 +220,12 @@ class Console:
         )
         routes = [Route(f"{HOME}{path}", self._served(page)) for path, page in _PAGES.items()]
         routes += [
-            Route(f"{HOME}/login", login.show_form(self._context), methods=["GET"]),
-            Route(f"{HOME}/login", login.log_in(self._context), methods=["POST"]),
-            Route(f"{HOME}/logout", self._act(login.log_out), methods=["POST"]),
+            Route(f"{HOME}{_LOGIN}", login.show_form(self._context), methods=["GET"]),
+            Route(f"{HOME}{_LOGIN}", login.log_in(self._context), methods=["POST"]),
+            Route(f"{HOME}{_LOGOUT}", self._act(login.log_out), methods=["POST"]),
             *(Route(f"{HOME}{path}", self._act(act), methods=["POST"]) for path, act in _FORMS.items()),
             Route(f"{HOME}/{{folder}}/{{id}}/{{act}}", self._act(carry_out), methods=["POST"]),
-            Route(f"{HOME}/assets/{{version}}/{{name}}", _send_asset),
+            Route(f"{HOME}{_ASSETS}", _send_asset),
         ]
         self._pages = Starlette(routes=routes, exception_handlers={HTTPException: _told})
 
