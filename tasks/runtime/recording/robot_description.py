@@ -41,7 +41,7 @@ def robot_description(
         base: Body whose frame is the base.
         frames: Names of links by numbers of bodies, the base's among them; others are called as in the model.
         joints: Names of joints by their numbers, as `/joint_states` has them.
-        mounts: Fixed frames of sensors on the base.
+        mounts: Fixed frames of sensors on links.
     """
     robot = ET.Element("robot", name=name)
     base = int(model.body_weldid[base])
@@ -58,11 +58,11 @@ def robot_description(
             parent = int(model.body_weldid[model.body_parentid[root]])
             _add_joint(robot, model, data, parent, root, named, joints)
     for mount in mounts:
-        if mount.header.frame_id == named[base]:
+        if (parent := mount.header.frame_id) in named.values():
             ET.SubElement(robot, "link", name=mount.child_frame_id)
             place, turn = mount.transform
             quaternion = np.array((turn.w, turn.x, turn.y, turn.z))
-            _connect(robot, f"{mount.child_frame_id}_joint", "fixed", named[base], mount.child_frame_id)
+            _connect(robot, f"{mount.child_frame_id}_joint", "fixed", parent, mount.child_frame_id)
             _add_origin(robot[-1], np.array(place), _matrix(quaternion))
     ET.indent(robot)
     return ET.tostring(robot, encoding="unicode")

@@ -83,7 +83,7 @@ class Telemetry(KeepsAttributes):
     | `/goals` | the rooms' goals and which were visited | at the start and with every change |
     | `/map`, `/world`, `/robot` | the map, and what world and robot look like | once |
     | `/robot_description` | the robot as a URDF | once |
-    | `/tf_static` | `map` to `odom`, `base_link` to `base_scan`, `imu_link` and `base_footprint` | once |
+    | `/tf_static` | `map` to `odom`, `base_link` to `base_scan` and `base_footprint`, a link to `imu_link` | once |
 
     The odometry is exact, so that `map` and `odom` are the same.
     """
@@ -97,8 +97,8 @@ class Telemetry(KeepsAttributes):
         self._series: StateSeries | None = None
         self._scans: RowSeries | None = None
         self._readings: dict[type[SensorKind], RowSeries] = {}
-        self._axes: dict[type[SensorKind], NDArray[np.float64]] = {}
-        """Axes of sensors, seen from the base."""
+        self._sites: dict[type[SensorKind], int] = {}
+        """Sites of sensors in the model, which may be on parts that move."""
         self._shown: mujoco.MjModel | None = None
         self._start_s, self._samples, self._due_s = 0.0, 0, 0.0
 
@@ -154,27 +154,32 @@ class Telemetry(KeepsAttributes):
         stamp = ros.Time.from_seconds(data.time)
         transforms = [ros.TransformStamped(ros.Header(stamp, frames.map), frames.odometry, ros.Transform())]
         base = model.body(moving_body(robot)).id
-        at, turn = data.xpos[base], data.xmat[base].reshape(3, 3).T
+        known = frames_of_bodies(robot, model, frames)
+        fixed_to = {int(model.body_weldid[body]): body for body in known}
+        """Bodies that have frames, by what moves with them."""
 
-        def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64]) -> None:
-            """Adds a frame on the base, from its place and axes in the world."""
+        def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64], body: int = base) -> None:
+            """Adds a frame on a body, from its place and axes in the world."""
+            turn = data.xmat[body].reshape(3, 3).T
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, (turn @ axes).ravel())
             w, x, y, z = quaternion.tolist()
-            pose = ros.Transform(ros.Vector3(*(turn @ (place - at)).tolist()), ros.Quaternion(x, y, z, w))
-            transforms.append(ros.TransformStamped(ros.Header(stamp, frames.base), frame, pose))
+            pose = ros.Transform(ros.Vector3(*(turn @ (place - data.xpos[body])).tolist()), ros.Quaternion(x, y, z, w))
+            transforms.append(ros.TransformStamped(ros.Header(stamp, known[body]), frame, pose))
 
         if frames.footprint != frames.base:
-            add(frames.footprint, np.array((at[0], at[1], 0.0)), turn.T)
+            at = data.xpos[base]
+            add(frames.footprint, np.array((at[0], at[1], 0.0)), data.xmat[base].reshape(3, 3))
         if robot.lidar is not None:
             body = robot.footprint_id(model)
             foot = data.xmat[body].reshape(3, 3)
             add(frames.scan, data.xpos[body] + foot[:, 2] * robot.lidar.height_m, foot)
         for kind, names in robot.sensors:
             site = int(model.sensor_objid[model.sensor(f"{robot.prefix}{names[0]}").id])
-            axes = data.site_xmat[site].reshape(3, 3)
-            self._axes[kind] = turn @ axes
-            add(self._frame_of(kind), data.site_xpos[site], axes)
+            self._sites[kind] = site
+            body = fixed_to.get(int(model.body_weldid[model.site_bodyid[site]]))
+            if body is not None:  # what moves against all that has a frame, as on a ball, has no fixed place
+                add(self._frame_of(kind), data.site_xpos[site], data.site_xmat[site].reshape(3, 3), body)
         self._recorder.add_static_transforms(transforms, data.time)
         self._mounts = transforms[1:]
 
@@ -223,12 +228,11 @@ class Telemetry(KeepsAttributes):
             self._readings[kind] = RowSeries(kind.topic, kind.columns(frame))
             self._recorder.add_series(self._readings[kind])
         quaternion = np.zeros(4)
-        base = self._model.body(moving_body(self._robot)).id
-        mujoco.mju_mat2Quat(quaternion, (self._data.xmat[base].reshape(3, 3) @ self._axes[kind]).ravel())
+        mujoco.mju_mat2Quat(quaternion, self._data.site_xmat[self._sites[kind]])
         self._readings[kind].add(self._recorder, time_s, np.array((*quaternion[[1, 2, 3, 0]], *numbers)))
 
     def _frame_of(self, kind: type[SensorKind]) -> str:
-        return getattr(self.frames, kind.name, f"{kind.name}_link")
+        return self.frames._asdict().get(kind.name, f"{kind.name}_link")
 
 
 def _scan(lidar: Lidar, ranges: NDArray[np.float32], frame: str) -> ros.LaserScan:

@@ -231,6 +231,9 @@ def _sensor(sensor: SensorKind, model: mujoco.MjModel, where: str) -> Sensor:
         if name not in there:
             hint = alternatives(name, there, f"{part} sensors")
             raise invalid(where, f"sensors.{sensor.name}.{part}: there is no {part} {name!r}; {hint}")
+        if int(model.sensor(name).objtype[0]) != int(mujoco.mjtObj.mjOBJ_SITE):
+            problem = f"{part} {name!r} is not on a site, which says where it is; give it a site in the model"
+            raise invalid(where, f"sensors.{sensor.name}.{part}: {problem}")
     return Sensor(type(sensor), names)
 
 

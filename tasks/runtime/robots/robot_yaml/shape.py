@@ -3,7 +3,7 @@
 The document's form depends on `drive.kind`, so that a mistake in it is told once and about the right members.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
 from pydantic import Field, create_model
@@ -11,9 +11,12 @@ from pydantic import Field, create_model
 from .....schemas.discovery import classes_of
 from .....schemas.runs.ros import RosOptions
 from .....schemas.wire.base import Model, optional
+from .....schemas.wire.errors import ConfigurationError
 from .....schemas.wire.json_values import is_object
+from ...recording.recording import Frames
 from .. import sensors
-from ..sensors.kind import PartName, SensorKind
+from ..sensors.imu import Imu
+from ..sensors.kind import OBSERVED, PUBLISHED, PartName, SensorKind
 
 Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
@@ -161,6 +164,33 @@ SENSOR_KINDS: Mapping[str, type[SensorKind]] = classes_of(
     SensorKind, sensors.__name__, "sensors", lambda kind: (kind.name,) if hasattr(kind, "name") else ()
 )
 """Kinds of sensors by name."""
+
+
+def check_kinds(kinds: Iterable[type[SensorKind]]) -> None:
+    """Checks that kinds of sensors do not take the place of each other, or of anything else.
+
+    Args:
+        kinds: All there are.
+
+    Raises:
+        ConfigurationError: One does.
+    """
+    topics = dict.fromkeys(PUBLISHED, "the simulation")
+    for kind in kinds:
+        who, name = f"{kind.__module__}.{kind.__name__}", kind.name
+        uses = {
+            "observations have it already": name in OBSERVED,
+            "robot.yaml has it below sensors already": name in FixedSensors.model_fields or hasattr(FixedSensors, name),
+            "a frame of the robot is called so": name in Frames._fields and kind is not Imu,
+            "it has to be a name in Python": not name.isidentifier() or name.startswith("_"),
+        }
+        if reasons := [why for why, is_so in uses.items() if is_so]:
+            raise ConfigurationError(f"{who} cannot be called {name!r}: {reasons[0]}")
+        if kind.topic and topics.setdefault(kind.topic, who) != who:
+            raise ConfigurationError(f"{who} cannot have the topic {kind.topic}: {topics[kind.topic]} publishes on it")
+
+
+check_kinds(SENSOR_KINDS.values())
 
 if TYPE_CHECKING:
     RobotSensors: TypeAlias = FixedSensors

@@ -9,6 +9,44 @@ from .....schemas.wire.base import Model, optional
 from ...recording.cdr import Columns
 from ...recording.messages import Header
 
+OBSERVED = frozenset(
+    [
+        "time",
+        "pose",
+        "velocity",
+        "goals",
+        "visited",
+        "wheel_velocity",
+        "joint_position",
+        "joint_velocity",
+        "scan",
+        "proximity",
+        "scan_time",
+    ]
+)
+"""Names of what robots of the built-in simulation observe besides these sensors."""
+PUBLISHED = frozenset(
+    [
+        "/clock",
+        "/tf",
+        "/tf_static",
+        "/odom",
+        "/joint_states",
+        "/scan",
+        "/contacts",
+        "/goals",
+        "/map",
+        "/world",
+        "/robot",
+        "/robot_description",
+        "/goal_pose",
+        "/plan",
+        "/camera/image_raw/compressed",
+        "/camera/camera_info",
+    ]
+)
+"""Topics of its recordings besides those of these sensors."""
+
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
 
 

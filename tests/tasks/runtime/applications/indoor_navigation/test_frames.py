@@ -1,5 +1,7 @@
 """Frames of the built-in environment fit together: what the lidar sees is where the walls are."""
 
+import re
+import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -152,3 +154,69 @@ def test_a_camera_on_a_limb_without_a_name_is_fixed_to_that_limb(make_context: A
     limb_body = int(environment.physics.model.joint(f"{environment.robot.prefix}lift").bodyid[0])
     assert [each.header.frame_id for each in transforms] == [f"link_{limb_body}"]
     assert transforms[0].transform.translation.x == pytest.approx(0.05)
+
+
+def test_an_imu_on_a_limb_turns_with_the_limb(make_context: Any, tmp_path: Path) -> None:
+    """Its attitude, and its place in the tree of frames and in the URDF, are those of the limb that falls."""
+    loose = re.sub("<position.*/>", "", CART)
+    mapping = CART_MAPPING | {"sensors": {"lidar": {"at": "eye"}, "imu": {"at": "arm"}}}
+    robot = write_robot(tmp_path / "bundle", mapping, cart_xml=loose)
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        context = make_context(recorder=recorder)
+        plan = context.plan.model_copy(update={"robot_application": robot})
+        environment = make_environment(replace(context, plan=plan))
+        environment.reset()
+        started = float(environment.physics.data.joint(f"{environment.robot.prefix}lift").qpos[0])
+        for _ in range(4):  # until a time at which states are recorded
+            environment.step((0.0, 0.0))
+    model, data = environment.physics.model.ptr, environment.physics.data.ptr
+    mujoco.mj_kinematics(model, data)
+    site = data.site(f"{environment.robot.prefix}arm_imu_site")
+    places, urdf, attitude = {"map": np.eye(4)}, "", None
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        known: dict[str, tuple[str, Any]] = {}
+        for item in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+            match item.channel.topic:
+                case "/tf" | "/tf_static":
+                    known |= {
+                        each.child_frame_id: (each.header.frame_id, each.transform)
+                        for each in item.decoded_message.transforms
+                    }
+                case "/robot_description":
+                    urdf = item.decoded_message.data
+                case "/imu":
+                    turn = item.decoded_message.orientation
+                    attitude = np.array((turn.w, turn.x, turn.y, turn.z))
+
+    def placed(frame: str) -> NDArray[np.float64]:
+        if frame not in places:
+            places[frame] = placed(known[frame][0]) @ matrix(known[frame][1])
+        return places[frame]
+
+    assert abs(data.joint(f"{environment.robot.prefix}lift").qpos[0] - started) > 0.1, "it falls"
+    assert placed("imu_link")[:3, 3] == pytest.approx(site.xpos, abs=1e-6)
+    assert placed("imu_link")[:3, :3] == pytest.approx(site.xmat.reshape(3, 3), abs=1e-6)
+    flat = np.zeros(9)
+    assert attitude is not None
+    mujoco.mju_quat2Mat(flat, attitude)
+    assert flat == pytest.approx(site.xmat, abs=0.05), "readings are of the step before"
+    (mount,) = [each for each in ET.fromstring(urdf).iter("joint") if each.find("child[@link='imu_link']") is not None]
+    parent = mount.find("parent")
+    assert parent is not None
+    assert parent.get("link") == known["imu_link"][0]
+
+
+def test_a_sensor_on_a_ball_joint_has_no_fixed_place(make_context: Any, tmp_path: Path) -> None:
+    """The links of balls have no frames, so that a place that is told once would be wrong from then on."""
+    mapping = CART_MAPPING | {"sensors": {"lidar": {"at": "eye"}, "imu": {"at": "head"}}}
+    head = '<body name="head" pos="-0.05 0 0.1"><joint type="ball"/><geom size="0.01" mass="0.01"/></body>'
+    model = CART.replace("</body></worldbody>", f"{head}</body></worldbody>").replace('0 0.5"', '0 0.5 1 0 0 0"')
+    robot = write_robot(tmp_path / "bundle", mapping, cart_xml=model)
+    with McapRecorder(tmp_path / "r.mcap") as recorder:
+        context = make_context(recorder=recorder)
+        make_environment(replace(context, plan=context.plan.model_copy(update={"robot_application": robot}))).reset()
+    with (tmp_path / "r.mcap").open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        (fixed,) = [each.decoded_message.transforms for each in reader.iter_decoded_messages(topics=["/tf_static"])]
+
+    assert {each.child_frame_id for each in fixed} == {"odom", "base_footprint", "base_scan"}

@@ -10,6 +10,7 @@ from mcap_ros2.decoder import DecoderFactory
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.robots.sensors.kind import OBSERVED, PUBLISHED
 
 
 def test_observations_and_actions_are_as_specified(make_context) -> None:
@@ -119,6 +120,8 @@ def test_records_what_a_robot_publishes(make_context, tmp_path: Path) -> None:
         "/tf_static": 1, "/scan": 11, "/imu": 41, "/goals": 2, "/map": 1, "/world": 1, "/robot": 1,
         "/robot_description": 1, **states
     }  # fmt: skip
+    assert found.keys() - PUBLISHED == {"/imu"}, "topics that kinds of sensors may not take"
+    assert timestep.observation.keys() - OBSERVED == {"imu"}
     last = {topic: messages[-1] for topic, messages in found.items()}
     x, y, yaw = timestep.observation["pose"]
     position = last["/odom"].pose.pose.position

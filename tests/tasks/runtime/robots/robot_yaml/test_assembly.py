@@ -2,17 +2,18 @@ import json
 import logging
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import mujoco
 import numpy as np
 import pytest
 from helpers.robot_stands import CART_MAPPING, Stand, write_robot
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from prefect_robomaker.schemas.wire.errors import LaunchError
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
@@ -21,6 +22,9 @@ from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot import Lidar, Robot
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.assembly import _sensor
+from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import SENSOR_KINDS, check_kinds
+from prefect_robomaker.tasks.runtime.robots.sensors.kind import SensorKind
 
 MakeCart = Callable[..., Robot]
 DRIVE = CART_MAPPING["drive"]
@@ -271,3 +275,39 @@ def test_a_lidar_is_as_the_mapping_says(make_cart: MakeCart, make_context: Any, 
 def test_a_lidar_that_cannot_be_is_refused(make_cart: MakeCart, mounted: dict[str, float], reason: str) -> None:
     with pytest.raises(LaunchError, match=reason):
         make_cart(sensors={"lidar": mounted})
+
+
+def test_sensors_of_a_model_have_to_be_on_sites() -> None:
+    """Recordings take their place from there; a joint's number would be taken for a site's."""
+
+    class Turn(SensorKind):
+        name = "turn"
+        parts: ClassVar[Mapping[str, str]] = {"framequat": "FRAMEQUAT"}
+        framequat: str | None = None
+
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><body name="arm"><geom size="1"/></body></worldbody>'
+        '<sensor><framequat name="q" objtype="body" objname="arm"/></sensor></mujoco>'
+    )
+    with pytest.raises(LaunchError, match=r"sensors\.turn\.framequat: framequat 'q' is not on a site"):
+        _sensor(Turn(framequat="q"), model, "robot.yaml")
+
+
+@pytest.mark.parametrize(
+    ("name", "topic", "words"),
+    [
+        ("velocity", "", "cannot be called 'velocity': observations have it already"),
+        ("scan_time", "", "cannot be called 'scan_time': observations have it already"),
+        ("cameras", "", "cannot be called 'cameras': robot.yaml has it below sensors already"),
+        ("of_kinds", "", "cannot be called 'of_kinds': robot.yaml has it below sensors already"),
+        ("base", "", "cannot be called 'base': a frame of the robot is called so"),
+        ("my sensor", "", "cannot be called 'my sensor': it has to be a name in Python"),
+        ("heat", "/scan", "cannot have the topic /scan: the simulation publishes on it"),
+        ("heat", "/imu", r"cannot have the topic /imu: .*\.Imu publishes on it"),
+    ],
+)
+def test_a_kind_of_sensor_takes_nothing_from_others(name: str, topic: str, words: str) -> None:
+    other = type("Other", (SensorKind,), {"name": name, "topic": topic, "__module__": "example"})
+
+    with pytest.raises(ConfigurationError, match=rf"example\.Other {words}"):
+        check_kinds([*SENSOR_KINDS.values(), other])
