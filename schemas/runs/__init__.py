@@ -1,1 +1,1 @@
-"""Runs as data: the plan, programs, variables, requirements, results, provenance, manifest and `robot.yaml`."""
+"""Runs as data: the plan, programs, variables, requirements, results, provenance and manifest."""

@@ -1,1 +1,1 @@
-"""Requirements: measurements, score, and the observer that checks a run against them."""
+"""Requirements: the scene that rules measure in, and the observer that checks a run."""
