@@ -1,1 +1,1 @@
-"""Runs as data: the plan, programs, variables, requirements, results, provenance and manifest."""
+"""Runs as data: the plan, results, programs, variables, requirements, trials, provenance and manifest."""

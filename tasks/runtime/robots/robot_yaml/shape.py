@@ -13,10 +13,8 @@ from .....schemas.runs.ros import RosOptions
 from .....schemas.wire.base import Model, optional
 from .....schemas.wire.errors import ConfigurationError
 from .....schemas.wire.json_values import is_object
-from ...recording.recording import Frames
 from .. import sensors
-from ..sensors.imu import Imu
-from ..sensors.kind import OBSERVED, PUBLISHED, PartName, SensorKind
+from ..sensors.kind import FRAMES, OBSERVED, PUBLISHED, PartName, SensorKind
 
 Gain = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Metres = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
@@ -181,7 +179,7 @@ def check_kinds(kinds: Iterable[type[SensorKind]]) -> None:
         uses = {
             "observations have it already": name in OBSERVED,
             "robot.yaml has it below sensors already": name in FixedSensors.model_fields or hasattr(FixedSensors, name),
-            "a frame of the robot is called so": name in Frames._fields and kind is not Imu,
+            "a frame of the robot is called so": name in FRAMES,
             "it has to be a name in Python": not name.isidentifier() or name.startswith("_"),
         }
         if reasons := [why for why, is_so in uses.items() if is_so]:

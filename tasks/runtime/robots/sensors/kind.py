@@ -8,6 +8,7 @@ from pydantic import Field
 from .....schemas.wire.base import Model, optional
 from ...recording.cdr import Columns
 from ...recording.messages import Header
+from ...recording.recording import Frames
 
 OBSERVED = frozenset(
     [
@@ -46,6 +47,8 @@ PUBLISHED = frozenset(
     ]
 )
 """Topics of its recordings besides those of these sensors."""
+FRAMES = frozenset(Frames._fields) - {"imu"}
+"""Names of frames that are no sensor's."""
 
 PartName = Annotated[str, Field(min_length=1, max_length=200)]
 
