@@ -177,9 +177,14 @@ def setups_of(bundle: Path | None) -> list[Path]:
 
 
 def package_folders(bundle: Path) -> list[Path]:
-    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system."""
+    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system.
+
+    A link of the bundle that leads out of it is none of them: in what was copied out of an image, it leads to files of
+    this machine.
+    """
+    top = bundle.resolve()
     found = [path for overlay in reversed(overlays(bundle)) for each in _PACKAGES for path in overlay.glob(each)]
-    return found or [bundle]
+    return [path for path in found if path.resolve().is_relative_to(top)] or [bundle]
 
 
 def own_program(bundle: Path | None, name: str) -> Path | None:

@@ -60,6 +60,22 @@ def test_links_of_a_workspace_lead_nothing_out_of_it(ours: WorldPackages, tmp_pa
     assert not (package / "worlds").is_symlink()
 
 
+@pytest.mark.parametrize("link", ["x/opt/install", "x/opt/ros/melodic", "x"])
+def test_links_of_a_workspace_that_says_it_is_a_colcon_bundle_lead_nothing_out_of_it(
+    ours: WorldPackages, tmp_path: Path, link: str
+) -> None:
+    share = "opt/install" if link == "x" else "share" if link.endswith("melodic") else ""
+    outside = packages(tmp_path / "outside" / share, "outside")
+    home = tmp_path / "home"
+    (home / link).parent.mkdir(parents=True)
+    (home / ".colcon-overlays").write_text("x\n")
+    (home / link).symlink_to(tmp_path / "outside")
+
+    put_world_into_copies(home, ours)
+
+    assert (outside / WORLDS / "worlds" / "w" / "mark").read_text() == "outside"
+
+
 def test_the_world_is_before_what_variables_say_already(ours: WorldPackages) -> None:
     share = str(ours.prefix / "share")
 
