@@ -179,17 +179,39 @@ def _refused(error: sqlite3.OperationalError, call: Callable[..., Any]) -> bool:
     return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY and getattr(call, "__name__", "") in _CALLS
 
 
-_LOOK_FOR_DUE = timedelta(seconds=2)
-"""How often it is looked which of Prefect's services is due, and they are due every 5 s at most; by default 0.25 s."""
+_LOOK_FOR_WORK = timedelta(seconds=2)
+"""How long Prefect's background worker waits for work, which wakes it; by default 0.25 s."""
+
+_LOOK_FOR_SLOTS = timedelta(seconds=0.25)
+"""How long it sleeps while all its slots are taken, as by default: ten of a bulk of tasks, such as removing the logs of
+5,000 flow runs, begin after each sleep. More slots instead would be more writers of SQLite than it has connections."""
+
+_LOOK_FOR_DUE = timedelta(seconds=0.5)
+"""How often it is looked which of Prefect's services is due; by default 0.25 s. Less than the second by which Prefect's
+looks for new deployments overlap: later ones would miss some."""
 
 _LOOK_FOR_MESSAGES_S = 0.5
 """How often it is looked whether one of its tasks is cancelled, which Prefect never does."""
 
 
+class _SeldomLooking(Worker):
+    """A background worker that waits long for work, but not for its own slots; docket has one time for both."""
+
+    @property
+    def minimum_check_interval(self) -> timedelta:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """How long it waits for what it has none of now."""
+        is_full = len(self._tasks_by_key) >= self.concurrency
+        return _LOOK_FOR_SLOTS if is_full else _LOOK_FOR_WORK
+
+    @minimum_check_interval.setter
+    def minimum_check_interval(self, value: timedelta) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Docket sets its default, which is not used."""
+
+
 def look_seldom() -> None:
     """Has Prefect's background worker look less often, and without threads; what is to be done at once wakes it."""
     background_workers.Worker = partial(  # pyright: ignore[reportPrivateImportUsage]
-        Worker, minimum_check_interval=_LOOK_FOR_DUE, scheduling_resolution=_LOOK_FOR_DUE
+        _SeldomLooking, scheduling_resolution=_LOOK_FOR_DUE
     )  # fmt: skip
     PubSub._queue_get = _wait_for_message  # pyright: ignore[reportPrivateUsage]
 
