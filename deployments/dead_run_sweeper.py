@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
-from datetime import datetime
+from datetime import UTC, datetime
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -163,6 +163,9 @@ _LIMITS_S = 60.0
 
 _RETRY_S = 1.0
 
+_CLOCKS_S = 10.0
+"""How far the clock of a server's machine may be behind this one's, so that no end of a run is missed."""
+
 
 def close_dead_runs(settings: Settings) -> None:
     """Starts a thread that sweeps again and again, on the server that Prefect's settings name.
@@ -210,8 +213,13 @@ class _Pace:
         """How long to wait before the next look for open flow runs."""
         return SWEEP_S if time.monotonic() - self._open_at_s < IDLE_SWEEP_S else IDLE_LOOK_S
 
+    @property
+    def last_look(self) -> datetime:
+        """The time of the last look for open flow runs, or somewhat before it."""
+        return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
+
     def is_due(self, is_open: bool) -> bool:
-        """Whether to sweep now, which is noted; by whether a flow run is open."""
+        """Whether to sweep now, which is noted; by whether a flow run is open, or was since the last look."""
         now_s = time.monotonic()
         if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
             self._answers_since_s = now_s  # it slept, and may have slept together with those it judges
@@ -243,7 +251,7 @@ def _close_until_end(
                 ends = RecordedEnds(settings, client)
                 limits_at_s, pace = 0.0, _Pace()
                 while not pause.wait(pace.pause_s):
-                    if not pace.is_due(has_open_runs(client, flow_names())):
+                    if not pace.is_due(has_open_runs(client, flow_names() | _watched_flows(), pace.last_look)):
                         continue
                     tell_ends(client, _watched_flows(), ends.end_of)
                     sweep(client, flow_names())

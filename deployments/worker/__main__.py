@@ -18,7 +18,6 @@ from ...tasks.service.catalog_wait import once_catalog_answers
 from ...tasks.service.service import Service
 from ..dead_run_sweeper import close_dead_runs
 from ..log_lines import log_formatter
-from ..prefect_server.local_server import is_own_server
 from .channel import STOP, Channel
 from .pools import job_pools
 from .prefect_watch import PrefectWatch
@@ -53,8 +52,8 @@ def main() -> None:
     try:
         worker = _make(look)
         worker.prepare()
-        if not is_own_server(os.environ.get("PREFECT_API_URL", ""), worker.settings):  # which does it itself
-            close_dead_runs(worker.settings)
+        # Our own server does it itself, but for the home and catalog of the command that started it.
+        close_dead_runs(worker.settings)
     except RobomakerError as error:
         channel.send({"state": "failed", "error": str(error)})
         os._exit(2)

@@ -18,7 +18,7 @@ from uuid import UUID
 
 import httpx
 from prefect.client.orchestration import SyncPrefectClient
-from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, FlowRunFilterId, TaskRunFilter
+from prefect.client.schemas.filters import FlowFilter, FlowRunFilter, FlowRunFilterId, Operator, TaskRunFilter
 from prefect.client.schemas.objects import FlowRun, State, StateType
 from prefect.events.actions import ChangeFlowRunState
 from prefect.events.filters import EventFilter, EventNameFilter, EventOccurredFilter, EventResourceFilter
@@ -99,18 +99,17 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
     return current[0] if current else client.create_automation(wanted)
 
 
-def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str]) -> bool:
-    """Whether a flow run of some flows is open: only such a one can die, or hold what is open in it.
+def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: datetime) -> bool:
+    """Whether a flow run of some flows is open or was lately: only such a one can die, or hold what is open in it.
 
     Args:
         client: the server's client.
         flow_names: names of the flows that are asked about.
+        since: a run that has ended since then counts, too.
     """
-    return bool(
-        client.read_flow_runs(
-            flow_filter=_flows_named(flow_names), flow_run_filter=_flow_runs(state=_in(_OPEN)), limit=1
-        )
-    )
+    open_states = _in([*_OPEN, StateType.CANCELLING])
+    chosen = _flow_runs(operator=Operator.or_, state=open_states, end_time={"after_": since})
+    return bool(client.read_flow_runs(flow_filter=_flows_named(flow_names), flow_run_filter=chosen, limit=1))
 
 
 def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:

@@ -3,6 +3,7 @@
 import logging
 import threading
 from contextlib import nullcontext, suppress
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
@@ -11,12 +12,13 @@ from uuid import uuid4
 import pytest
 from prefect import flow
 from prefect.client.orchestration import get_client
-from prefect.states import Completed, Running
+from prefect.states import Cancelling, Completed, Running
 
 from prefect_robomaker.deployments import dead_run_sweeper
 from prefect_robomaker.deployments.dead_run_sweeper import _close_until_end, tell_of_broken_off
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
+from prefect_robomaker.tasks.backends.backend import JOB_WORKER_FLOW
 from prefect_robomaker.tasks.execution.dead_flow_runs import SILENCE_S, has_open_runs
 from prefect_robomaker.tasks.nights.open_runs import OpenRun
 
@@ -96,15 +98,23 @@ class ManualClock:
         return False
 
 
+@pytest.mark.parametrize("closed_s", [1300.0, 1203.0])
 def test_an_idle_server_is_swept_seldom_and_a_run_that_begins_is_seen_before_it_can_count_as_dead(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, closed_s: float
 ) -> None:
-    begun_s, closed_s, end_s = 1201.0, 1300.0, 1500.0
+    begun_s, end_s = 1201.0, 1500.0
     clock = ManualClock(end_s)
     sweeps: list[float] = []
     monkeypatch.setattr(dead_run_sweeper, "time", clock)
     monkeypatch.setattr(dead_run_sweeper.threading, "Event", lambda: clock)
-    monkeypatch.setattr(dead_run_sweeper, "has_open_runs", lambda *_: begun_s <= clock.now_s < closed_s)
+
+    def is_open(client: object, flows: set[str], since: datetime | None = None) -> bool:
+        del client
+        assert JOB_WORKER_FLOW in flows  # it gives signs of life, and is no operation
+        ended_at_s = max(closed_s, since.timestamp() if since else clock.now_s)
+        return begun_s <= clock.now_s < closed_s or ended_at_s == closed_s < clock.now_s
+
+    monkeypatch.setattr(dead_run_sweeper, "has_open_runs", is_open)
     monkeypatch.setattr(dead_run_sweeper, "tell_ends", lambda *_: sweeps.append(clock.now_s))
     for name in ("sweep", "close_unheard", "remove_leftover_limits"):
         monkeypatch.setattr(dead_run_sweeper, name, lambda *_, **__: None)
@@ -123,7 +133,7 @@ def test_an_idle_server_is_swept_seldom_and_a_run_that_begins_is_seen_before_it_
     )
 
 
-def test_open_runs_are_those_of_our_flows_that_have_not_ended(prefect_server: str) -> None:
+def test_open_runs_are_those_of_our_flows_that_had_not_ended_at_the_last_look(prefect_server: str) -> None:
     del prefect_server
     name = f"of-this-test-{uuid4().hex[:8]}"
 
@@ -133,7 +143,12 @@ def test_open_runs_are_those_of_our_flows_that_have_not_ended(prefect_server: st
 
     with get_client(sync_client=True) as client:
         run = client.create_flow_run(begun, state=Running()).id
-        assert has_open_runs(client, {name})
-        assert not has_open_runs(client, {f"{name}-of-others"})
+        before, later = datetime.now(UTC) - timedelta(hours=1), datetime.now(UTC) + timedelta(hours=1)
+        assert has_open_runs(client, {name}, later)
+        assert not has_open_runs(client, {f"{name}-of-others"}, before)
+        client.set_flow_run_state(run, Cancelling(), force=True)
+        assert has_open_runs(client, {name}, later)
         client.set_flow_run_state(run, Completed(), force=True)
-        assert not has_open_runs(client, {name})
+        assert not has_open_runs(client, {name}, later)
+        assert has_open_runs(client, {name}, before)  # parts of it may still be open
+        assert not has_open_runs(client, {f"{name}-of-others"}, before)
