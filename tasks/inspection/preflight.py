@@ -32,6 +32,7 @@ RoomsOf = Callable[[str], Rooms | None]
 """The rooms of a world, by its ARN; None where they are not known."""
 
 _KINDS = {"robotApplications": "robot-application", "simulationApplications": "simulation-application"}
+_TEMPLATE = "world-template"
 
 
 def await_store(service: Service, note: Callable[[str], None]) -> None:
@@ -148,7 +149,10 @@ def check_templates(checked: CheckedSpec, service: Service) -> None:
     problems = []
     for step in checked.steps.values():
         template = plain(step.input).get("template") if step.operation == "CreateWorldGenerationJob" else None
-        if isinstance(template, str) and "${{" not in template and not service.catalog.get_many([template]):
+        if not isinstance(template, str) or "${{" in template:
+            continue
+        found = service.catalog.get_many([template]).get(template)
+        if found is None or found.kind != _TEMPLATE:
             words = f"there is no world template {template!r}"
             problems.append(Problem(step.place, f"steps.{step.name}.input.template", words))
     if problems:

@@ -21,7 +21,7 @@ from prefect_robomaker.schemas.wire.errors import (
 )
 from prefect_robomaker.tasks.backends.backend import BackendError, open_backend
 from prefect_robomaker.tasks.inspection.forecasting import keep_forecast
-from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions
+from prefect_robomaker.tasks.inspection.preflight import await_store, check_disk, check_preconditions, check_templates
 from prefect_robomaker.tasks.operations.applications import update_application
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service, Timing
@@ -56,6 +56,21 @@ def test_an_application_that_a_step_makes_counts_as_existing(service: Service) -
     }
 
     check_preconditions(spec("mine", make=make), service)
+
+
+def test_an_application_is_no_world_template(service: Service) -> None:
+    count = {"floorplanCount": 1, "interiorCountPerFloorplan": 1}
+    scout = next(iter(service.catalog.list("robot-application").resources)).arn
+    made = call("CreateWorldTemplate", {"templateBody": "{}"}, service)["arn"]
+
+    def steps(template: str) -> Any:
+        return spec("scout", worlds={
+            "operation": "CreateWorldGenerationJob", "input": {"template": template, "worldCount": count}
+        })  # fmt: skip
+
+    check_templates(steps(made), service)
+    with pytest.raises(SpecError, match=r"steps\.worlds\.input\.template.*there is no world template"):
+        check_templates(steps(scout), service)
 
 
 def test_an_object_store_that_cannot_be_used_is_found_before_anything_runs(settings: Settings, tmp_path: Path) -> None:
