@@ -200,7 +200,7 @@ class Endpoint:
             response.headers["retry-after"] = str(RETRY_AFTER_S)
             return response
         except Exception as error:
-            return self._failures.answer(error, None, request.id)
+            return refused(request) or self._failures.answer(error, None, request.id)
         self._in_progress += 1
         try:
             return await asyncio.get_running_loop().run_in_executor(self._workers, self._answer_request, request)

@@ -16,6 +16,7 @@ CALLS = [
     ("lambda", "list_functions", {}),  # REST with JSON
     ("iam", "list_users", {}),  # forms, answered in XML
     ("s3", "put_object", {"Bucket": "any-bucket", "Key": "a/b", "Body": b"x"}),  # REST with XML
+    ("s3", "put_object", {"Bucket": "any-bucket", "Key": "a/b", "Body": b"x" * 11_000_000}),  # more than is read
     pytest.param("ec2", "describe_instances", {}, marks=pytest.mark.deep),  # XML of its own
     pytest.param("route53", "list_hosted_zones", {}, marks=pytest.mark.deep),
 ]
