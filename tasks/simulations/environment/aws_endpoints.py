@@ -42,6 +42,7 @@ _OWN_KEYS = (
     *("AWS_ACCESS_KEY_ID", "AWS_PROFILE", "AWS_CONFIG_FILE", "AWS_SHARED_CREDENTIALS_FILE"),
     *("AWS_WEB_IDENTITY_TOKEN_FILE", "AWS_CONTAINER_CREDENTIALS_FULL_URI", "AWS_CONTAINER_CREDENTIALS_RELATIVE_URI"),
 )
+_USUAL_PROFILE = ("AWS_PROFILE", "default")
 
 
 def store_server(settings: Settings) -> str | None:
@@ -51,7 +52,8 @@ def store_server(settings: Settings) -> str | None:
 
 def brings_keys(variables: Mapping[str, str]) -> bool:
     """Whether variables of a launch configuration give its programs credentials of their own."""
-    return any(variables.get(name) for name in _OWN_KEYS)
+    # The profile of this name is what a job has anyway: it is in the file that is written for the job's role.
+    return any(variables.get(name) and (name, variables[name]) != _USUAL_PROFILE for name in _OWN_KEYS)
 
 
 def endpoint_variables(

@@ -7,7 +7,7 @@ share/aws_robomaker_worldforge_shared_models/…
 share/ament_index/resource_index/packages/<package>
 ```
 
-A simulation job has one with its own world; see `tasks.simulations.ros.world_packages`.
+A simulation job has one with its own world; see `tasks.simulations.inputs.world_packages`.
 """
 
 import tempfile

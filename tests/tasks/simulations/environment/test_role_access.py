@@ -138,6 +138,8 @@ def test_a_program_with_keys_of_its_own_may_call_aws(sandbox: Sandbox, tmp_path:
     assert let_through["AWS_DATA_PATH"] == f"{sandbox.place(AWS)}/models:/models"
     assert let_through["AWS_ENDPOINT_URL_ROBOMAKER"] == url
     assert brings_keys({"AWS_PROFILE": "mine"})
+    assert not brings_keys({"AWS_PROFILE": "default"})  # those are the job's anyway, and no AWS's
+    assert brings_keys({"AWS_PROFILE": "default", "AWS_SHARED_CREDENTIALS_FILE": "/mine"})
     assert not brings_keys({"AWS_REGION": "eu-west-1", "AWS_ACCESS_KEY_ID": ""})
     allowing = replace(service, settings=service.settings.model_copy(update={"jobs_call_aws": True}))
     assert "AWS_ENDPOINT_URL" not in access_variables(usual, REQUEST, sandbox, allowing, {})
