@@ -40,11 +40,18 @@ def numbers(element: ET.Element | None, name: str) -> np.ndarray:
     return np.array([float(number) for number in element.attrib[name].split()])
 
 
+def linked(joint: ET.Element, end: str) -> str:
+    """The link at one end of a joint."""
+    element = joint.find(end)
+    assert element is not None
+    return element.attrib["link"]
+
+
 def poses(urdf: ET.Element, base: str, positions: dict[str, float]) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Place and axes of each link, seen from the base, by the rules of URDF alone."""
     found = {base: (np.zeros(3), np.eye(3))}
     for joint in urdf.iter("joint"):  # parents come first
-        place, axes = found[joint.find("parent").attrib["link"]]  # type: ignore[union-attr]
+        place, axes = found[linked(joint, "parent")]
         origin = joint.find("origin")
         place, axes = place + axes @ numbers(origin, "xyz"), axes @ turned(numbers(origin, "rpy"))
         if joint.attrib["type"] != "fixed":
@@ -56,7 +63,7 @@ def poses(urdf: ET.Element, base: str, positions: dict[str, float]) -> dict[str,
                 mujoco.mju_axisAngle2Quat(quaternion, axis, value)
                 mujoco.mju_quat2Mat(turn, quaternion)
                 axes = axes @ turn.reshape(3, 3)
-        found[joint.find("child").attrib["link"]] = place, axes  # type: ignore[union-attr]
+        found[linked(joint, "child")] = place, axes
     return found
 
 
@@ -108,9 +115,7 @@ def test_the_built_in_robots_can_be_shown_by_their_joint_states(robot: Any) -> N
     mujoco.mj_forward(model, data)
     base = model.body(robot.base).id
     urdf = ET.fromstring(robot_description(robot.name, model, data, base, {base: "base_link"}, {}, []))
-    moving = {
-        name: joint.find("child").attrib["link"] for joint in urdf.iter("joint") for name in [joint.attrib["name"]]
-    }  # type: ignore[union-attr]
+    moving = {joint.attrib["name"]: linked(joint, "child") for joint in urdf.iter("joint")}
     assert {joint.attrib["name"] for joint in urdf.iter("joint") if joint.attrib["type"] != "fixed"} >= set(
         robot.joints
     )
