@@ -270,7 +270,7 @@ def test_a_backend_that_cannot_be_used_says_why(example: Path, text: str, words:
 
 
 def test_names_of_entry_points_are_given_once(example: Path) -> None:
-    """What a setting names must not depend on the order in which distributions were installed."""
+    """A name in a setting means the same in whatever order distributions were installed."""
     other = example / "other-1.0.dist-info"
     other.mkdir()
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: other\nVersion: 1.0\n")

@@ -1,4 +1,4 @@
-"""What `robomaker serve` takes while there is nothing to do: its processes, with the local Prefect server."""
+"""Memory and processor time of `robomaker serve` and the local Prefect server while there is nothing to do."""
 
 import json
 import time

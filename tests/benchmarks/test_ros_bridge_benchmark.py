@@ -1,4 +1,4 @@
-"""What the ROS 2 bridge adds to a step of Scout; prints figures, and a ratio in one run.
+"""Processor time that the ROS 2 bridge adds to a step of Scout; prints figures, and a ratio in one run.
 
 Scout in a furnished flat is told one velocity, by a function or by a node, whose messages and commands are real DDS: a
 second process subscribes every topic. Both take turns, and of each the best round counts. Processor time of the whole

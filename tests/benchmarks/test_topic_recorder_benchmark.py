@@ -1,4 +1,4 @@
-"""What recording topics of nodes costs a machine; prints figures and asserts no time.
+"""Processor time of recording topics of nodes; prints figures and asserts no time.
 
 A process writes scans of 1,504 bytes to ten topics, 1,000 a second in all, and the recorder, a process of its own,
 records them: its CPU time for a message, with all threads of DDS. The same is measured of a recorder that hears the

@@ -1,4 +1,4 @@
-"""What stays in memory day and night imports nothing that it needs for single requests, or never."""
+"""Processes that run day and night import nothing that they need for single requests, or never."""
 
 import subprocess
 import sys

@@ -137,7 +137,9 @@ def test_missed_nights_are_kept_and_told_once(
     settings = Settings.from_environment(
         {"ROBOMAKER_HOME": str(home), "ROBOMAKER_NOTIFY": f"json://{webhook.address}/hook"}
     )
-    now = datetime.now(UTC)
+    # Noon before the next night: looks are some hours away from when a night is too late, at whatever time this runs.
+    night = datetime.now(UTC).replace(hour=2, minute=0, second=0, microsecond=0)
+    now = night + (DAY if night <= datetime.now(UTC) else timedelta()) - timedelta(hours=14)
     note_schedule(home, str(deployment), "nightly", now)
 
     def look(days: float) -> Any:

@@ -117,7 +117,7 @@ class Ros1:
             yield
 
     def ask(self, question: str) -> object:
-        """What the master, `m`, says; None while there is none."""
+        """The answer of the master, `m`; None while there is none."""
         code = (
             "import json, sys, rosgraph\nm = rosgraph.Master('/test')\n"
             f"try: print(json.dumps({question}))\nexcept Exception: print('null')"
@@ -136,7 +136,7 @@ class Ros1:
             yield process
 
     def said(self, name: str) -> str:
-        """What a node, or another process, has printed."""
+        """The output of a node, or of another process, so far."""
         return (self.folder / name).read_text(errors="replace")
 
 

@@ -97,7 +97,7 @@ def worlds(service: Service, generate: Callable[..., dict[str, Any]], known_worl
 
 @pytest.fixture
 def exported(service: Service, worlds: list[str], tmp_path: Path) -> list[Path]:
-    """What an export job packs of each of them, unpacked."""
+    """The unpacked archive of an export job, of each world."""
     folders = []
     for number, arn in enumerate(worlds):
         world = service.catalog.get(arn)

@@ -33,6 +33,7 @@ from ..limits.files import open_left
 from ..limits.processes import die_with_parent
 from ..recording.companions import LAYOUT_FILE, METADATA_FILE, RecordedTopic, layout, metadata, offer_in
 from ..recording.mcap_file import McapFile, Unbuffered
+from .topic_report import unfinished_of
 
 RECORDING_FILE = "recording.mcap"
 
@@ -229,8 +230,8 @@ def _write(path: Path, text: str) -> None:
 
 
 def _fresh(path: Path) -> Path:
-    """Path of a file that becomes another one when it is finished; programs may have left a link there."""
-    unfinished = path.with_name(f".{path.name}.unfinished")
+    """The same, with nothing there: programs may have left a link."""
+    unfinished = unfinished_of(path)
     unfinished.unlink(missing_ok=True)
     return unfinished
 

@@ -25,6 +25,11 @@ def part_path(folder: Path, number: int) -> Path:
     return folder / f"ros-topics.{number}.mcap"
 
 
+def unfinished_of(path: Path) -> Path:
+    """Path of a file that becomes another one when it is finished."""
+    return path.with_name(f".{path.name}.unfinished")
+
+
 def report_path(part: Path) -> Path:
     """Path of the report about a file of the recorder."""
     return part.with_suffix(".json")

@@ -16,7 +16,15 @@ from pydantic import ValidationError
 from ....schemas.runs.plan import RunPlan
 from ..limits.files import read_left
 from ..limits.logs import LOG_FOLDER, add_note, log_tail
-from ..ros.topic_report import MAX_REPORT_BYTES, PROGRAM, RecorderReport, notes_of, part_path, report_path
+from ..ros.topic_report import (
+    MAX_REPORT_BYTES,
+    PROGRAM,
+    RecorderReport,
+    notes_of,
+    part_path,
+    report_path,
+    unfinished_of,
+)
 from .finished_outputs import add_result_notes, read_result
 
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
@@ -135,6 +143,8 @@ def _carried_out(
                 continue
             os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
+            for name in ("recording.mcap", "metadata.yaml", "foxglove-layout.json"):
+                unfinished_of(Path(arguments[0], name)).unlink(missing_ok=True)
             return {}, f"the job was stopped ({reason})" if reason is not None else "joining took too long"
         break
     if process.returncode == 0:

@@ -7,7 +7,7 @@ import argparse
 import sys
 
 from ....cli.inputs.options import open_service
-from ...arguments import add_deployment, add_who
+from . import add_deployment, add_who
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

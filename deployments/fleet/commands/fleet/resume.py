@@ -7,7 +7,7 @@ import argparse
 import sys
 
 from ....cli.inputs.options import open_service
-from ...arguments import add_deployment
+from . import add_deployment
 
 
 def declare(parser: argparse.ArgumentParser) -> None:

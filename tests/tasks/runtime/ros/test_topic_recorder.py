@@ -1,4 +1,4 @@
-"""What the recorder of ROS topics makes of what it hears; real DDS is in `test_recorded_domain.py`."""
+"""The recorder of ROS topics with a domain that a test plays; real DDS is in `test_recorded_domain.py`."""
 
 import struct
 from collections.abc import Callable

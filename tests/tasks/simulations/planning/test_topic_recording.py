@@ -1,4 +1,4 @@
-"""Which runs have a recorder of ROS topics, and what it is told."""
+"""Plans of runs have a recorder of ROS topics where they should, with the right words on its command line."""
 
 import sys
 from collections.abc import Callable

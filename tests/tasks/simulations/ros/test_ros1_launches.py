@@ -1,5 +1,6 @@
 """Nodes of ROS 1 take the simulation's time from their first moment, unless their launch says otherwise."""
 
+import signal
 from pathlib import Path
 
 import pytest
@@ -43,5 +44,7 @@ def test_nodes_find_the_parameter_when_they_begin(ros1: Ros1, parameter: str, by
 
     with ros1.running("launch.log", list(argv), {"ROS_PACKAGE_PATH": str(ros1.folder)}) as launch:
         wait_for(lambda: "TIME" in ros1.said("launch.log") or launch.poll() is not None, "the node")
+        launch.send_signal(signal.SIGINT)  # its master is in a session of its own, which only it ends
+        launch.wait(200)
 
     assert f"TIME {found}" in ros1.said("launch.log")
