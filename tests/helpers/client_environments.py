@@ -43,7 +43,10 @@ RCLPY = (
 
 def rclpy_environment(config: pytest.Config) -> Path:
     """Folder of programs of an environment with ROS 2's rclpy; skips the test where it cannot be had."""
-    return _python_with(config, "rclpy", RCLPY, built="empy")
+    try:
+        return _python_with(config, "rclpy", RCLPY, built="empy")
+    except pytest.skip.Exception as reason:
+        missing("rclpy", str(reason))
 
 
 def kept_folder(config: pytest.Config, name: str) -> Path:

@@ -166,20 +166,26 @@ def test_late_and_best_effort_subscribers_get_what_they_ask_for(driven: Callable
     code = """
 commands = node.create_publisher(TwistStamped, "/cmd_vel", 10)
 got = {"scan": 0, "map": 0}
+def mapped(map):
+    got.update(map=map.info.width)
+    commands.publish(got.pop("held"))  # the step whose answer waited for the map, which comes when it comes
 def scanned(scan):
     got["scan"] += 1
     command = TwistStamped()
     command.header.stamp = scan.header.stamp
     command.twist.angular.z = 0.2
     if got["scan"] == 10:
+        got["held"] = command
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        node.create_subscription(OccupancyGrid, "/map", lambda map: got.update(map=map.info.width), latched)
-    commands.publish(command)
+        node.create_subscription(OccupancyGrid, "/map", mapped, latched)
+    else:
+        commands.publish(command)
     print(got, flush=True)
 node.create_subscription(LaserScan, "/scan", scanned, qos_profile_sensor_data)
 rclpy.spin(node)
 """
-    job, result = driven(code, localization="truth", time="lockstep", topics={"/imu": None})
+    options = {"localization": "truth", "time": "lockstep", "answer_timeout_s": 200.0, "topics": {"/imu": None}}
+    job, result = driven(code, **options)
     assert job["status"] == "Completed", job
     assert result is not None
     assert "/imu" not in result.extra["ros"]["sent"]

@@ -255,6 +255,7 @@ class RosAgent:
 
     def findings(self) -> Findings:
         """Returns figures about the exchange for the run's result, and what is odd about it."""
+        self._heard |= self._wire.peers().heard  # lock-step may take all its steps between two looks
         about: dict[str, Any] = {
             "wire": self._wire.name,
             "time": self._options.time,
