@@ -37,7 +37,7 @@ class NightSchedule(Model):
     name: str = Field(description="Name of the specification.")
     checked_until: datetime = Field(description="Nights that were due until then are judged, UTC.")
     expected: list[datetime] = Field(default=[], description="When the next nights are due, as Prefect said last, UTC.")
-    paused_since: datetime | None = optional("When its schedules were first seen paused, UTC; absent: they are not.")
+    paused_since: datetime | None = optional("When its schedules were last known to be active, UTC; absent: they are.")
     missed: list[MissedNight] = Field(default=[], description="Nights that did not happen, the oldest first.")
 
 

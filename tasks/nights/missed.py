@@ -5,6 +5,7 @@ schedule that is paused meanwhile it has no runs any more.
 """
 
 import fcntl
+import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -19,7 +20,11 @@ from ...schemas.settings import Settings
 from ..notifications.messages import Message
 from ..notifications.sending import send
 
-_FOLDER, _LOCK = "nights", "lock"
+_FOLDER, _LOCK, _WRITING = "nights", "lock", "writing.lock"
+_MOST_WAIT_S, _PAUSE_S = 5.0, 0.01
+"""Limit and pause of the wait for a process that writes, which takes milliseconds: one that was stopped just then holds
+up no night."""
+
 _MOST_MISSED = 100
 """How many of a schedule are kept: as many as a history shows nights."""
 
@@ -27,6 +32,7 @@ _SKEW = timedelta(minutes=1)
 """How far the clocks of this machine and of the Prefect server may be apart."""
 
 PAUSED = "its schedule was paused"
+_PAUSED_LATER = "it had not begun when its schedule was paused"
 _NO_WORKER = "no Prefect worker was running"
 _TOLD_IF = frozenset({"failure", "change", "always"})
 
@@ -69,12 +75,10 @@ def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None
         name: name of its specification.
         now: the time.
     """
-    known = {each.deployment: each for each in schedules_of(home)}.get(deployment)
-    if known is None:
-        known = NightSchedule(deployment=deployment, name="", checked_until=now)
-    if known.name != name:  # it is new, or was not known before the first run
-        with suppress(OSError):
-            store_schedule(home, known.model_copy(update={"name": name}))
+    with suppress(OSError), _writing(home):
+        known = _known(home, deployment) or NightSchedule(deployment=deployment, name="", checked_until=now)
+        if known.name != name:  # it is new, or was not known before the first run
+            _write(home, known.model_copy(update={"name": name}))
 
 
 def schedules_of(home: Path) -> list[NightSchedule]:
@@ -87,12 +91,37 @@ def schedules_of(home: Path) -> list[NightSchedule]:
 
 
 def store_schedule(home: Path, schedule: NightSchedule) -> None:
-    """Writes what is known of a schedule; readers find the old or the new, whole."""
+    """Writes what a look found of a schedule; its name stays as the last run noted it, also while this look went on."""
+    with _writing(home):
+        known = _known(home, schedule.deployment)
+        _write(home, schedule if known is None else schedule.model_copy(update={"name": known.name}))
+
+
+def _known(home: Path, deployment: str) -> NightSchedule | None:
+    return next((each for each in schedules_of(home) if each.deployment == deployment), None)
+
+
+def _write(home: Path, schedule: NightSchedule) -> None:
+    """Writes a schedule; readers find the old or the new, whole."""
     folder = home / _FOLDER
-    folder.mkdir(parents=True, exist_ok=True)
     part = folder / f".{schedule.deployment}.part"
     part.write_text(schedule.model_dump_json(indent=2))
     part.replace(folder / f"{schedule.deployment}.json")
+
+
+@contextmanager
+def _writing(home: Path) -> Iterator[None]:
+    """Keeps other processes from changing what is known of schedules: for a moment, as looks ask Prefect meanwhile."""
+    folder = home / _FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    until_s = time.monotonic() + _MOST_WAIT_S
+    with (folder / _WRITING).open("w") as lock:
+        while time.monotonic() < until_s:
+            with suppress(BlockingIOError):
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            time.sleep(_PAUSE_S)
+        yield
 
 
 def forget_schedule(home: Path, schedule: NightSchedule) -> None:
@@ -147,11 +176,13 @@ def judged(
         due: list[datetime] = []
     else:
         due = sorted(at for at in {*schedule.expected, *runs} if schedule.checked_until < at <= until)
-    was_paused = is_paused or schedule.paused_since is not None
+    paused_since = schedule.paused_since
+    if paused_since is None and is_paused:  # since the last look at most, which looked at what was due until so late
+        paused_since = min(now, schedule.checked_until + max_late)
     missed = [
         MissedNight(due_at=at, reason=reason)
         for at in due
-        if (reason := _why_missed(at, runs.get(at), was_paused=was_paused, booted_at=booted_at))
+        if (reason := _why_missed(at, runs.get(at), paused_since=paused_since, booted_at=booted_at))
     ]
     waits = {*(at for at in schedule.expected if until < at <= now), *(at for at in runs if until < at)}
     return schedule.model_copy(
@@ -159,17 +190,19 @@ def judged(
             "checked_until": max(until, schedule.checked_until),
             # Of a paused schedule Prefect has none any more; what it said before is when nights are due.
             "expected": sorted(waits | {at for at in schedule.expected if is_paused and at > now}),
-            "paused_since": (schedule.paused_since or now) if is_paused else None,
+            "paused_since": paused_since if is_paused else None,
             "missed": [*schedule.missed, *missed][-_MOST_MISSED:],
         }
     )
 
 
-def _why_missed(at: datetime, run: DueRun | None, *, was_paused: bool, booted_at: datetime | None) -> str:
+def _why_missed(at: datetime, run: DueRun | None, *, paused_since: datetime | None, booted_at: datetime | None) -> str:
     """Why a night did not happen, in words; empty: it did."""
     was_off = f"this machine was off, until {booted_at:%Y-%m-%d %H:%M} UTC" if booted_at and booted_at > at else ""
     if run is None:
-        return PAUSED if was_paused else was_off or "Prefect has no run for it: its schedule or its server was changed"
+        if paused_since is not None:
+            return PAUSED if at > paused_since else was_off or _PAUSED_LATER
+        return was_off or "Prefect has no run for it: its schedule or its server was changed"
     if run.state_name == "Skipped" or run.state in ("SCHEDULED", "PENDING"):
         is_behind = run.state_name == "AwaitingConcurrencySlot"
         return "the run before it had its place" if is_behind else was_off or _NO_WORKER
@@ -210,7 +243,7 @@ def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | 
 
 def _is_of_pause(night: MissedNight, schedule: NightSchedule) -> bool:
     """Whether a night was missed since the schedule is paused."""
-    return night.reason == PAUSED and schedule.paused_since is not None and night.due_at >= schedule.paused_since
+    return night.reason == PAUSED and schedule.paused_since is not None and night.due_at > schedule.paused_since
 
 
 def tell_of_missed(settings: Settings, message: Message) -> list[str]:

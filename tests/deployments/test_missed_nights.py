@@ -24,15 +24,21 @@ DAY = timedelta(days=1)
 
 @pytest.fixture
 def deployment(prefect_server: str, tmp_path: Any) -> Any:
-    """A deployment whose schedule begins a night each day, in a pool without a worker."""
+    """A deployment whose schedule begins a night each day, in a pool without a worker.
+
+    The next is due in 14 hours: later looks are hours away from when one is too late, whatever the time is.
+    """
     from prefect.client.orchestration import get_client
     from prefect.client.schemas.actions import DeploymentScheduleCreate, WorkPoolCreate
     from prefect.client.schemas.schedules import CronSchedule
 
     del prefect_server
+    due_at = datetime.now(UTC) + timedelta(hours=14)
     with get_client(sync_client=True) as client:
         client.create_work_pool(WorkPoolCreate(name=tmp_path.name, type="process"))
-        each_night = DeploymentScheduleCreate(schedule=CronSchedule(cron="0 2 * * *"), active=True)
+        each_night = DeploymentScheduleCreate(
+            schedule=CronSchedule(cron=f"{due_at.minute} {due_at.hour} * * *"), active=True
+        )
         yield client.create_deployment(
             flow_id=client.create_flow_from_name("RunPipeline"),
             name=tmp_path.name,
@@ -137,9 +143,7 @@ def test_missed_nights_are_kept_and_told_once(
     settings = Settings.from_environment(
         {"ROBOMAKER_HOME": str(home), "ROBOMAKER_NOTIFY": f"json://{webhook.address}/hook"}
     )
-    # Noon before the next night: looks are some hours away from when a night is too late, at whatever time this runs.
-    night = datetime.now(UTC).replace(hour=2, minute=0, second=0, microsecond=0)
-    now = night + (DAY if night <= datetime.now(UTC) else timedelta()) - timedelta(hours=14)
+    now = datetime.now(UTC)
     note_schedule(home, str(deployment), "nightly", now)
 
     def look(days: float) -> Any:

@@ -1,12 +1,22 @@
 """Nights that were due and did not happen: which, why, and how often they are told."""
 
+import threading
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from prefect_robomaker.schemas.reports.history import MissedNight, NightSchedule
-from prefect_robomaker.tasks.nights.missed import PAUSED, DueRun, has_run, judged, message_of_missed
+from prefect_robomaker.tasks.nights.missed import (
+    PAUSED,
+    DueRun,
+    has_run,
+    judged,
+    message_of_missed,
+    note_schedule,
+    schedules_of,
+    store_schedule,
+)
 
 DUE = datetime(2026, 11, 27, 2, tzinfo=UTC)
 NOW = DUE + timedelta(hours=7)
@@ -104,6 +114,51 @@ def test_a_schedule_that_is_paused_is_told_once_and_another_pause_again() -> Non
     other = second.model_copy(update={"paused_since": NOW + DAY})
     third = other.model_copy(update={"missed": [*other.missed, MissedNight(due_at=DUE + 2 * DAY, reason=PAUSED)]})
     assert message_of_missed(other, third) is not None
+
+
+@pytest.mark.parametrize("booted_at", [None, DUE + timedelta(hours=3)])
+def test_a_pause_is_no_reason_of_a_night_that_was_due_before_it(booted_at: datetime | None) -> None:
+    """It may still begin for six hours, and loses its run when somebody pauses the schedule in these."""
+    waits = SCHEDULE.model_copy(update={"checked_until": DUE - timedelta(minutes=10)})
+    paused = look(None, waits, now=DUE + timedelta(hours=6, minutes=5), is_paused=True, booted_at=booted_at)
+    [missed] = paused.missed
+    late = "it had not begun when its schedule was paused"
+    assert missed.reason == (late if booted_at is None else "this machine was off, until 2026-11-27 05:00 UTC")
+    following = look(None, paused, now=NOW + DAY, is_paused=True)
+    assert following.missed[-1] == MissedNight(due_at=DUE + DAY, reason=PAUSED)
+    assert message_of_missed(paused, following) is not None
+
+
+def test_looks_and_runs_that_begin_lose_nothing_of_each_other(tmp_path: Path) -> None:
+    """A run notes its name while a look asks Prefect, and while it stores what it found."""
+    note_schedule(tmp_path, "d", "night", NOW)
+    failed: list[Exception] = []
+
+    def repeat(*acts: object) -> None:
+        try:
+            for number in range(150):
+                for act in acts:
+                    act(number)  # type: ignore[operator]
+        except Exception as error:
+            failed.append(error)
+
+    def seen(number: int) -> None:
+        [known] = schedules_of(tmp_path)
+        night = MissedNight(due_at=DUE + number * DAY, reason=PAUSED)
+        store_schedule(tmp_path, known.model_copy(update={"missed": [*known.missed, night]}))
+
+    def noted(number: int) -> None:
+        note_schedule(tmp_path, "d", f"night {number}", NOW)
+        assert schedules_of(tmp_path)[0].name == f"night {number}"
+
+    looks = [threading.Thread(target=repeat, args=[seen]), threading.Thread(target=repeat, args=[noted])]
+    for each in looks:
+        each.start()
+    for each in looks:
+        each.join()
+    assert failed == []
+    [found] = schedules_of(tmp_path)
+    assert (found.name, len(found.missed)) == ("night 149", 150)
 
 
 def test_a_message_has_all_nights_of_a_week_off() -> None:
