@@ -301,7 +301,9 @@ class BatchRun:
             if job is not None and turn is not None:
                 self._is_news = True
                 self._outlasting(
-                    lambda: perform_job(job.arn, self._service, self._why_stop, waited_s=turn.waited_s, place=place)
+                    lambda: perform_job(
+                        job.arn, self._service, self._why_jobs_stop, waited_s=turn.waited_s, place=place
+                    )
                 )
         self._is_news = True
 
@@ -328,6 +330,17 @@ class BatchRun:
             elif self._service.clock() >= self._deadline:
                 self._stop = StopReason.BATCH_TIMED_OUT
         return self._stop
+
+    def _why_jobs_stop(self) -> StopReason | None:
+        """Why jobs that run have to stop, if they have to.
+
+        A batch that another process has taken over is no reason: each job has a lease of its own, and the other process
+        waits for those that are held.
+        """
+        reason = self._why_stop()
+        if reason is not StopReason.BATCH_CANCELED or not self._lease.lost or self._is_cancelled():
+            return reason
+        return StopReason.BATCH_TIMED_OUT if self._service.clock() >= self._deadline else None
 
     def _is_cancelled(self) -> bool:
         """Whether the batch is to be cancelled; all its jobs ask that all the time, and the catalog is asked once."""

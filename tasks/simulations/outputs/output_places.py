@@ -136,8 +136,6 @@ def notes_of(
 _ASK_EVERY_S = 0.2
 """The threads of an upload ask thousands of times a second; the catalog is asked as often as while a job runs."""
 
-_CANCELED = (StopReason.CANCELED, StopReason.BATCH_CANCELED)
-
 
 class UploadEnd:
     """Says whether a job or its batch was cancelled since its upload began: again, if that is why its run ended.
@@ -162,7 +160,7 @@ class UploadEnd:
         self._batch = batch
         self._catalog = catalog
         self._why_stop = why_stop
-        self._was_canceled = why_stop() in _CANCELED
+        self._ended_by = why_stop()
         self._lock = threading.Lock()
         self._next_s = time.monotonic() + _ASK_EVERY_S
         self._heard = False
@@ -179,13 +177,13 @@ class UploadEnd:
 
     def _is_canceled(self) -> bool:
         try:
-            if not self._was_canceled:
-                reason = self._why_stop()
-                if reason is StopReason.BATCH_CANCELED and self._batch is not None:
-                    # Jobs of a batch whose lease is lost have to stop, too; the process that has it goes on with them.
-                    return self._catalog.cancel_requested(self._batch)
-                return reason is StopReason.CANCELED
-            return SimulationJobDocument.of(self._catalog.get(self._job)).upload_canceled
+            if self._ended_by is StopReason.CANCELED:
+                return SimulationJobDocument.of(self._catalog.get(self._job)).upload_canceled
+            reason = self._why_stop()
+            if reason is StopReason.BATCH_CANCELED and self._batch is not None:
+                # A job worker that ends may stop its jobs, too; the next one goes on with them.
+                return reason is not self._ended_by and self._catalog.cancel_requested(self._batch)
+            return reason is StopReason.CANCELED
         except ServiceUnavailableException as error:  # it is asked again at once
             _logger.warning("whether the upload of %s is to end is not known: %s", self._job, error)
             return False

@@ -177,8 +177,9 @@ def test_a_job_that_stores_holds_no_slot_of_the_machine(
     assert service.catalog.get(first).status == "Canceled"
 
 
-def test_cancelling_a_batch_ends_the_uploads_of_its_jobs(service: Service, order: Order) -> None:
-    job = order({"DO": NEAR_GB, "DURATION_S": "0.1", "VERDICT": "PASS"})
+@pytest.mark.parametrize("again", [False, True], ids=["after it ended", "the job, after its batch as it ran"])
+def test_cancelling_a_batch_ends_the_uploads_of_its_jobs(service: Service, order: Order, again: bool) -> None:
+    job = order({"DO": NEAR_GB + MANY.format(count=10), "DURATION_S": "1000" if again else "0.1", "VERDICT": "PASS"})
     batch = call("StartSimulationJobBatch", {"createSimulationJobRequests": [job]}, service)["arn"]
     made = lambda lease: BatchRun(lease, service).create_job(0)  # noqa: E731
     run_under_lease(batch, "simulation-job-batch", service, made)
@@ -189,12 +190,18 @@ def test_cancelling_a_batch_ends_the_uploads_of_its_jobs(service: Service, order
 
     worker = threading.Thread(target=perform_job, args=(arn, service, why_stop), daemon=True)
     worker.start()
+    if again:
+        wait_for(lambda: any(service.settings.home.glob("jobs/*/*/output/many/9")), "the files")
+        service.catalog.request_cancel(batch)
     wait_for(lambda: service.catalog.get(arn).status == "Terminating", "the upload to begin")
     time.sleep(1.0)
     assert service.catalog.get(arn).status == "Terminating", "it is under way"
     asked_s = time.process_time()
 
-    service.catalog.request_cancel(batch)
+    if again:
+        call("CancelSimulationJob", {"job": arn}, service)
+    else:
+        service.catalog.request_cancel(batch)
 
     worker.join(200)
     assert time.process_time() - asked_s < 5.0, "it did not go through the file"
