@@ -81,6 +81,41 @@ def test_a_batch_goes_on_when_its_catalog_is_back(
 
 
 @pytest.mark.deep
+@pytest.mark.parametrize("environ", ["local"], indirect=True)
+def test_a_batch_that_is_cancelled_just_before_its_catalog_is_away_is_cancelled(
+    service: Service, order: Order, postgres_server: PostgresServer, prefect_server: str
+) -> None:
+    """Neither does the outage end it as something else, nor does a job that runs go on for its 200 seconds."""
+    ordered = {"createSimulationJobRequests": [order({"DURATION_S": "200", "VERDICT": "PASS"}) for _ in range(2)]}
+    batch = call("StartSimulationJobBatch", ordered, service)["arn"]
+    catalog, failures = service.catalog, []
+
+    def perform() -> None:
+        try:
+            registry()["StartSimulationJobBatch"].perform(batch, service)
+        except Exception as error:
+            failures.append(error)
+
+    runs = threading.Thread(target=contextvars.copy_context().run, args=(perform,), daemon=True)
+    runs.start()
+    wait_for(lambda: catalog.count_children(batch, KIND).get("Running"), "a job to run")
+    catalog.request_cancel(batch)
+    postgres_server.kill()
+    try:
+        runs.join(4.0)
+    finally:
+        postgres_server.start()
+    runs.join(150.0)
+
+    assert not runs.is_alive()
+    assert not failures
+    assert catalog.get(batch).status == "Canceled"
+    [job] = catalog.children(batch, kind=KIND)
+    assert (job.status, job.document["failureCode"]) == ("Canceled", "BatchCanceled")
+    assert job.document.get("verdict") is None
+
+
+@pytest.mark.deep
 @pytest.mark.parametrize("step", ["first", "second"])
 def test_a_run_goes_on_when_its_catalog_was_away_after_a_step(
     service: Service, order: Order, postgres_server: PostgresServer, prefect_server: str, step: str
