@@ -18,7 +18,7 @@ from ..robot import Lidar, Limits, Robot, sensor_type
 from ..sensors.kind import Sensor, SensorKind
 from .drive import make_drive, planar_joints
 from .mapping import alternatives, invalid
-from .model import FOLLOW_CAMERA, FOOTPRINT, FREE_JOINT, ModelBuilder, RobotFiles, stand_alone
+from .model import FOLLOW_CAMERA, FOOTPRINT, FREE_JOINT, ModelBuilder, RobotFiles
 from .shape import RobotLidar, RobotModel
 
 _GEOM = mujoco.mjtGeom
@@ -86,6 +86,15 @@ _logger = logging.getLogger(__name__)
 _OVERHANG_M = 0.01
 """Length by which parts may stick out of the footprint before a warning, in metres."""
 
+_TOO_LARGE = 20
+"""How many times the footprint's radius a part may reach.
+
+Parts in millimetres are told from a fiftieth of the radius on, those in inches from half of it on.
+"""
+
+_TOO_SMALL = 100
+"""How many times less than the footprint a robot may reach; one in millimetres that has its scale twice, 1000 times."""
+
 _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 """Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""
 
@@ -102,7 +111,7 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         LaunchError: the model cannot be read, or a name in the mapping is not in it.
     """
     builder = ModelBuilder(mapping, files)
-    model = stand_alone(builder.build(), files)
+    model = builder.compile()
     planar = planar_joints(mapping, model, files.mapping.name)
     home = {name: value for name, value in _home(mapping, builder, model).items() if name not in (planar or ())}
     _check_shapes(model, files.mapping.name)
@@ -111,9 +120,10 @@ def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Rob
         # Now that it is known which body moves over the floor, its place there can be marked.
         builder.carrier = model.body(int(model.jnt_bodyid[model.joint(planar[2]).id])).name
         builder.footprint_z_m = -float(data.body(builder.carrier).xpos[2])
-        model = stand_alone(builder.build(), files)
+        model = builder.compile()
         data = _standing(model, mapping, home)
     limits = _limits(mapping)
+    _check_sizes(mapping, model, data, builder, files)
     _warn_of_overhang(mapping, model, data, files.mapping.name)
     return Robot(
         name=mapping.name or default_name,
@@ -262,6 +272,37 @@ def _check_shapes(model: mujoco.MjModel, where: str) -> None:
             where,
             "model: the robot has no shape that collides, so it would go through walls; give a link of a URDF "
             "<collision>, or a geom of MJCF contype and conaffinity above 0",
+        )
+
+
+def _check_sizes(
+    mapping: RobotModel, model: mujoco.MjModel, data: mujoco.MjData, builder: ModelBuilder, files: RobotFiles
+) -> None:
+    """Refuses parts that are in another unit than metres, which would make a robot of a building's size, or of none."""
+    radius_m, where = mapping.footprint.radius_m, files.mapping.name
+    for geom in range(model.ngeom):
+        reach_m = geom_reach_m(model, data, geom)
+        if reach_m <= _TOO_LARGE * radius_m:
+            continue
+        said = f"reaches {reach_m:.3g} m from the base's origin, {reach_m / radius_m:.0f} times footprint.radius_m"
+        if int(model.geom_type[geom]) != _GEOM.mjGEOM_MESH.value:
+            link = model.body(int(model.geom_bodyid[geom])).name
+            raise invalid(where, f"footprint.radius_m: a shape of {link!r} {said}, {radius_m:g} m; correct one of them")
+        name = model.mesh(int(model.geom_dataid[geom])).name
+        use = next((each for each in builder.reading.meshes if each.name == name), None)
+        scale = [0.001 * float(each) for each in use.scale.split()] if use is not None and use.scale else [0.001] * 3
+        shown = " ".join(f"{each:g}" for each in scale)
+        raise invalid(
+            f"{files.model}:{use.line}" if use is not None else files.model,
+            f"the mesh {use.written if use is not None else name!r} {said}, {radius_m:g} m; lengths are in metres. If "
+            f'the mesh is in millimetres, scale="{shown}" is meant in its <mesh>; otherwise correct footprint.radius_m',
+        )
+    reach_m = solid_reach_m(model, data)
+    if reach_m * _TOO_SMALL < radius_m:
+        raise invalid(
+            where,
+            f"footprint.radius_m: what collides of the robot reaches {reach_m:.3g} m from the base's origin and the "
+            f"radius is {radius_m:g} m; lengths are in metres, so correct the scale of its meshes or the radius",
         )
 
 

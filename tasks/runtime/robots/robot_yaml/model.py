@@ -3,10 +3,8 @@
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false
 
-import logging
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,78 +13,11 @@ import mujoco
 import numpy as np
 
 from ..robot import add_camera, add_sensors
+from .located_xml import parse_located
 from .mapping import alternatives, invalid
+from .robot_files import check_inside, similar_file
 from .shape import AddedActuator, RobotModel
-
-_logger = logging.getLogger(__name__)
-
-_MESHES = frozenset({".stl", ".obj", ".msh"})
-_MOST_SHOWN = 1000  # characters of names in an error
-_PACKAGE = "package://"
-_SETTINGS = {"strippath": "false", "fusestatic": "false", "discardvisual": "false"}
-
-
-def rewrite_urdf(robot: ET.Element, path: Path, root: Path) -> str:
-    """Gives files their places and sets the importer's options that the file does not set itself.
-
-    Args:
-        robot: the document; changed in place.
-        path: where it was read from.
-        root: folder that all files have to be in.
-
-    Returns:
-        The text for MuJoCo.
-
-    Raises:
-        LaunchError: a file is missing, outside the folder, or of a form that MuJoCo does not read.
-    """
-    for link in robot.iter("link"):
-        for part in [*link.findall("visual"), *link.findall("collision")]:
-            for mesh in part.iter("mesh"):
-                name = mesh.get("filename", "")
-                if Path(name).suffix.lower() in _MESHES:
-                    mesh.set("filename", str(_find(name, path, root)))
-                elif part.tag == "visual":
-                    _logger.warning("%s: %s is not shown: MuJoCo reads .stl, .obj and .msh meshes", path.name, name)
-                    link.remove(part)
-                    break
-                else:
-                    raise invalid(path, f"the mesh {name!r} cannot be read; MuJoCo reads .stl, .obj and .msh")
-    extension = robot.find("mujoco")
-    extension = ET.SubElement(robot, "mujoco") if extension is None else extension
-    compiler = extension.find("compiler")
-    compiler = ET.SubElement(extension, "compiler") if compiler is None else compiler
-    for key, value in _SETTINGS.items():
-        if key not in compiler.attrib:
-            compiler.set(key, value)
-    compiler.attrib.pop("meshdir", None)
-    return ET.tostring(robot, encoding="unicode")
-
-
-def _find(name: str, path: Path, root: Path) -> Path:
-    """Finds a mesh file: `package://<package>/…` is in the folder of that name, or in the folder of `robot.yaml`."""
-    if name.startswith(_PACKAGE):
-        package, _, rest = name.removeprefix(_PACKAGE).partition("/")
-        places = [root / package / rest, *(folder / rest for folder in _folders_between(path.parent, root))]
-    else:
-        plain = name.removeprefix("file://")
-        if Path(plain).is_absolute():
-            raise invalid(path, f"the file {name!r} is absolute; write {_PACKAGE}<package>/… or a relative name")
-        places = [path.parent / plain]
-    for place in places:
-        if not place.resolve().is_relative_to(root.resolve()):
-            raise invalid(path, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
-        with suppress(OSError):  # a name that is too long
-            if place.is_file():
-                return place.resolve()
-    raise invalid(path, f"there is no file {name!r}; looked for {', '.join(map(str, places))[:_MOST_SHOWN]}")
-
-
-def _folders_between(folder: Path, root: Path) -> list[Path]:
-    """The folder and those above it, up to the root."""
-    folders = [folder, *folder.parents]
-    return folders[: folders.index(root) + 1] if root in folders else [folder]
-
+from .urdf import UrdfReading, check_expanded, read_urdf, refused
 
 _TEXTURE_TAGS = frozenset({"texture"})
 _MODEL_TAGS = frozenset({"include", "model"})
@@ -94,45 +25,48 @@ _File = tuple[str, Path]
 """A file as it is named, and where it is."""
 
 
-def load_model(path: Path, root: Path) -> mujoco.MjSpec:
+def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
     """Reads a model file.
 
     Args:
         path: the MJCF or URDF.
         root: folder that it and all files it names have to be in.
+        reading: how it is read if it is a URDF.
 
     Raises:
         LaunchError: it is no model, or names files outside the folder.
     """
     check_inside(path, path, root, str(path))
     if not path.is_file():
-        raise invalid(path, "there is no such file; give the robot's MJCF or URDF, relative to the mapping file")
-    element = _parse(path)
+        near = similar_file(path.parent, path.name, root)
+        hint = f"did you mean {near!r}? Give" if near else "give"
+        raise invalid(path, f"there is no such file; {hint} the robot's MJCF or URDF, relative to the mapping file")
+    element = parse_located(path)
+    if element.tag == "robot":
+        return read_urdf(element, path, root, reading)
+    if reading is not None and reading.from_geometry:
+        raise invalid(
+            path,
+            'impossible_inertia: it is for URDF; in MJCF <compiler inertiafromgeom="true"/> or '
+            '<compiler balanceinertia="true"/> says what to do',
+        )
+    check_expanded(element, path)
+    for name, file in _files_of(element, path, path.parent):
+        check_inside(path, file, root, name)
     try:
-        if element.tag == "robot":
-            return mujoco.MjSpec.from_string(rewrite_urdf(element, path, root))
-        for name, file in _files_of(element, path, path.parent):
-            check_inside(path, file, root, name)
         return mujoco.MjSpec.from_file(str(path))
     except ValueError as cause:
-        raise invalid(path, f"MuJoCo cannot read it: {' '.join(str(cause).split())}") from cause
+        raise refused(path, cause, "MuJoCo cannot read it", _meant(element, path, root)) from cause
 
 
-def check_inside(mentioned_in: Path, file: Path, root: Path, name: str) -> None:
-    """Refuses files that are not in the robot's folder, links followed.
-
-    Raises:
-        LaunchError: it is elsewhere.
-    """
-    if not file.resolve().is_relative_to(root.resolve()):
-        raise invalid(mentioned_in, f"the file {name!r} is outside of {root}; put it into the robot's own folder")
-
-
-def _parse(path: Path) -> ET.Element:
-    try:
-        return ET.parse(path).getroot()  # noqa: S314 the robot's own code runs in this process as well
-    except (ET.ParseError, UnicodeDecodeError, OSError) as cause:
-        raise invalid(path, f"it is no XML: {cause}") from cause
+def _meant(element: ET.Element, path: Path, root: Path) -> str:
+    """Says which files are named similarly to those that an MJCF names and that are not there, to end an error with."""
+    hints: list[str] = []
+    for name, file in _files_of(element, path, path.parent) if element.tag != "robot" else ():
+        near = None if file.is_file() else similar_file(path.parent, str(file.relative_to(path.parent)), root)
+        if near is not None:
+            hints.append(f"; there is no file {name!r}, did you mean {near!r} in the folder of {path.name}?")
+    return "".join(dict.fromkeys(hints))
 
 
 def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Path] = frozenset()) -> Iterator[_File]:
@@ -155,7 +89,9 @@ def _files_of(element: ET.Element, path: Path, folder: Path, seen: frozenset[Pat
                 if file.resolve() in seen:
                     raise invalid(path, f"the file {name!r} includes itself")
                 within = seen | {file.resolve()}
-                yield from _files_of(_parse(file), file, folder if each.tag == "include" else file.parent, within)
+                yield from _files_of(
+                    parse_located(file), file, folder if each.tag == "include" else file.parent, within
+                )
 
 
 FREE_JOINT = "base_free_joint"
@@ -192,6 +128,7 @@ class ModelBuilder:
     def __init__(self, mapping: RobotModel, files: RobotFiles) -> None:
         self._mapping, self._files = mapping, files
         self.where = files.mapping.name
+        self.reading = UrdfReading(from_geometry=mapping.impossible_inertia == "from_geometry")
         self.carrier = mapping.base
         """Body that moves over the floor; not the base when the base's own joints are inside."""
 
@@ -207,7 +144,7 @@ class ModelBuilder:
         Raises:
             LaunchError: a file or a name is wrong.
         """
-        spec = load_model(self._files.model, self._files.root)
+        spec = load_model(self._files.model, self._files.root, self.reading)
         base = self._keep_robot_only(spec)
         for key in list(spec.keys):
             spec.delete(key)  # it is as long as all joints of the file, which are not all here
@@ -223,6 +160,21 @@ class ModelBuilder:
         carrier = self.find(spec.bodies, self.carrier, "base", "bodies")
         carrier.add_body(name=FOOTPRINT, pos=[0, 0, self.footprint_z_m])
         return spec
+
+    def compile(self) -> mujoco.MjModel:
+        """Returns the compiled robot without a world; meshes that are only drawn and cannot be used are left out.
+
+        Raises:
+            LaunchError: a file or a name is wrong, or MuJoCo cannot compile it.
+        """
+        spec = self.build()
+        try:
+            return spec.compile()
+        except ValueError as cause:
+            if self.reading.leave_out_unusable(self._files.model):
+                return self.compile()
+            hint = _meant(parse_located(self._files.model), self._files.model, self._files.root)
+            raise refused(self._files.model, cause, "MuJoCo cannot make a model of it", hint) from cause
 
     def find(self, parts: Iterable[Any], name: str, field: str, what: str) -> Any:
         """The part of a name.
@@ -313,18 +265,6 @@ class ModelBuilder:
             scale = min(max(1.0, self._mapping.footprint.radius_m / _SCOUT_RADIUS_M), _MAX_FOLLOW_SCALE)
             place = (-0.75 * scale, 0.0, 0.95 * scale - self._mapping.spawn.height_m)
             add_camera(base, FOLLOW_CAMERA, place, (0.72, 0, 0.69), 62.0)
-
-
-def stand_alone(spec: mujoco.MjSpec, files: RobotFiles) -> mujoco.MjModel:
-    """Compiles a robot without a world.
-
-    Raises:
-        LaunchError: MuJoCo cannot.
-    """
-    try:
-        return spec.compile()
-    except ValueError as cause:
-        raise invalid(files.model, f"MuJoCo cannot make a model of it: {' '.join(str(cause).split())}") from cause
 
 
 def options_for_world(spec: mujoco.MjSpec, world: mujoco.MjSpec) -> list[str]:

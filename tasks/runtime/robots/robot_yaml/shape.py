@@ -217,6 +217,11 @@ class RobotModelHead(Model):
         description="Bodies (links) or geoms that slide over the floor, such as casters made of balls: next to no "
         "friction.",
     )
+    impossible_inertia: Literal["refuse", "from_geometry"] = Field(
+        default="refuse",
+        description="Treatment of links of a URDF whose mass or inertia no body can have: `refuse`, or "
+        "`from_geometry`: they get that of their shapes, with their mass where it is possible, and a warning.",
+    )
     joints: list[PartName] | None = optional("Joints to observe and to record; absent: all hinges and slides.")
     video_camera: PartName | None = optional("Camera for videos; absent: one that follows it is added.")
     ros: RosOptions | None = optional(

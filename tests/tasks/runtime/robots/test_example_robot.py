@@ -119,6 +119,28 @@ def test_a_robot_that_cannot_be_made_fails_the_job_with_its_file_line_and_member
     assert "robot.yaml:17:3" in outcome.failure_reason
 
 
+def test_an_impossible_inertia_fails_the_job_and_the_setting_mends_it_with_a_word_in_its_log(
+    launcher: Launcher, make_plan: MakePlan, unpacked: Path, world: Path
+) -> None:
+    urdf, mapping = unpacked / "my_rover" / "urdf" / "rover.urdf", unpacked / "my_rover" / "robot.yaml"
+    text = urdf.read_text()
+    inertia = re.search(r"<inertia [^>]*>", text)
+    assert inertia is not None
+    line = text.count("\n", 0, inertia.start()) + 1
+    urdf.write_text(text.replace(inertia[0], '<inertia ixx="1" iyy="1" izz="9" ixy="0" ixz="0" iyz="0"/>', 1))
+    application = robot("my_rover.make_agent", unpacked)
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=2.0)
+    outcome = launcher.run(plan, lambda: None)
+    assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidBundleRobotApplication")
+    assert f"rover.urdf:{line}: link 'base_link': its inertia ixx=1 iyy=1 izz=9" in str(outcome.failure_reason)
+    mapping.write_text(mapping.read_text() + "\nimpossible_inertia: from_geometry\n")
+    plan = make_plan(
+        simulation_application=None, robot_application=application, world_dir=world, max_duration_s=2.0, run_id="run-2"
+    )
+    carry_out(launcher, plan)
+    assert f"rover.urdf:{line}: link 'base_link': " in (plan.output_dir / "logs" / "stderr.log").read_text()
+
+
 @pytest.mark.deep
 def test_menagerie_is_where_the_workers_environment_says(
     launcher: Launcher, make_plan: MakePlan, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

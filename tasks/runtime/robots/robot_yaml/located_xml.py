@@ -1,0 +1,74 @@
+"""XML whose elements know their lines in the file."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from xml.parsers import expat
+from xml.sax.saxutils import quoteattr
+
+from .mapping import invalid
+
+
+class Located(ET.Element):
+    """An element with its line."""
+
+    line: int = 1
+    """Line of the file in which its tag begins, from 1."""
+
+
+def parse_located(path: Path) -> Located:
+    """Reads an XML file; names keep their prefixes, `xacro:property` for one.
+
+    Args:
+        path: the file.
+
+    Raises:
+        LaunchError: it cannot be read, or is no XML.
+    """
+    builder = ET.TreeBuilder(element_factory=Located)
+    # Without namespaces: a prefix that is bound to nothing is no error, and `xacro:` can be told.
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        element = builder.start(tag, attributes)
+        assert isinstance(element, Located)
+        element.line = parser.CurrentLineNumber
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = builder.end
+    parser.CharacterDataHandler = builder.data
+    try:
+        parser.Parse(path.read_bytes(), True)
+        root = builder.close()
+    except (expat.ExpatError, UnicodeDecodeError, LookupError, OSError, ValueError) as cause:
+        raise invalid(path, f"it is no XML: {cause}") from cause
+    assert isinstance(root, Located)
+    return root
+
+
+def lined_text(root: Located) -> str:
+    """Writes elements and attributes with each tag in its line of the file, so that errors of MuJoCo name that line.
+
+    Args:
+        root: the document. Text between tags is left out: neither URDF nor its extensions for MuJoCo have any.
+    """
+    parts: list[str] = []
+    line = 1
+
+    def write(element: ET.Element) -> None:
+        nonlocal line
+        behind = element.line - line if isinstance(element, Located) else 0
+        if behind > 0:
+            parts.append("\n" * behind)
+            line += behind
+        parts.append("".join((f"<{element.tag}", *(f" {key}={_quoted(value)}" for key, value in element.items()), ">")))
+        for child in element:
+            write(child)
+        parts.append(f"</{element.tag}>")
+
+    write(root)
+    return "".join(parts)
+
+
+def _quoted(value: str) -> str:
+    """Quotes an attribute's value; line breaks in it become spaces, as XML reads them."""
+    return quoteattr(" ".join(value.splitlines()) if "\n" in value else value)
