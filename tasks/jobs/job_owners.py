@@ -32,7 +32,7 @@ SETTINGS: Mapping[str, Sequence[str]] = {
 }
 """The settings that decide how jobs go, by the operation that orders them."""
 
-OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT")
+OTHER_VARIABLES = ("ROBOMAKER_CONTAINER_ENGINE", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
 """Variables of simulations that are no settings."""
 
 _OF_PREFECT_RUN = re.compile(r"tmp\w+prefect|prefect-flow-run-\w+")

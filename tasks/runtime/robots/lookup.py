@@ -19,17 +19,8 @@ from ....schemas.runs.plan import ApplicationPlan
 from ....schemas.wire.errors import LaunchError
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
-from .robot_yaml.mapping import (
-    MAPPING_FILE,
-    MENAGERIE,
-    alternatives,
-    invalid,
-    menagerie_file,
-    menagerie_mapping,
-    menagerie_root,
-    placed,
-    read_mapping,
-)
+from .robot_yaml.mapping import MAPPING_FILE, alternatives, invalid, placed, read_mapping
+from .robot_yaml.menagerie import MENAGERIE, menagerie_file, menagerie_mapping
 from .robot_yaml.model import RobotFiles
 from .robot_yaml.shape import RobotModel
 from .scout import SCOUT
@@ -112,8 +103,8 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
     if named in BUILT_IN:
         return BUILT_IN[named]
     if named.startswith(MENAGERIE):
-        root = menagerie_root(variables)
-        return _from_file(menagerie_mapping(named, root), root, variables)
+        mapping = menagerie_mapping(named, variables)
+        return _from_file(mapping.path, mapping.root, variables, default_name=named.removeprefix(MENAGERIE))
     if not named.endswith((".yaml", ".yml")):
         known = [*BUILT_IN, f"{MENAGERIE}<model>"]
         hint = alternatives(named, BUILT_IN, "robots")
@@ -134,13 +125,17 @@ def _named_robot(named: str, application: ApplicationPlan | None, variables: Map
 
 
 def _from_file(
-    path: Path, root: Path, variables: Mapping[str, str], application: ApplicationPlan | None = None
+    path: Path,
+    root: Path,
+    variables: Mapping[str, str],
+    application: ApplicationPlan | None = None,
+    default_name: str | None = None,
 ) -> Robot:
     mapping = read_mapping(path)
     # The folder that a bundle was unpacked into has a name of the cache's.
     is_top = application is not None and path.parent == application.path
     folder = application.name if application is not None and is_top else path.parent.name
-    name = _short_name(folder if path.name == MAPPING_FILE else path.stem)
+    name = _short_name(default_name or (folder if path.name == MAPPING_FILE else path.stem))
     try:
         return make_robot(mapping, _files(mapping, path, root, variables), name)
     except LaunchError as error:
@@ -149,8 +144,8 @@ def _from_file(
 
 def _files(mapping: RobotModel, path: Path, root: Path, variables: Mapping[str, str]) -> RobotFiles:
     if mapping.model.startswith(MENAGERIE):
-        checkout = menagerie_root(variables)
-        return RobotFiles(path, menagerie_file(mapping.model, checkout), checkout)
+        model = menagerie_file(mapping.model, variables)
+        return RobotFiles(path, model.path, model.root)
     if Path(mapping.model).is_absolute() or ".." in Path(mapping.model).parts:
         raise invalid(path.name, f"model: {mapping.model!r}; it has to be a path within the folder of {path.name}")
     return RobotFiles(path, path.parent / mapping.model, root)

@@ -17,7 +17,8 @@ _FOREIGN = ("/", "/home", "/root", "/tmp", "/var", "/var/tmp", "/run", "/proc", 
 _DEVICES = ("null", "zero", "full", "random", "urandom", "tty", "ptmx", "pts", "shm", "dri", "kfd")
 
 _PATH_VARIABLES = (
-    *("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "MENAGERIE_ROOT", "LIBGL_DRIVERS_PATH", "__EGL_VENDOR_LIBRARY_DIRS"),
+    *("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "LIBGL_DRIVERS_PATH", "__EGL_VENDOR_LIBRARY_DIRS"),
+    *("MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR"),
     *("AWS_DATA_PATH", "AWS_CONFIG_FILE", "AWS_CONTAINER_AUTHORIZATION_TOKEN_FILE", "AWS_CA_BUNDLE"),
 )
 

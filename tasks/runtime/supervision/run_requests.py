@@ -40,7 +40,7 @@ _INHERITED_VARIABLES = frozenset(
         *("LD_LIBRARY_PATH", "VIRTUAL_ENV", "PYTHONPATH", "PYTHONDONTWRITEBYTECODE"),
         *("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES", "NVIDIA_DRIVER_CAPABILITIES"),
         *("MUJOCO_EGL_DEVICE_ID", "__EGL_VENDOR_LIBRARY_DIRS", "LIBGL_DRIVERS_PATH"),
-        "MENAGERIE_ROOT",
+        *("MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR"),
     }
 )
 _GPU_VARIABLES = ("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES")
@@ -69,7 +69,8 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
         variables.setdefault("MUJOCO_GL", backend)
     box = box or BoxPlan()
     # What this process finds by its variables now; processes that wait for runs may know earlier ones.
-    box = box.model_copy(update={"shown": [*box.shown, *paths_in(os.environ)]})
+    inherited = inherited_environment()
+    box = box.model_copy(update={"shown": [*box.shown, *paths_in({**os.environ, **inherited})]})
     home = {"HOME": str(plan.root_dir / "home" / "robomaker")} if plan.root_dir else {}
     if box.level == "box":
         home["TMPDIR"] = "/tmp"  # noqa: S108 - the box's own
@@ -77,7 +78,7 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
         plan=plan,
         environment={
             **DEFAULT_VARIABLES,
-            **inherited_environment(),
+            **inherited,
             **home,
             **variables,
             "PWD": str(plan.work_dir),
@@ -92,7 +93,17 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
 
 def inherited_environment() -> dict[str, str]:
     """This process's variables that runs may see: no credentials, no settings of services."""
-    return {key: value for key, value in os.environ.items() if key in _INHERITED_VARIABLES or key.startswith("LC_")}
+    found = {key: value for key, value in os.environ.items() if key in _INHERITED_VARIABLES or key.startswith("LC_")}
+    return {**_menagerie_cache(), **found}
+
+
+def _menagerie_cache() -> dict[str, str]:
+    """The folder of fetched robots: its default depends on variables that runs do not see."""
+    try:
+        from mujoco_menagerie import Cache  # an extra
+    except ImportError:
+        return {}
+    return {"MENAGERIE_CACHE_DIR": str(Cache().dir)}
 
 
 def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:

@@ -113,7 +113,7 @@ def _companion(
     )
 
 
-_SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT")
+_SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
 """Prefixes of the variables that configure a run."""
 
 

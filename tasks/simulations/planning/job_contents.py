@@ -34,6 +34,7 @@ from .run_plans import world_arn
 _ROLES: tuple[ApplicationRole, ...] = ("robot", "simulation")
 _DISTRIBUTIONS = ("mujoco", "dm-control", "numpy", "scipy")
 _OWN = "prefect-robomaker"
+_MODELS = "mujoco-menagerie"
 _ROBOT_VARIABLE, _MENAGERIE, _MENAGERIE_ROOT = "ROBOMAKER_ROBOT", "menagerie:", "MENAGERIE_ROOT"
 _BUILT_IN = "built in"
 _SHOWN = 6
@@ -192,6 +193,8 @@ def software_versions() -> Mapping[str, str]:
     return {
         "python": ".".join(platform.python_version_tuple()[:2]),
         **{name: metadata.version(name) for name in _DISTRIBUTIONS},
+        # Its version says which files each of its robots has.
+        **({_MODELS: metadata.version(_MODELS)} if find_spec(_MODELS.replace("-", "_")) else {}),
         _OWN: f"{metadata.version(_OWN)} ({''.join(each[:_SHOWN] for each in code)})",
     }
 
@@ -283,4 +286,6 @@ def _foreign_files(request: Mapping[str, Any], robot: str | None) -> str | None:
         brings_its_own or named.startswith(_MENAGERIE)
     ):
         return f"{_MENAGERIE_ROOT} is set, and files from there are not compared"
+    if named.startswith(_MENAGERIE):
+        return f"its robot is {named}, and files beside models of MuJoCo Menagerie are not compared"
     return None

@@ -7,6 +7,7 @@ import tarfile
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco_menagerie
 import numpy as np
 import pytest
 from helpers.paths import REPOSITORY
@@ -162,6 +163,26 @@ def test_menagerie_is_where_the_workers_environment_says(
     outcome = launcher.run(plan, lambda: None)
     assert (outcome.status, outcome.failure_code) == ("Failed", "InvalidInput")
     assert "has no model 'acme_card'; did you mean 'acme_cart'?" in str(outcome.failure_reason)
+
+
+@pytest.mark.deep
+def test_a_fetched_robot_drives_in_a_job_that_sees_no_other_files_of_its_user(
+    launcher: Launcher, make_plan: MakePlan, world: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The registry is the package's own; the files that stand for one of its robots are a cart's."""
+    write_robot(tmp_path, CART_MAPPING)
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "home"))  # which runs do not see
+    monkeypatch.delenv("MENAGERIE_CACHE_DIR", raising=False)
+    folder = mujoco_menagerie.Cache().model_path(mujoco_menagerie.get("robot_soccer_kit"))
+    folder.parent.mkdir(parents=True)
+    (tmp_path / "my_cart").rename(folder)
+    (folder / ".complete").write_text("{}")
+    application = robot(f"{APPLICATIONS}.scout.make_agent", ROBOMAKER_ROBOT="menagerie:robot_soccer_kit")
+    plan = make_plan(simulation_application=None, robot_application=application, world_dir=world, max_duration_s=60.0)
+    result = carry_out(launcher, plan)
+    assert result.verdict == "PASS", result.summary
+    assert "Robot: robot_soccer_kit, as ROBOMAKER_ROBOT says" in (plan.output_dir / "logs" / "stdout.log").read_text()
 
 
 def test_the_examples_specification_is_right_and_its_model_is_as_the_urdf_says() -> None:

@@ -1,7 +1,10 @@
+import hashlib
 import sys
+import tarfile
 from pathlib import Path
 from typing import Any
 
+import mujoco_menagerie
 import pytest
 from helpers.robot_stands import CART, CART_MAPPING, Stand, write_robot
 
@@ -173,7 +176,6 @@ def test_a_model_of_menagerie_without_a_mapping_says_what_to_write(menagerie: di
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"MENAGERIE_ROOT": ""}, "MENAGERIE_ROOT is not set; .*git clone"),
         ({"MENAGERIE_ROOT": "/no/such/folder"}, "MENAGERIE_ROOT: there is no folder '/no/such/folder'"),
         ({"ROBOMAKER_ROBOT": "menagerie:acme_card"}, r"has no model 'acme_card'; did you mean 'acme_cart'\?"),
         ({"ROBOMAKER_ROBOT": "menagerie:test"}, "has no model 'test'"),
@@ -186,3 +188,75 @@ def test_what_is_missing_of_menagerie_is_named(
     with pytest.raises(LaunchError, match=message) as error:
         find_robot(None, menagerie | changes)
     assert error.value.failure_code == "InvalidInput"
+
+
+# Robots that the package mujoco-menagerie fetches
+
+
+@pytest.fixture
+def registry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, str]:
+    """A registry of one robot, acme_cart, its archive behind a URL, and a cache that is empty."""
+    source = tmp_path / "source" / "acme_cart"
+    write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart").rename(source.parent.with_name("acme_cart"))
+    source.parent.mkdir()
+    (tmp_path / "acme_cart").rename(source)
+    (tmp_path / "assets").mkdir()
+    archive = tmp_path / "assets" / "acme_cart.tar.xz"
+    with tarfile.open(archive, "w:xz") as tar:
+        tar.add(source, arcname="acme_cart")
+    robot = {
+        "display_name": "Acme Cart", "category": "mobile", "license": "MIT", "oid": "0" * 40, "asset": archive.name,
+        "sha256": hashlib.sha256(archive.read_bytes()).hexdigest(), "download_size": archive.stat().st_size,
+        "installed_size": 1, "entry_points": {"cart": {"kind": "robot", "file": "cart.xml"}}, "default_model": "cart",
+        "default_scene": None,
+    }  # fmt: skip
+    found = mujoco_menagerie.Registry.from_dict(
+        {"schema": 1, "menagerie_commit": "0" * 40, "robots": {"acme_cart": robot}}
+    )
+    monkeypatch.setattr(mujoco_menagerie, "bundled", lambda: found)
+    monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
+    monkeypatch.setenv("MENAGERIE_BASE_URL", archive.parent.as_uri())
+    monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "cache"))
+    return {"MENAGERIE_CACHE_DIR": str(tmp_path / "cache"), "ROBOMAKER_ROBOT": "menagerie:acme_cart"}
+
+
+def test_a_robot_of_the_registry_drives_once_it_has_been_fetched(registry: dict[str, str], tmp_path: Path) -> None:
+    with pytest.raises(LaunchError, match=r"is not in .*/cache, and jobs fetch nothing .*prefetch acme_cart` does \("):
+        find_robot(None, registry)
+    assert not (tmp_path / "cache").exists(), "nothing is fetched before a person asks for it"
+    mujoco_menagerie.prefetch(["acme_cart"], progress=None)
+    robot = find_robot(None, registry).robot
+    assert robot.name == "acme_cart"
+    stand = Stand(robot)
+    stand.drive((0.3, 0.0), 1.5)
+    assert stand.base.read().linear == pytest.approx(0.3, rel=0.05)
+
+
+def test_a_mapping_of_a_bundle_names_a_model_of_the_registry(registry: dict[str, str], tmp_path: Path) -> None:
+    mujoco_menagerie.prefetch(["acme_cart"], progress=None)
+    variables = {"MENAGERIE_CACHE_DIR": registry["MENAGERIE_CACHE_DIR"]}
+    application = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/cart.xml"})
+    assert find_robot(application, variables).robot.joints == ("left", "right", "lift")
+    wrong = write_robot(tmp_path, CART_MAPPING | {"model": "menagerie:acme_cart/card.xml"})
+    with pytest.raises(LaunchError, match=r"acme_cart has no file 'card.xml'; did you mean 'cart.xml'\?"):
+        find_robot(wrong, variables)
+    (next((tmp_path / "cache" / "models").iterdir()) / "robot.yaml").unlink()
+    with pytest.raises(LaunchError, match=r"Write it into a robot application with `model: menagerie:acme_cart/cart"):
+        find_robot(None, registry)
+
+
+def test_a_checkout_comes_before_the_registry(registry: dict[str, str], menagerie: dict[str, str]) -> None:
+    with pytest.raises(LaunchError, match=r"/menagerie/acme_cart has no robot\.yaml"):
+        find_robot(None, registry | menagerie)
+
+
+def test_an_unknown_robot_of_the_registry_is_named(registry: dict[str, str]) -> None:
+    with pytest.raises(LaunchError, match=r"has no model 'acme_card'; did you mean 'acme_cart'\?"):
+        find_robot(None, registry | {"ROBOMAKER_ROBOT": "menagerie:acme_card"})
+
+
+def test_without_the_package_and_a_checkout_it_says_how_to_have_either(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco_menagerie", None)
+    with pytest.raises(LaunchError, match=r"not installed, and MENAGERIE_ROOT is not set\. .*menagerie.*git clone"):
+        find_robot(None, {"ROBOMAKER_ROBOT": "menagerie:acme_cart"})

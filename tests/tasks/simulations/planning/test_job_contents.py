@@ -78,7 +78,9 @@ def test_a_package_is_all_of_its_files(service: Service, package: Path, made_of:
 
 def test_versions_name_what_runs_it() -> None:
     versions = software_versions()
-    assert set(versions) == {"python", "mujoco", "dm-control", "numpy", "scipy", "prefect-robomaker"}
+    # The last is an extra, whose version says what its robots are.
+    names = {"python", "mujoco", "dm-control", "numpy", "scipy", "prefect-robomaker", "mujoco-menagerie"}
+    assert set(versions) == names
     assert versions["mujoco"].startswith("3.")
     assert "(" in versions["prefect-robomaker"], "with a digest of its code"
 
@@ -106,5 +108,6 @@ def test_robots_from_elsewhere_are_not_compared(
     assert made_of("scout", launchConfig=from_menagerie).once_only == told
     monkeypatch.delenv("MENAGERIE_ROOT")
     assert made_of("mine").once_only is None
+    assert "its robot is menagerie:stretch" in str(made_of("scout", launchConfig=from_menagerie).once_only)
     launch = variables(ROBOMAKER_ROBOT="menagerie:stretch", MENAGERIE_ROOT="/other")
     assert made_of("scout", launchConfig=launch).once_only == told
