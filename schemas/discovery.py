@@ -11,7 +11,7 @@ from .wire.errors import ConfigurationError
 
 
 def modules_of(package: str, kind: str) -> list[ModuleType]:
-    """Imports all modules of a kind, those of this package first.
+    """Imports all plugin modules of a kind (such as requirements or sensors), this package's own first.
 
     Args:
         package: Name of the package whose modules are kinds; other folders may be added to its `__path__`.
@@ -35,7 +35,7 @@ def modules_of(package: str, kind: str) -> list[ModuleType]:
 
 
 def named(kind: str) -> dict[str, str]:
-    """Lists the modules that distributions bring by the names of their entry points; imports none.
+    """Lists plugin modules that installed distributions register as entry points, by entry point name; imports none.
 
     Args:
         kind: As for `modules_of`.
@@ -59,7 +59,7 @@ Kind = TypeVar("Kind")
 def classes_of(
     base: type[Kind], package: str, kind: str, names: Callable[[type[Kind]], Iterable[str]]
 ) -> dict[str, type[Kind]]:
-    """Finds the subclasses that modules of a kind define, by name.
+    """Finds the subclasses of a base class that plugin modules define, and returns them by name.
 
     Args:
         base: Their base class.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 
 def how_to_install(extra: str) -> str:
-    """The command that adds an extra to the installation that runs.
+    """Returns the shell command that installs an optional dependency group ("extra") of this package.
 
     Args:
         extra: its name in `pyproject.toml`.

@@ -20,7 +20,7 @@ job has ended."""
 
 
 class JobOwner(Model):
-    """A process that carries out a job, or did."""
+    """The process that runs a simulation job, or ran it last: machine, process id and program."""
 
     program: str = Field(
         description="Program that it runs: `robomaker run`, `robomaker serve`, `a run of a Prefect worker`."
@@ -30,7 +30,7 @@ class JobOwner(Model):
 
     @classmethod
     def of_lease(cls, owner: str) -> "JobOwner":
-        """Reads the name of a lease's owner, `machine:process:part:program`; earlier releases wrote no program."""
+        """Parses the name of a lease's owner, `machine:process:part:program`; earlier releases left out the program."""
         machine, process, _, program = (*owner.split(":", 3), "", "", "")[:4]
         return cls(
             program=program or "a job worker", machine=machine, process_id=int(process) if process.isdecimal() else None
@@ -42,7 +42,10 @@ class JobOwner(Model):
 
 
 class NeededEnvironment(Model):
-    """The environment of the process that ordered a job for itself, as far as the job needs it."""
+    """Environment of the process that ordered a job for itself: machine, Python, variables and packages.
+
+    Another process can continue the job only in the same environment.
+    """
 
     machine: str = Field(description="Name of the machine on which it was ordered.")
     python: str = Field(description="Folder of the Python environment in which it was ordered.")
@@ -54,11 +57,11 @@ class NeededEnvironment(Model):
 
     @classmethod
     def of_stored(cls, stored: Mapping[str, Any]) -> "NeededEnvironment":
-        """Reads what the catalog keeps with a job."""
+        """Reads a job's needed environment from the catalog's JSON."""
         return cls.model_validate(stored, strict=False)
 
     def differences(self, here: "NeededEnvironment") -> list[str]:
-        """Names the differences of another process, in words.
+        """Describes in words how another process's environment differs from the one that the job needs.
 
         Args:
             here: what that process has of the same.
@@ -78,7 +81,7 @@ class NeededEnvironment(Model):
         return found
 
     def command(self, arn: str, here: "NeededEnvironment | None" = None) -> str:
-        """The command that carries out the job on its machine as it was ordered.
+        """Returns the shell command that runs the job on its machine in the environment it was ordered in.
 
         Args:
             arn: the job.
@@ -98,7 +101,7 @@ class NeededEnvironment(Model):
 
 
 class JobStanding(Model):
-    """The process that carries out a job, and what becomes of the job when that process has died."""
+    """The process that runs a simulation job, and who continues the job if that process has died."""
 
     owner: JobOwner = Field(description="The process that carries it out, or did last.")
     since: datetime | None = Field(description="When the owner took it.")
@@ -112,11 +115,11 @@ class JobStanding(Model):
 
     @property
     def waits_for_command(self) -> bool:
-        """Whether only a command goes on with it."""
+        """Whether the job continues only when a person runs a command."""
         return self.state in ("died", "left") and self.command is not None and bool(self.differences)
 
     def in_words(self) -> str:
-        """A sentence or two."""
+        """Describes in a sentence or two which process runs the job and how it continues."""
         since = f" since {self.since:%Y-%m-%d %H:%M:%S} UTC" if self.since else ""
         before = f", as {self.lost} had died" if self.lost else ""
         told = f"carried out by {self.owner}{since}{before}"

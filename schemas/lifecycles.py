@@ -163,7 +163,7 @@ ACTIVE: frozenset[SimulationJobStatus] = frozenset(set(SIMULATION_JOB.states) - 
 
 
 def is_terminal(kind: str, status: str) -> bool:
-    """Whether nothing can happen any more to a resource of that kind and status."""
+    """Whether a resource of that kind in that status has reached its end and can change no more."""
     return kind in LIFECYCLES and status in LIFECYCLES[kind].terminal
 
 
@@ -175,7 +175,7 @@ def batch_outcome(
     timed_out: bool = False,
     canceled: bool = False,
 ) -> SimulationJobBatchStatus:
-    """Decides what a batch's status is, or will be.
+    """Determines the status of a simulation job batch from its requests and jobs.
 
     Jobs that failed, and requests that failed for any reason other than an internal fault, still
     make a completed batch.

@@ -36,7 +36,7 @@ Place = Annotated[str, AfterValidator(_place)]
 
 
 class Role(Model):
-    """One role: whose credentials its jobs act with, and what it may read and write."""
+    """An access role: the credentials that its jobs use, and the object-store places they may read and write."""
 
     arn: str = Field(
         pattern=r"^arn:aws:iam::\w+:role/[^*]*\*?$",
@@ -77,16 +77,16 @@ class Role(Model):
 
     @property
     def has_source(self) -> bool:
-        """Whether it says where credentials come from."""
+        """Whether the role says where its credentials come from."""
         return bool(self.access_key_id or self.profile or self.block or self.assume_role)
 
     def means(self, arn: str) -> bool:
-        """Whether it is meant by the ARN of a request."""
+        """Whether the role applies to the role ARN that a request names."""
         return arn.startswith(self.arn[:-1]) if self.arn.endswith("*") else arn == self.arn
 
 
 class RolesFile(Model):
-    """All roles of a service."""
+    """Content of the roles file: all access roles that simulation jobs may name."""
 
     role: tuple[Role, ...] = Field(default=(), description="The roles.")
 
@@ -99,7 +99,7 @@ class RolesFile(Model):
 
 
 def find_role(roles: Sequence[Role], arn: str) -> Role | None:
-    """The role that an ARN means: the one of this very ARN, else the longest beginning."""
+    """Finds the role for a role ARN: the one with exactly this ARN, else the one with the longest matching prefix."""
     return max((role for role in roles if role.means(arn)), key=_closeness, default=None)
 
 
@@ -108,6 +108,6 @@ def _closeness(role: Role) -> tuple[bool, int]:
 
 
 def is_within(places: Sequence[str], bucket: str, key: str) -> bool:
-    """Whether an object, or all objects whose keys begin with `key`, are in one of the places."""
+    """Whether an object, or all objects whose keys begin with `key`, are inside one of the allowed bucket places."""
     name = f"{bucket}/{key}"
     return any(name.startswith(place[:-1]) if place.endswith("*") else name == place for place in places)

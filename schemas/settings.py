@@ -73,7 +73,7 @@ DEFAULT_STORE_PATIENCE_MIN = 30
 
 
 class Settings(Model):
-    """All settings, resolved."""
+    """All settings of the program (data home, storage, limits, ...), read from environment variables."""
 
     home: Path = Field(description="Folder for everything this program keeps.")
     catalog_url: str = Field(description="SQLAlchemy URL of the catalog.")
@@ -199,7 +199,7 @@ class Settings(Model):
 
     @classmethod
     def from_environment(cls, environ: Mapping[str, str]) -> "Settings":
-        """Reads the settings.
+        """Reads all settings from environment variables.
 
         Args:
             environ: environment variables, usually `os.environ`.
@@ -242,7 +242,7 @@ def _read(
 
 
 def max_worlds_per_job(environ: Mapping[str, str]) -> int:
-    """How many worlds one generation job may make, without the other settings.
+    """Reads only the setting for how many worlds one generation job may make.
 
     Args:
         environ: environment variables, usually `os.environ`.

@@ -11,7 +11,7 @@ State = TypeVar("State", bound=str)
 
 @dataclass(frozen=True)
 class Lifecycle(Generic[State]):
-    """A state machine."""
+    """A state machine: its states, the initial one, and the transitions by event."""
 
     name: str
     """Resource that has these states, for messages: `the simulation job`."""
@@ -33,12 +33,12 @@ class Lifecycle(Generic[State]):
 
     @property
     def events(self) -> frozenset[str]:
-        """Everything that can happen."""
+        """Names of all events of the state machine."""
         return frozenset(event for _, event in self.transitions)
 
 
 def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
-    """The state after an event.
+    """Returns the state of a state machine after an event.
 
     Raises:
         StateConflictError: the event cannot happen in that state; the message says what can.
@@ -52,5 +52,5 @@ def next_state(machine: Lifecycle[State], state: str, event: str) -> State:
 
 
 def transition_table(rows: Mapping[str, tuple[tuple[State, ...], State]]) -> dict[tuple[State, str], State]:
-    """Turns `{event: (states before, state after)}` into a transition table."""
+    """Converts rows `{event: (states before, state after)}` to a table from (state, event) to the next state."""
     return {(before, event): after for event, (befores, after) in rows.items() for before in befores}

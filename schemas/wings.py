@@ -18,7 +18,7 @@ _PRODUCT = __name__.rpartition(".schemas.")[0]
 
 @cache
 def parts_of_wings(layer: str, registry: str) -> tuple[ModuleType, ...]:
-    """The modules that wings add to a registry; a wing that is not there, or has no such module, adds none.
+    """Imports the modules that optional parts of the program ("wings", such as fleets) add to a registry.
 
     Args:
         layer: `schemas`, `tasks` or `deployments`.

@@ -7,7 +7,7 @@ from .base import Document, Json, Part
 
 
 class StoredSource(Part):
-    """An archive of an application, by the names of the request."""
+    """An application's archive as the catalog stores it: bucket, key, processor architecture and ETag."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -18,13 +18,13 @@ class StoredSource(Part):
 
 
 class StoredEnvironment(Part):
-    """An installed package or a container image."""
+    """The installed Python package or container image of an application without archives, as the catalog stores it."""
 
     uri: str = Field(description="`python://package.module`, or the image's name.")
 
 
 class ApplicationDocument(Document):
-    """An application as it is now, or a version of it."""
+    """Catalog document of a robot or simulation application: its current content, or one numbered version of it."""
 
     sources: list[StoredSource] | None = optional("Its archives; absent: it has none.")
     environment: StoredEnvironment | None = optional("Package or image instead of archives; absent: it has archives.")

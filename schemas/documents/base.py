@@ -21,16 +21,16 @@ Json = Annotated[dict[str, Any], PlainSerializer(lambda value: value, return_typ
 
 
 class StoredResource(Protocol):
-    """A resource of the catalog, as far as its document is concerned."""
+    """A resource of the catalog (job, world, robot, ...), reduced to its ARN and its stored document."""
 
     @property
     def arn(self) -> str:
-        """Its ARN."""
+        """ARN of the resource, its unique name."""
         ...
 
     @property
     def document(self) -> Mapping[str, Any]:
-        """The stored JSON."""
+        """The resource's document as JSON, as the catalog stores it."""
         ...
 
 
@@ -43,7 +43,7 @@ class _Stored(BaseModel):
 
 
 class Part(_Stored):
-    """An object inside a document; members that are `None` are absent from its JSON."""
+    """Base class of objects inside a catalog document; members that are `None` are left out of the stored JSON."""
 
     @model_serializer(mode="plain")
     def _present(self) -> dict[str, Any]:
@@ -53,55 +53,55 @@ class Part(_Stored):
         return {name: value for name, value in {**members, **(self.model_extra or {})}.items() if value is not None}
 
     def to_json(self) -> dict[str, Any]:
-        """The object as plain JSON values, under the names they are stored by."""
+        """Returns the object as plain JSON values, under the member names that the catalog stores."""
         return self.model_dump(mode="json", by_alias=True)
 
 
 class Changes(_Stored):
-    """Members of a document that change after it was created; only those that are given are set."""
+    """Base class of updates to a catalog document: only members that are set explicitly are written."""
 
     model_config = ConfigDict(extra="forbid")
 
     def to_json(self) -> dict[str, Any]:
-        """The members that were given, as plain JSON values under the names they are stored by."""
+        """Returns only the members that were set explicitly, as plain JSON values under their stored names."""
         return self.model_dump(mode="json", by_alias=True, exclude_unset=True)
 
     def without(self, *names: str) -> Self:
-        """The same changes, without some of the members."""
+        """Returns a copy of this update without the named members, which then stay unchanged in the document."""
         return type(self)(**{name: getattr(self, name) for name in self.model_fields_set.difference(names)})
 
     @classmethod
     def of_members(cls, resource: StoredResource) -> Self:
-        """Reads a resource of a list that was asked for no other `members` of the documents than these."""
+        """Reads this update's members from a catalog resource that was listed with only these members."""
         return cls.model_validate(resource.document)
 
     @classmethod
     @cache  # lists ask for each of thousands
     def members(cls) -> tuple[str, ...]:
-        """The names under which its members are stored."""
+        """Returns the stored names of all members of this class, to ask a list for only these."""
         return tuple(field.serialization_alias or name for name, field in cls.model_fields.items())
 
 
 class Brief(Changes):
-    """A few members of a document, for lists that would read much more than they show."""
+    """Base class of excerpts from a document, for lists which show a few members and need not read the rest."""
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
-        """Reads a resource; its document may have other members, too."""
+        """Reads this excerpt from a catalog resource; other members of its document are ignored."""
         return cls.model_validate(
             {name: resource.document[name] for name in cls.members() if name in resource.document}
         )
 
 
 class FailureChanges(Changes):
-    """Why a job failed."""
+    """Update to a job's document with the reason for its failure: failure code and text."""
 
     failure_code: str | None = optional("Why the job failed or stopped; absent if it did not.")
     failure_reason: str | None = optional("The same in words.")
 
 
 class Document(Changes):
-    """Document of a resource in the catalog: all that is kept besides its name, status and tags."""
+    """Base class of catalog documents: all stored data of a resource besides its name, status and tags."""
 
     # Members of newer releases that share this version are left alone.
     model_config = ConfigDict(extra="ignore")
@@ -113,7 +113,7 @@ class Document(Changes):
 
     @classmethod
     def of(cls, resource: StoredResource) -> Self:
-        """Reads the document of a resource, also one that an earlier release wrote.
+        """Reads a catalog resource's document; documents that an earlier release wrote are converted.
 
         Raises:
             ConfigurationError: a newer release wrote it.
@@ -122,7 +122,7 @@ class Document(Changes):
 
     @classmethod
     def upgraded(cls, stored: Mapping[str, Any], arn: str) -> Mapping[str, Any]:
-        """A stored document in today's version.
+        """Converts a stored document to the format version of this release.
 
         Args:
             stored: the document.
@@ -144,5 +144,5 @@ class Document(Changes):
         return document
 
     def to_json(self) -> dict[str, Any]:
-        """The whole document as it is stored: its version, and the members that were given."""
+        """Returns the whole document as JSON for the catalog: its format version and the members that were set."""
         return {VERSION_KEY: len(self.MIGRATIONS) + 1, **super().to_json()}

@@ -25,7 +25,7 @@ DOCUMENTS: Mapping[str, type[Document]] = {
 
 
 def upgraded(kind: str, stored: Mapping[str, Any], arn: str) -> dict[str, Any]:
-    """A stored document in today's version, before something of it changes.
+    """Converts a stored document of a resource kind to this release's format version, before a change is written.
 
     Raises:
       ConfigurationError: a newer release wrote it.

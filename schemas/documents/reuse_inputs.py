@@ -30,7 +30,10 @@ _CONTENTS = {"world": "the world", "robot": "the robot application", "simulation
 
 
 class ReuseInputs(Model):
-    """All inputs of one simulation job, exactly; never stored but for their key. Nights compare `JobInputs`."""
+    """All inputs of a simulation job that decide whether an earlier job's results can be reused.
+
+    Only their hash is stored. Reports of nights compare the less exact `JobInputs`.
+    """
 
     request: dict[str, Any] = Field(description="The request, without names of what is compared by its content.")
     seed: int = Field(description="Seed of the run's random generators.")
@@ -44,7 +47,7 @@ class ReuseInputs(Model):
 
     @classmethod
     def of(cls, document: SimulationJobDocument, made_of: MadeOf) -> "ReuseInputs":
-        """The inputs of a job.
+        """Collects the inputs of a simulation job.
 
         Args:
             document: the job.
@@ -64,12 +67,18 @@ class ReuseInputs(Model):
 
     @property
     def key(self) -> str:
-        """SHA-256 of all inputs, in hexadecimal; the order of members does not count."""
+        """SHA-256 of all inputs, in hexadecimal: jobs with equal keys can share results.
+
+        The order of members has no effect.
+        """
         canonical = json.dumps(self.model_dump(mode="json"), sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(canonical.encode()).hexdigest()
 
     def changes_since(self, earlier: "ReuseInputs") -> list[str]:
-        """Differences from an earlier job's inputs, in words without secrets; empty for the same key."""
+        """Describes how a job's inputs differ from those of an earlier job, one text each, without secrets.
+
+        The list is empty when both have the same key.
+        """
         dumped = [inputs.model_dump(mode="json") for inputs in (earlier, self)]
         before, now = (dict(_leaves(inputs, ())) for inputs in dumped)
         paths = [path for path in dict.fromkeys([*before, *now]) if _text(before, path) != _text(now, path)]
@@ -78,7 +87,7 @@ class ReuseInputs(Model):
 
 
 def in_short(changes: list[str]) -> str:
-    """Some changes in one line, with the number of the others."""
+    """Joins descriptions of changed inputs into one line: the first ones, then the number of the others."""
     more = len(changes) - _MOST_CHANGES
     return "; ".join([*changes[:_MOST_CHANGES], *([f"and {more} more"] if more > 0 else [])])
 

@@ -16,7 +16,7 @@ OutcomeStatus = Literal["Completed", "Failed", "Canceled"]
 
 
 class Outcome(Part):
-    """How a run of a job finished, or the job without one."""
+    """Final status of a simulation job with its verdict and failure, to be written into the job's document."""
 
     status: OutcomeStatus = Field(description="Terminal status of the job.")
     failure_code: str | None = optional("The service's failure code; absent when none.")
@@ -30,18 +30,24 @@ class Outcome(Part):
     outputs: StoredPlace | None = optional("Place of its stored outputs; absent: they are not stored.")
 
     def changes(self) -> "SimulationJobProgress":
-        """Members that it sets in the job's document; its status is the job's own."""
+        """Returns the update that this outcome makes to the simulation job's document: verdict and failure.
+
+        The status is not part of the document.
+        """
         # One that lost its outputs after its run was judged has lost the verdict with them; a cancelled one has none.
         lost = {} if self.status == "Completed" else {"verdict": None, "verdict_reason": None}
         return SimulationJobProgress(**lost, **self._members())
 
     def about_run(self) -> dict[str, Any]:
-        """Members for the manifest of its outputs; `result.json` beside it has the verdict."""
+        """Returns the members that this outcome adds to the manifest of the output files.
+
+        The verdict is in `result.json` beside it.
+        """
         left_out: dict[str, None] = dict.fromkeys(("verdict", "verdict_reason", "video_s", "upload_s"))
         return self.model_copy(update=left_out).to_json()
 
     def announced(self, *, finished: bool | None) -> "SimulationJobProgress":
-        """The same members, and the outcome itself, while the outputs are not stored yet.
+        """Returns the document update for a job whose simulation has ended but whose outputs are not uploaded yet.
 
         Args:
             finished: whether the run wrote its outputs to the end; `None`: there are none.
@@ -60,7 +66,7 @@ _OF_JOB = (
 
 
 class EarlierRun(Part):
-    """A run of a job before its last one."""
+    """An earlier run of a simulation job which was restarted: when it ran, and how it ended."""
 
     run_id: str = Field(description="Id of the run.")
     started_at: str | None = optional("When it began.")
@@ -74,7 +80,7 @@ class EarlierRun(Part):
 
 
 class StoredNetworkInterface(Part):
-    """The network interface that clients are told of."""
+    """The network address of a simulation job, as the service's responses report it."""
 
     network_interface_id: str = Field(description="Its id.")
     private_ip_address: str = Field(description="Address inside the network.")
@@ -82,14 +88,14 @@ class StoredNetworkInterface(Part):
 
 
 class ResolvedKey(Part):
-    """An object of a data source."""
+    """One object of a job's data source, with the ETag that it had when the job was created."""
 
     s3_key: str = Field(description="Its key.")
     etag: str | None = optional("Its ETag when the job was created; absent: the job's role could not read it.")
 
 
 class ResolvedDataSource(Part):
-    """A data source with the objects that it meant when the job was created."""
+    """A data source of a simulation job, with the list of objects found when the job was created."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -105,7 +111,10 @@ ARCHIVE = "archive "
 
 
 class MadeOf(Part):
-    """Contents behind the names in a job's request when its run was prepared: by these it can be compared."""
+    """Hashes of the world and applications that a simulation job's request names, taken when its run was prepared.
+
+    Two runs can be compared by them.
+    """
 
     world: str | None = optional("Hash of the content of its world's bundle; absent: no world.")
     robot: str | None = optional("Content of its robot application: archive, image or package; absent: it names none.")
@@ -115,19 +124,19 @@ class MadeOf(Part):
 
     @property
     def robot_etag(self) -> str | None:
-        """ETag of the robot application's archive; `None`: it was no archive, or there was none."""
+        """ETag of the robot application's archive; `None` if there was no robot application or no archive."""
         return self.robot.removeprefix(ARCHIVE) if self.robot is not None and self.robot.startswith(ARCHIVE) else None
 
 
 class ReusedFrom(Part):
-    """The job whose results a job has taken over instead of running."""
+    """The earlier simulation job whose results a job took over instead of running."""
 
     job: str = Field(description="ARN of the job that ran.")
     spec_run: str | None = optional("The run of a specification that ordered it.")
 
 
 class SimulationJobProgress(FailureChanges):
-    """Members that are recorded while a simulation job runs, and when it ends."""
+    """Update to a simulation job's document that is written while the job runs and when it ends."""
 
     run_id: str | None = optional("Id of its last run; absent: it has not run.")
     last_started_at: str | None = optional("When that run began.")
@@ -175,7 +184,9 @@ class SimulationJobProgress(FailureChanges):
 
     @classmethod
     def begun(cls, run_id: str, waited_s: Mapping[Scarce, float], call_key: str) -> "SimulationJobProgress":
-        """The members of a new run, without the failure and the verdict of an earlier one.
+        """Returns the document update for a new run of a simulation job.
+
+        It clears the failure and verdict of an earlier run.
 
         Args:
             run_id: its id.
@@ -201,19 +212,19 @@ class SimulationJobProgress(FailureChanges):
 
     @property
     def started_at(self) -> datetime | None:
-        """When the last run began."""
+        """Time at which the job's last run began; `None` if it never ran."""
         return datetime.fromisoformat(self.last_started_at) if self.last_started_at else None
 
 
 class JobTrials(Changes):
-    """Members of a job that the progress of a batch reads instead of the whole document."""
+    """The number of finished trials of a simulation job, which a batch reads for its progress."""
 
     request_index: int | None = optional("Place of its request in its batch.")
     trials_finished: int | None = optional("How many trials had finished when it was asked.")
 
 
 class JobInBrief(FailureChanges, Brief):
-    """Members of a job that the console's live pages read instead of the whole document."""
+    """The few members of a simulation job which the web console's live pages read instead of the whole document."""
 
     request_index: int | None = optional("Place of its request in its batch.")
     last_started_at: str | None = optional("When its last run began.")
@@ -230,7 +241,7 @@ class JobInBrief(FailureChanges, Brief):
 
 
 class SimulationJobDocument(SimulationJobProgress, Document):
-    """A simulation job."""
+    """Catalog document of a simulation job: its request, resolved inputs, progress and outcome."""
 
     request: Json = Field(description="The request on the wire: a `SimulationJobOrder`.")
     request_index: int | None = optional("Place of its request in its batch; absent: no batch.")
@@ -246,7 +257,7 @@ class SimulationJobDocument(SimulationJobProgress, Document):
 
 
 class StoredBatchPolicy(Part):
-    """How a batch is run, with the defaults that held when it was created."""
+    """Limits of a simulation job batch (concurrency, timeout, priority), with the defaults filled in."""
 
     timeout_in_seconds: int = Field(description="Seconds after which it stops.")
     max_concurrency: int = Field(description="How many of its jobs run at once.")
@@ -254,7 +265,7 @@ class StoredBatchPolicy(Part):
 
 
 class FailedRequest(Part):
-    """A request that never becomes a job."""
+    """A request in a simulation job batch for which no job could be created, and why."""
 
     failure_code: str = Field(description="Why, a failure code of the service.")
     failure_reason: str = Field(description="The same in words.")
@@ -262,19 +273,19 @@ class FailedRequest(Part):
 
     @property
     def time(self) -> datetime:
-        """When that was found out."""
+        """Time at which the request failed."""
         return datetime.fromisoformat(self.failed_at)
 
 
 class BatchCounts(Changes):
-    """Counts that lists read instead of the whole batch."""
+    """Numbers of jobs and requests of a batch, which lists read instead of the whole document."""
 
     request_count: int = Field(description="How many requests it has.")
     failed_count: int = Field(default=0, description="How many of them never become jobs.")
 
 
 class BatchProgress(FailureChanges):
-    """Members that are recorded while a batch runs, and when it ends."""
+    """Update to a simulation job batch's document that is written while the batch runs and when it ends."""
 
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
     failed_count: int = Field(default=0, description="How many those are.")
@@ -290,7 +301,7 @@ class BatchProgress(FailureChanges):
 
 
 class BatchInBrief(FailureChanges, Brief):
-    """Members of a batch that the console reads."""
+    """The few members of a simulation job batch which the web console reads instead of the whole document."""
 
     request_count: int = Field(description="How many requests it has.")
     failed: dict[str, FailedRequest] = Field(default={}, description="Requests that never become jobs, by place.")
@@ -302,7 +313,7 @@ class BatchInBrief(FailureChanges, Brief):
 
 
 class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
-    """A simulation job batch."""
+    """Catalog document of a simulation job batch: its job requests, limits and progress."""
 
     request: Json = Field(description="The request on the wire: a `StartSimulationJobBatchRequest`.")
     batch_policy: StoredBatchPolicy = Field(description="How it is run.")
@@ -315,5 +326,5 @@ class SimulationJobBatchDocument(BatchProgress, BatchCounts, Document):
 
     @property
     def requests(self) -> list[Json]:
-        """The requests of its jobs on the wire, in order."""
+        """The batch's requests for simulation jobs, as JSON in the service's format, in order."""
         return self.request["createSimulationJobRequests"]

@@ -7,19 +7,19 @@ from .base import Changes, Document, FailureChanges, Part
 
 
 class StoredPlace(Part):
-    """Place of a folder of files in the object store."""
+    """Bucket and key prefix of a folder of files in the object store."""
 
     bucket: str = Field(description="Bucket.")
     prefix: str = Field(description="Prefix of all keys of its files; its last part names the content or run.")
 
     @property
     def last_part(self) -> str:
-        """Last part of the prefix, which names the content or run."""
+        """Last part of the key prefix: a content hash or the id of a run."""
         return self.prefix.rpartition("/")[2]
 
 
 class WorldDocument(Document):
-    """A world."""
+    """Catalog document of a generated world: its files in the object store, its template and its seed."""
 
     template: str | None = optional("ARN of the template it was generated from.")
     bundle: StoredPlace | None = optional("Place of its bundle.")
@@ -30,32 +30,32 @@ class WorldDocument(Document):
 
 
 class TemplateBody(Changes):
-    """The members that a template's body decides."""
+    """The part of a world template's document that changes when its body (the JSON description) is replaced."""
 
     version: str = Field(description="The body's version.")
     template_body: str = Field(description="The body as text, as it was given.")
 
 
 class WorldTemplateDocument(TemplateBody, Document):
-    """A world template."""
+    """Catalog document of a world template, from which worlds are generated."""
 
     client_request_token: str | None = optional("Token of the request that created it.")
 
 
 class StoredWorldCount(Part):
-    """How many worlds are requested."""
+    """Requested size of a world generation job: number of floor plans, and of interiors for each floor plan."""
 
     floorplan_count: int = Field(description="Number of different floor plans.")
     interior_count_per_floorplan: int = Field(description="Number of furnished worlds for each of them.")
 
     @property
     def total(self) -> int:
-        """How many worlds that are."""
+        """Number of worlds in all: floor plans times interiors for each."""
         return self.floorplan_count * self.interior_count_per_floorplan
 
 
 class WorldGenerationRequest(Part):
-    """The request as the caller sent it; members that nothing here needs are kept as they are."""
+    """Request of a world generation job as the caller sent it; members that no code here reads are stored unchanged."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -66,7 +66,7 @@ class WorldGenerationRequest(Part):
 
 
 class WorldFailureCount(Part):
-    """Worlds that failed for one reason."""
+    """Number of worlds of a generation job that failed for the same reason, with the failure code."""
 
     failure_code: str = Field(description="The reason's code.")
     sample_failure_reason: str = Field(description="The reason in words, of one of them.")
@@ -74,14 +74,14 @@ class WorldFailureCount(Part):
 
 
 class WorldFailures(Part):
-    """Worlds that failed, summed up by code."""
+    """Summary of the failed worlds of a generation job, counted by failure code."""
 
     total_failure_count: int = Field(default=0, description="How many.")
     failures: list[WorldFailureCount] = Field(default=[], description="Failures by code, the most frequent first.")
 
 
 class WorldGenerationProgress(FailureChanges):
-    """Members that are recorded while a world generation job runs, and when it ends."""
+    """Update to a world generation job's document that is written while the job runs and when it ends."""
 
     failures: WorldFailures | None = optional("Worlds that failed so far.")
     made_when_taken: int = Field(
@@ -91,7 +91,7 @@ class WorldGenerationProgress(FailureChanges):
 
 
 class WorldGenerationJobDocument(WorldGenerationProgress, Document):
-    """A world generation job."""
+    """Catalog document of a world generation job: its request and progress."""
 
     request: WorldGenerationRequest = Field(description="The request.")
     template_body: str = Field(description="The template's body when the job was created.")
@@ -100,14 +100,14 @@ class WorldGenerationJobDocument(WorldGenerationProgress, Document):
 
 
 class ArchiveLocation(Part):
-    """Location of the archive in the object store, by the names of the request."""
+    """Bucket and key prefix under which a world export job stores its archive, under the request's member names."""
 
     s3_bucket: str = Field(description="Bucket.")
     s3_prefix: str | None = optional("Prefix of its key.")
 
 
 class WorldExportRequest(Part):
-    """The request as the caller sent it; members that nothing here needs are kept as they are."""
+    """Request of a world export job as the caller sent it; members that no code here reads are stored unchanged."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -118,12 +118,12 @@ class WorldExportRequest(Part):
 
 
 class WorldExportProgress(FailureChanges):
-    """Members that are recorded while a world export job runs, and when it ends."""
+    """Update to a world export job's document that is written while the job runs and when it ends."""
 
     started: bool = Field(default=False, description="Whether it began, so that there may be an archive.")
 
 
 class WorldExportJobDocument(WorldExportProgress, Document):
-    """A world export job."""
+    """Catalog document of a world export job, which packs worlds into an archive: its request and progress."""
 
     request: WorldExportRequest = Field(description="The request.")

@@ -9,14 +9,14 @@ from ..wire.base import optional
 
 
 class RobotMembership(Changes):
-    """Members of a robot's document that change: its fleet, and the last deployment meant for it."""
+    """Update to a robot's catalog document: the fleet it is in, and the last deployment meant for it."""
 
     fleet: str | None = optional("ARN of its fleet; absent: it is in none.")
     last_deployment_job: str | None = optional("ARN of the last deployment meant for it.")
 
 
 class RobotEnrolment(Changes):
-    """How a robot proves who it is."""
+    """Update to a robot's catalog document: the hashes of the secret tokens by which the robot logs in."""
 
     token_sha256: str | None = optional("SHA-256 of its token, in hexadecimal digits; absent: it is not enrolled.")
 
@@ -32,12 +32,12 @@ class RobotEnrolment(Changes):
 
     @property
     def has_agent(self) -> bool:
-        """Whether an agent runs on it, or is about to, since nothing else does."""
+        """Whether the robot installs deployments with the project's own agent program, which runs on the robot."""
         return self.kind == "agent" or (self.token_sha256 is None and self.enrolment_sha256 is not None)
 
 
 class RobotSighting(Changes):
-    """When a robot was there."""
+    """Update to a robot's catalog document: the time of its last poll to the service."""
 
     last_seen_s: float | None = optional(
         "When it polled last, in seconds since the epoch, to a few seconds; absent: never."
@@ -45,13 +45,13 @@ class RobotSighting(Changes):
 
 
 class RobotAttributes(Changes):
-    """Attributes that a robot reports about itself."""
+    """Update to a robot's catalog document: attributes that the robot reports about itself, such as hardware."""
 
     attributes: dict[str, str] | None = optional("Texts by name; absent: it said nothing.")
 
 
 class RobotInstallation(Changes):
-    """Application and version that a robot installed last."""
+    """Update to a robot's catalog document: the application and version that the robot installed last."""
 
     installed_name: str | None = optional("Name of the application; absent: none yet.")
     installed_version: str | None = optional("Its version; absent: none yet.")
@@ -59,29 +59,29 @@ class RobotInstallation(Changes):
 
 
 class RobotDocument(RobotMembership, RobotEnrolment, RobotSighting, RobotAttributes, RobotInstallation, Document):
-    """A robot."""
+    """Catalog document of a physical robot that receives deployments."""
 
     architecture: str = Field(description="Architecture of its computer.")
     greengrass_group_id: str = Field(description="Its Greengrass group.")
 
     @property
     def installed(self) -> str | None:
-        """Application and version that it installed last, such as `courier 1`; `None`: it has installed nothing."""
+        """Application and version installed last on the robot, such as `courier 1`; `None` if it has installed none."""
         return " ".join(filter(None, (self.installed_name, self.installed_version))) or None
 
 
 class FleetChanges(Changes):
-    """Members of a fleet's document that change."""
+    """Update to a fleet's catalog document."""
 
     last_deployment_job: str | None = optional("ARN of its last deployment job.")
 
 
 class FleetDocument(FleetChanges, Document):
-    """A fleet."""
+    """Catalog document of a fleet, a group of physical robots that are deployed to together."""
 
 
 class RobotsRolledBack(Part):
-    """Robots that a deployment brings back to the version that they had before another one."""
+    """The robots that a deployment returns to the application version they had before an earlier deployment."""
 
     job: str = Field(description="ARN of the deployment job that failed.")
     robots: list[str] = Field(description="ARNs of the robots.")
@@ -89,7 +89,7 @@ class RobotsRolledBack(Part):
 
 
 class DeploymentJobDocument(FailureChanges, Document):
-    """A deployment job."""
+    """Catalog document of a deployment job, which installs an application version on the robots of a fleet."""
 
     deployment_application_configs: list[dict[str, Any]] = Field(
         description="Application to deploy: one `DeploymentApplicationConfig` on the wire."
@@ -104,7 +104,7 @@ class DeploymentJobDocument(FailureChanges, Document):
 
     @property
     def required_batch(self) -> str | None:
-        """ARN of the simulation job batch that has to have passed with what is deployed; `None`: none has to."""
+        """ARN of the simulation job batch that has to pass before the deployment begins; `None` if none has to."""
         return self.deployment_config.get("requiresBatch")
 
 

@@ -9,7 +9,9 @@ REQUIRES_BATCH_TAG = "robomaker:requiresBatch"
 
 
 def required_batch_of(request: CreateDeploymentJobRequest) -> str | None:
-    """The simulation job batch that a deployment requires, by its configuration or by its tag.
+    """Returns the ARN of the simulation job batch that a deployment request requires to have passed, or `None`.
+
+    The request names it in its configuration or in a tag.
 
     Raises:
         InvalidParameterException: it is no ARN of a batch, or the tag says something else than the configuration.

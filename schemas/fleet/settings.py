@@ -16,7 +16,7 @@ WING = "fleet"
 
 
 class FleetSettings(Model):
-    """All settings of fleets, resolved."""
+    """All settings of robot fleets and deployments, read from environment variables."""
 
     robots_url: str | None = Field(
         default=None,
@@ -37,7 +37,7 @@ class FleetSettings(Model):
 
     @classmethod
     def of(cls, settings: Settings) -> "FleetSettings":
-        """Those that are part of all settings; the defaults where these were not read from an environment."""
+        """Returns the fleet settings that are part of the program's settings, or the defaults if those contain none."""
         found = settings.of_wings.get(WING)
         return found if isinstance(found, cls) else cls()
 

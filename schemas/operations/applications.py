@@ -43,14 +43,14 @@ S3Etags = Annotated[list[S3Etag], ShapeName("S3Etags")]
 
 
 class RobotSoftwareSuite(Shape):
-    """The software a robot application is written for."""
+    """Name and version of the robot software (such as ROS) that a robot application is written for."""
 
     name: RobotSoftwareSuiteType | None = optional("The suite; `General` for anything.")
     version: RobotSoftwareSuiteVersionType | None = optional("Its distribution.")
 
 
 class SourceConfig(Shape):
-    """An archive with an application's files."""
+    """Location of an archive with an application's files, as a request gives it."""
 
     s3Bucket: S3Bucket | None = optional("Bucket of the archive.")
     s3Key: S3Key | None = optional("Key of the archive: .tar, .tar.gz or .zip.")
@@ -58,13 +58,13 @@ class SourceConfig(Shape):
 
 
 class Source(SourceConfig):
-    """An archive with an application's files, as it was found."""
+    """Location and ETag of an application's archive, as a response reports it."""
 
     etag: S3Etag | None = optional("Identifies the content it had.")
 
 
 class Environment(Shape):
-    """Package or image of an application that has no archives."""
+    """The Python package or container image of an application that has no archives."""
 
     uri: RepositoryUrl | None = optional("`python://package.module` for an installed package, or a container image.")
 
@@ -81,7 +81,7 @@ Sources = Annotated[list[Source], ShapeName("Sources")]
 
 
 class ApplicationContent(Shape):
-    """Members of the requests that say what an application is."""
+    """Members that requests to create or update an application share: its archives, environment and software suite."""
 
     sources: SourceConfigs | None = optional("Archives with its files, one per architecture.")
     robotSoftwareSuite: RobotSoftwareSuite = Field(description="The robot software it is written for.")
@@ -94,7 +94,7 @@ class ApplicationContent(Shape):
 
 
 class ApplicationRevision(Shape):
-    """Members of the responses that say what an application is."""
+    """Members that responses about an application share: name, version, archives, environment and revision id."""
 
     arn: Arn | None = optional("ARN of the application, of all its versions.")
     name: Name | None = optional("Its name.")
@@ -107,7 +107,7 @@ class ApplicationRevision(Shape):
 
 
 class ApplicationUpdate(ApplicationContent):
-    """Members of the requests that change an application."""
+    """Members that the requests to update a robot application and a simulation application share."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
     currentRevisionId: RevisionId | None = optional(
@@ -116,7 +116,7 @@ class ApplicationUpdate(ApplicationContent):
 
 
 class NewApplicationVersion(Shape):
-    """Members of the requests that keep an application as it is now under a number."""
+    """Members of requests that save an application's current content as a numbered, unchangeable version."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
     currentRevisionId: RevisionId | None = optional(
@@ -131,14 +131,14 @@ class NewApplicationVersion(Shape):
 
 
 class ApplicationSelection(Shape):
-    """Members of the requests that name an application, or one version of it."""
+    """Members of requests that name an application, or one version of it."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
     applicationVersion: Version | None = optional("A version's number, or `$LATEST`.")
 
 
 class ApplicationListRequest(Shape):
-    """Members of the requests for lists of applications."""
+    """Members of requests that list applications: filters, page size and version qualifier."""
 
     versionQualifier: VersionQualifier | None = optional(
         "`ALL` for every version; absent: each application as it is now."
@@ -158,7 +158,7 @@ def application_operations(
     update: type[Shape],
     delete: type[Shape],
 ) -> tuple[OperationShape, ...]:
-    """The six operations on the applications of one kind.
+    """Returns the six API operations on applications of one kind (robot or simulation).
 
     Args:
         role: `robot` or `simulation`.

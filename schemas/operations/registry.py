@@ -85,7 +85,7 @@ STEPS: Mapping[str, OperationShape] = dict(sorted({**OPERATIONS, **STEP_OPERATIO
 
 
 def operation_shape(name: str) -> OperationShape:
-    """Looks an operation up.
+    """Returns the description of a service operation (request, response, HTTP path, errors) by its name.
 
     Raises:
         InvalidParameterException: there is none of that name; the message has the nearest.
@@ -97,7 +97,7 @@ def operation_shape(name: str) -> OperationShape:
 
 
 def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestProblem]:
-    """Lists everything wrong with a request; empty when it can be parsed.
+    """Lists everything wrong with the plain data of a request; the list is empty for a valid request.
 
     Raises:
         InvalidParameterException: there is no operation of that name.
@@ -111,7 +111,7 @@ def check_request(operation_name: str, data: Mapping[str, Any]) -> list[RequestP
 
 
 def parse_request(operation_name: str, data: Mapping[str, Any]) -> Shape:
-    """Makes an operation's request from plain values.
+    """Parses and validates the plain data of a request for a service operation.
 
     Args:
         operation_name: the service's name of the operation.
@@ -136,7 +136,7 @@ def _refused(operation_name: str, problems: Sequence[RequestProblem]) -> Invalid
 
 
 def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembers) -> int | None:
-    """The seed a request asks for, by its member or by its tag.
+    """Returns the random seed that a request asks for, by its member or by its tag; `None` if it asks for none.
 
     Raises:
         InvalidParameterException: the tag is no whole number, or says something else than the member.
@@ -150,7 +150,7 @@ def seed_of(request: CreateWorldGenerationJobRequest | SimulationJobRequestMembe
 
 
 def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
-    """The video policy a request asks for, by its member or by its tag.
+    """Returns which runs of a simulation job a request wants videos of, by its member or tag; `None` if unsaid.
 
     Raises:
         InvalidParameterException: the tag is no policy, or says something else than the member.
@@ -166,7 +166,7 @@ def video_of(request: SimulationJobRequestMembers) -> VideoPolicy | None:
 
 
 def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
-    """The priority a batch asks for, by its policy or by its tag.
+    """Returns the priority that a batch request asks for, by its policy or its tag; `None` if it asks for none.
 
     Raises:
         InvalidParameterException: the tag is no priority, or says something else than the policy.
@@ -183,7 +183,7 @@ def priority_of(request: StartSimulationJobBatchRequest) -> int | None:
 
 
 def agreed(member: str, tag: str, by_member: _Value | None, by_tag: _Value) -> _Value:
-    """Returns what a tag asks for, where a member may ask for the same.
+    """Returns the value that a request gives by a tag, after checking that its member does not say otherwise.
 
     Raises:
         InvalidParameterException: the member asks for something else.

@@ -20,43 +20,43 @@ from .applications import (
 
 
 class CreateRobotApplicationRequest(ApplicationContent):
-    """Request for a robot application."""
+    """Request of `CreateRobotApplication`: registers a robot application (the program that controls a robot)."""
 
     name: Name = Field(description="Its name, unlike that of any other robot application.")
     tags: TagMap | None = optional("Tags for the application.")
 
 
 class CreateRobotApplicationResponse(ApplicationRevision):
-    """The application that was made."""
+    """Response of `CreateRobotApplication`: the application that was created."""
 
     tags: TagMap | None = optional("Its tags.")
 
 
 class CreateRobotApplicationVersionRequest(NewApplicationVersion):
-    """Request for a numbered version of a robot application: what it is now."""
+    """Request of `CreateRobotApplicationVersion`: saves a robot application's current content as a numbered version."""
 
 
 class CreateRobotApplicationVersionResponse(ApplicationRevision):
-    """The version that was made."""
+    """Response of `CreateRobotApplicationVersion`: the numbered version that was created."""
 
 
 class DescribeRobotApplicationRequest(ApplicationSelection):
-    """Asks for one robot application, as it is now or one version of it."""
+    """Request of `DescribeRobotApplication`: names the robot application, or one version of it, to describe."""
 
 
 class DescribeRobotApplicationResponse(ApplicationRevision):
-    """One robot application, or one version of it."""
+    """Response of `DescribeRobotApplication`: one robot application, or one version of it."""
 
     tags: TagMap | None = optional("Tags of the application; all its versions share them.")
     imageDigest: ImageDigest | None = optional("Digest of its container image, where known.")
 
 
 class ListRobotApplicationsRequest(ApplicationListRequest):
-    """Asks for robot applications, newest first."""
+    """Request of `ListRobotApplications`: asks for a page of robot applications, newest first."""
 
 
 class RobotApplicationSummary(Shape):
-    """One robot application, or one version of it, in a list."""
+    """Summary of a robot application, or of one version of it, as `ListRobotApplications` shows it."""
 
     name: Name | None = optional("Its name.")
     arn: Arn | None = optional("ARN of the application, of all its versions.")
@@ -66,7 +66,7 @@ class RobotApplicationSummary(Shape):
 
 
 class ListRobotApplicationsResponse(Shape):
-    """A page of robot applications."""
+    """Response of `ListRobotApplications`: one page of robot applications."""
 
     robotApplicationSummaries: (
         Annotated[list[RobotApplicationSummary], ShapeName("RobotApplicationSummaries", 0, 100)] | None
@@ -75,19 +75,19 @@ class ListRobotApplicationsResponse(Shape):
 
 
 class UpdateRobotApplicationRequest(ApplicationUpdate):
-    """Makes a robot application what the request says, whatever it was; its name and versions stay."""
+    """Request of `UpdateRobotApplication`: replaces a robot application's whole content; its name and versions stay."""
 
 
 class UpdateRobotApplicationResponse(ApplicationRevision):
-    """The application as it is now."""
+    """Response of `UpdateRobotApplication`: the updated application."""
 
 
 class DeleteRobotApplicationRequest(ApplicationSelection):
-    """Removes a robot application with all its versions, or one version of it."""
+    """Request of `DeleteRobotApplication`: deletes a robot application with all its versions, or one version of it."""
 
 
 class DeleteRobotApplicationResponse(Shape):
-    """Nothing: what was to be removed is not there any more."""
+    """Response of `DeleteRobotApplication`: empty, the application or version is deleted."""
 
 
 OPERATIONS = application_operations(

@@ -29,71 +29,71 @@ RenderingEngineVersionType = Annotated[str, ShapeName("RenderingEngineVersionTyp
 
 
 class SimulationSoftwareSuite(Shape):
-    """The simulator a simulation application is written for."""
+    """Name and version of the simulator (such as MuJoCo or Gazebo) that a simulation application is written for."""
 
     name: SimulationSoftwareSuiteType | None = optional("The suite; `SimulationRuntime` for the one that runs here.")
     version: SimulationSoftwareSuiteVersionType | None = optional("Its version.")
 
 
 class RenderingEngine(Shape):
-    """The rendering engine a Gazebo application asks for."""
+    """Name and version of the rendering engine that a Gazebo simulation application asks for."""
 
     name: RenderingEngineType | None = optional("The engine.")
     version: RenderingEngineVersionType | None = optional("Its version, such as `1.x`.")
 
 
 class SimulationContent(ApplicationContent):
-    """Members of the requests that say what a simulation application is."""
+    """Members that requests to create or update a simulation application share."""
 
     simulationSoftwareSuite: SimulationSoftwareSuite = Field(description="The simulator it is written for.")
     renderingEngine: RenderingEngine | None = optional("Rendering engine, for Gazebo.")
 
 
 class SimulationRevision(ApplicationRevision):
-    """Members of the responses that say what a simulation application is."""
+    """Members that responses about a simulation application share."""
 
     simulationSoftwareSuite: SimulationSoftwareSuite | None = optional("The simulator it is written for.")
     renderingEngine: RenderingEngine | None = optional("Rendering engine, for Gazebo.")
 
 
 class CreateSimulationApplicationRequest(SimulationContent):
-    """Request for a simulation application."""
+    """Request of `CreateSimulationApplication`: registers a simulation application (the simulated environment)."""
 
     name: Name = Field(description="Its name, unlike that of any other simulation application.")
     tags: TagMap | None = optional("Tags for the application.")
 
 
 class CreateSimulationApplicationResponse(SimulationRevision):
-    """The application that was made."""
+    """Response of `CreateSimulationApplication`: the application that was created."""
 
     tags: TagMap | None = optional("Its tags.")
 
 
 class CreateSimulationApplicationVersionRequest(NewApplicationVersion):
-    """Request for a numbered version of a simulation application: what it is now."""
+    """Request of `CreateSimulationApplicationVersion`: saves a simulation application as a numbered version."""
 
 
 class CreateSimulationApplicationVersionResponse(SimulationRevision):
-    """The version that was made."""
+    """Response of `CreateSimulationApplicationVersion`: the numbered version that was created."""
 
 
 class DescribeSimulationApplicationRequest(ApplicationSelection):
-    """Asks for one simulation application, as it is now or one version of it."""
+    """Request of `DescribeSimulationApplication`: names the simulation application, or the version of it."""
 
 
 class DescribeSimulationApplicationResponse(SimulationRevision):
-    """One simulation application, or one version of it."""
+    """Response of `DescribeSimulationApplication`: one simulation application, or one version of it."""
 
     tags: TagMap | None = optional("Tags of the application; all its versions share them.")
     imageDigest: ImageDigest | None = optional("Digest of its container image, where known.")
 
 
 class ListSimulationApplicationsRequest(ApplicationListRequest):
-    """Asks for simulation applications, newest first."""
+    """Request of `ListSimulationApplications`: asks for a page of simulation applications, newest first."""
 
 
 class SimulationApplicationSummary(Shape):
-    """One simulation application, or one version of it, in a list."""
+    """Summary of a simulation application, or of one version of it, as `ListSimulationApplications` shows it."""
 
     name: Name | None = optional("Its name.")
     arn: Arn | None = optional("ARN of the application, of all its versions.")
@@ -104,7 +104,7 @@ class SimulationApplicationSummary(Shape):
 
 
 class ListSimulationApplicationsResponse(Shape):
-    """A page of simulation applications."""
+    """Response of `ListSimulationApplications`: one page of simulation applications."""
 
     simulationApplicationSummaries: (
         Annotated[list[SimulationApplicationSummary], ShapeName("SimulationApplicationSummaries", 0, 100)] | None
@@ -113,19 +113,25 @@ class ListSimulationApplicationsResponse(Shape):
 
 
 class UpdateSimulationApplicationRequest(ApplicationUpdate, SimulationContent):
-    """Makes a simulation application what the request says, whatever it was; its name and versions stay."""
+    """Request of `UpdateSimulationApplication`: replaces the content of a simulation application.
+
+    Its name and versions stay.
+    """
 
 
 class UpdateSimulationApplicationResponse(SimulationRevision):
-    """The application as it is now."""
+    """Response of `UpdateSimulationApplication`: the updated application."""
 
 
 class DeleteSimulationApplicationRequest(ApplicationSelection):
-    """Removes a simulation application with all its versions, or one version of it."""
+    """Request of `DeleteSimulationApplication`: deletes a simulation application or one version of it.
+
+    Without a version, all versions are deleted, too.
+    """
 
 
 class DeleteSimulationApplicationResponse(Shape):
-    """Nothing: what was to be removed is not there any more."""
+    """Response of `DeleteSimulationApplication`: empty, the application or version is deleted."""
 
 
 OPERATIONS = application_operations(

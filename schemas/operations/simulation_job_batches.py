@@ -45,7 +45,7 @@ MaxConcurrency = Annotated[int, ShapeName("MaxConcurrency"), Field(ge=1)]
 
 
 class BatchPolicy(Shape):
-    """Limits of a batch."""
+    """Limits of a simulation job batch: its timeout, how many jobs run at once, and its priority."""
 
     timeoutInSeconds: BatchTimeoutInSeconds | None = optional(
         "Time for the whole batch in seconds, 1 to 1209600; absent: 14 days."
@@ -57,7 +57,7 @@ class BatchPolicy(Shape):
 
 
 class StartSimulationJobBatchRequest(Shape):
-    """Request for a batch."""
+    """Request of `StartSimulationJobBatch`: starts a batch of simulation jobs."""
 
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same batch."
@@ -68,7 +68,7 @@ class StartSimulationJobBatchRequest(Shape):
 
 
 class FailedCreateSimulationJobRequest(Shape):
-    """A request that never became a job."""
+    """A request of a simulation job batch for which no job was created, with the reason."""
 
     request: SimulationJobRequest | None = optional("The request as it was sent.")
     failureReason: GenericString | None = optional("Why not, in words.")
@@ -83,7 +83,7 @@ PendingSimulationJobRequests = Annotated[list[SimulationJobRequest], ShapeName("
 
 
 class StartSimulationJobBatchResponse(Shape):
-    """The batch as it was accepted. The three lists are always sent, even when empty."""
+    """Response of `StartSimulationJobBatch`: the accepted batch. The three lists are always sent, even when empty."""
 
     arn: Arn | None = optional("ARN of the batch.")
     status: SimulationJobBatchStatus | None = optional("Status of the batch.")
@@ -99,19 +99,19 @@ class StartSimulationJobBatchResponse(Shape):
 
 
 class DescribeSimulationJobBatchRequest(Shape):
-    """Asks for one batch."""
+    """Request of `DescribeSimulationJobBatch`: names the batch to describe."""
 
     batch: Arn = Field(description="ARN of the batch.")
 
 
 class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
-    """One batch."""
+    """Response of `DescribeSimulationJobBatch`: one batch with its pending, failed and created jobs."""
 
     lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
 
 
 class ListSimulationJobBatchesRequest(Shape):
-    """Asks for batches, newest first."""
+    """Request of `ListSimulationJobBatches`: asks for a page of batches, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
@@ -122,7 +122,7 @@ Integer = Annotated[int, ShapeName("Integer")]
 
 
 class SimulationJobBatchSummary(Shape):
-    """One batch in a list."""
+    """Summary of a simulation job batch, as `ListSimulationJobBatches` shows it."""
 
     arn: Arn | None = optional("ARN of the batch.")
     lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
@@ -137,20 +137,20 @@ SimulationJobBatchSummaries = Annotated[list[SimulationJobBatchSummary], ShapeNa
 
 
 class ListSimulationJobBatchesResponse(Shape):
-    """A page of batches."""
+    """Response of `ListSimulationJobBatches`: one page of batches."""
 
     simulationJobBatchSummaries: SimulationJobBatchSummaries | None = optional("Batches, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelSimulationJobBatchRequest(Shape):
-    """Names the batch to cancel."""
+    """Request of `CancelSimulationJobBatch`: names the batch to cancel."""
 
     batch: Arn = Field(description="ARN of the batch.")
 
 
 class CancelSimulationJobBatchResponse(Shape):
-    """Empty: the batch and its jobs end soon, or have ended."""
+    """Response of `CancelSimulationJobBatch`: empty; the batch and its jobs end soon, or have ended."""
 
 
 OPERATIONS = (

@@ -97,7 +97,7 @@ SimulationTimeMillis = Annotated[int, ShapeName("SimulationTimeMillis", wire_typ
 
 
 class SimulationJobRequestMembers(Shape):
-    """Members of a request for one job, on its own or in a batch."""
+    """Members that requests for a simulation job share, whether the job is on its own or in a batch."""
 
     outputLocation: OptionalOutputLocation = optional(
         "Location of the outputs; absent or empty: the configured bucket."
@@ -143,7 +143,7 @@ class SimulationJobRequestMembers(Shape):
 
 
 class CreateSimulationJobRequest(SimulationJobRequestMembers):
-    """Request for one job."""
+    """Request of `CreateSimulationJob`: starts one simulation job."""
 
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same job."
@@ -152,14 +152,14 @@ class CreateSimulationJobRequest(SimulationJobRequestMembers):
 
 
 class SimulationJobRequest(SimulationJobRequestMembers):
-    """Request for one job of a batch."""
+    """Request for one simulation job of a batch."""
 
     iamRole: IamRole | None = optional("ARN of the role whose rights the job has.")
     useDefaultApplications: bool | None = optional("Whether the usual tools run beside it.")
 
 
 class CreateSimulationJobResponse(Shape):
-    """The job as it was accepted."""
+    """Response of `CreateSimulationJob`: the accepted simulation job."""
 
     arn: Arn | None = optional("ARN of the job.")
     status: SimulationJobStatus | None = optional("Status of the job.")
@@ -182,7 +182,7 @@ class CreateSimulationJobResponse(Shape):
 
 
 class SimulationJob(CreateSimulationJobResponse):
-    """One job."""
+    """Full description of one simulation job."""
 
     name: Name | None = optional("Its name: the last part of its ARN.")
     failureReason: GenericString | None = optional("Why it failed, in words.")
@@ -190,23 +190,23 @@ class SimulationJob(CreateSimulationJobResponse):
 
 
 class DescribeSimulationJobRequest(Shape):
-    """Asks for one job."""
+    """Request of `DescribeSimulationJob`: names the simulation job to describe."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class DescribeSimulationJobResponse(SimulationJob):
-    """One job."""
+    """Response of `DescribeSimulationJob`: full description of one simulation job."""
 
 
 class BatchDescribeSimulationJobRequest(Shape):
-    """Asks for several jobs."""
+    """Request of `BatchDescribeSimulationJob`: names the simulation jobs to describe."""
 
     jobs: Arns = Field(description="ARNs of the jobs, 1 to 100.")
 
 
 class BatchDescribeSimulationJobResponse(Shape):
-    """Several jobs."""
+    """Response of `BatchDescribeSimulationJob`: the simulation jobs in full, and the ARNs that were not found."""
 
     jobs: Annotated[list[SimulationJob], ShapeName("SimulationJobs")] | None = optional("Those that were found.")
     unprocessedJobs: AnsweredArns | None = optional("ARNs of the others.")
@@ -218,7 +218,7 @@ DataSourceNames = Annotated[list[Name], ShapeName("DataSourceNames")]
 
 
 class SimulationJobSummary(Shape):
-    """One job in a list."""
+    """Summary of a simulation job, as `ListSimulationJobs` shows it."""
 
     arn: Arn | None = optional("ARN of the job.")
     lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
@@ -239,7 +239,7 @@ SimulationJobMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le
 
 
 class ListSimulationJobsRequest(Shape):
-    """Asks for jobs, newest first."""
+    """Request of `ListSimulationJobs`: asks for a page of simulation jobs, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: SimulationJobMaxResults | None = optional(
@@ -251,30 +251,30 @@ class ListSimulationJobsRequest(Shape):
 
 
 class ListSimulationJobsResponse(Shape):
-    """A page of jobs."""
+    """Response of `ListSimulationJobs`: one page of simulation jobs."""
 
     simulationJobSummaries: SimulationJobSummaries = Field(description="Jobs, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelSimulationJobRequest(Shape):
-    """Names the job to cancel."""
+    """Request of `CancelSimulationJob`: names the simulation job to cancel."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class CancelSimulationJobResponse(Shape):
-    """Empty: the job ends soon, or has ended."""
+    """Response of `CancelSimulationJob`: empty; the job ends soon, or has ended."""
 
 
 class RestartSimulationJobRequest(Shape):
-    """Names the job to restart."""
+    """Request of `RestartSimulationJob`: names the running simulation job to restart."""
 
     job: Arn = Field(description="ARN of the job; it has to be running.")
 
 
 class RestartSimulationJobResponse(Shape):
-    """Empty: the job is restarting."""
+    """Response of `RestartSimulationJob`: empty, the job is restarting."""
 
 
 OPERATIONS = (

@@ -16,37 +16,37 @@ _IN_PATH: Mapping[str, Location] = {"resourceArn": "uri"}
 
 
 class ListTagsForResourceRequest(Shape):
-    """Asks for a resource's tags."""
+    """Request of `ListTagsForResource`: names the resource whose tags are listed."""
 
     resourceArn: Arn = Field(description="ARN of the resource.")
 
 
 class ListTagsForResourceResponse(Shape):
-    """A resource's tags."""
+    """Response of `ListTagsForResource`: the tags (key-value labels) of a resource."""
 
     tags: TagMap | None = optional("All of them.")
 
 
 class TagResourceRequest(Shape):
-    """Adds tags to a resource."""
+    """Request of `TagResource`: adds tags (key-value labels) to a resource."""
 
     resourceArn: Arn = Field(description="ARN of the resource.")
     tags: TagMap = Field(description="Tags to add; keys that the resource has get the new value.")
 
 
 class TagResourceResponse(Shape):
-    """The resource has the tags."""
+    """Response of `TagResource`: empty, the resource has the tags."""
 
 
 class UntagResourceRequest(Shape):
-    """Removes tags from a resource."""
+    """Request of `UntagResource`: removes tags from a resource, by key."""
 
     resourceArn: Arn = Field(description="ARN of the resource.")
     tagKeys: TagKeyList = Field(description="Keys of the tags to remove; those it does not have are ignored.")
 
 
 class UntagResourceResponse(Shape):
-    """The resource does not have the tags."""
+    """Response of `UntagResource`: empty, the tags are removed."""
 
 
 OPERATIONS = (

@@ -33,7 +33,7 @@ WorldExportJobErrorCode = Annotated[
 
 
 class CreateWorldExportJobRequest(Shape):
-    """Request for an archive of worlds."""
+    """Request of `CreateWorldExportJob`: packs worlds into an archive in the object store."""
 
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same job."
@@ -45,7 +45,7 @@ class CreateWorldExportJobRequest(Shape):
 
 
 class CreateWorldExportJobResponse(Shape):
-    """The job as it was accepted."""
+    """Response of `CreateWorldExportJob`: the accepted world export job."""
 
     arn: Arn | None = optional("ARN of the job.")
     status: WorldExportJobStatus | None = optional("Status of the job.")
@@ -58,20 +58,20 @@ class CreateWorldExportJobResponse(Shape):
 
 
 class DescribeWorldExportJobRequest(Shape):
-    """Asks for one job."""
+    """Request of `DescribeWorldExportJob`: names the world export job to describe."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
-    """One job."""
+    """Response of `DescribeWorldExportJob`: one world export job."""
 
     failureReason: GenericString | None = optional("Why it failed, in words.")
     worlds: AnsweredArns | None = optional("ARNs of the worlds in the archive.")
 
 
 class ListWorldExportJobsRequest(Shape):
-    """Asks for export jobs, newest first."""
+    """Request of `ListWorldExportJobs`: asks for a page of world export jobs, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
@@ -82,7 +82,7 @@ class ListWorldExportJobsRequest(Shape):
 
 
 class WorldExportJobSummary(Shape):
-    """One export job in a list."""
+    """Summary of a world export job, as `ListWorldExportJobs` shows it."""
 
     arn: Arn | None = optional("ARN of the job.")
     status: WorldExportJobStatus | None = optional("Status of the job.")
@@ -95,20 +95,20 @@ WorldExportJobSummaries = Annotated[list[WorldExportJobSummary], ShapeName("Worl
 
 
 class ListWorldExportJobsResponse(Shape):
-    """A page of export jobs."""
+    """Response of `ListWorldExportJobs`: one page of world export jobs."""
 
     worldExportJobSummaries: WorldExportJobSummaries = Field(description="Jobs, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelWorldExportJobRequest(Shape):
-    """Names the job to cancel."""
+    """Request of `CancelWorldExportJob`: names the world export job to cancel."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class CancelWorldExportJobResponse(Shape):
-    """Empty: the job is cancelled, or has ended before."""
+    """Response of `CancelWorldExportJob`: empty; the job is cancelled, or ended before."""
 
 
 OPERATIONS = (

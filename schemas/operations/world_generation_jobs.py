@@ -40,7 +40,7 @@ _MAX_COUNT = 2**31 - 1  # what the wire's whole numbers hold
 
 
 def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
-    """Why a job cannot make so many worlds; `None` if it can.
+    """Explains why a world generation job exceeds the limit on its number of worlds; `None` if it does not.
 
     Args:
         floorplans: how many floor plans.
@@ -57,7 +57,10 @@ def too_many_worlds(floorplans: int, interiors: int, most: int) -> str | None:
 
 
 class WorldCount(Shape):
-    """How many worlds: the product of both numbers. A job that asks for too many, 50 by default, fails."""
+    """Number of worlds to generate: floor plans times interiors for each.
+
+    A job that asks for too many, 50 by default, fails.
+    """
 
     floorplanCount: FloorplanCount | None = optional("Number of different floor plans.")
     interiorCountPerFloorplan: InteriorCountPerFloorplan | None = optional(
@@ -77,7 +80,7 @@ class WorldCount(Shape):
 
 
 class CreateWorldGenerationJobRequest(Shape):
-    """Request for worlds."""
+    """Request of `CreateWorldGenerationJob`: generates worlds from a world template."""
 
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same job."
@@ -90,7 +93,7 @@ class CreateWorldGenerationJobRequest(Shape):
 
 
 class CreateWorldGenerationJobResponse(Shape):
-    """The job as it was accepted."""
+    """Response of `CreateWorldGenerationJob`: the accepted world generation job."""
 
     arn: Arn | None = optional("ARN of the job.")
     status: WorldGenerationJobStatus | None = optional("Status of the job.")
@@ -104,13 +107,13 @@ class CreateWorldGenerationJobResponse(Shape):
 
 
 class DescribeWorldGenerationJobRequest(Shape):
-    """Asks for one job."""
+    """Request of `DescribeWorldGenerationJob`: names the world generation job to describe."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class WorldFailure(Shape):
-    """Worlds that failed for one reason."""
+    """Number of worlds of a generation job that failed for the same reason, with its code and an example."""
 
     failureCode: WorldGenerationJobErrorCode | None = optional("The reason's code.")
     sampleFailureReason: GenericString | None = optional("The reason in words, of one of them.")
@@ -121,14 +124,14 @@ WorldFailures = Annotated[list[WorldFailure], ShapeName("WorldFailures", 0, 100)
 
 
 class FailureSummary(Shape):
-    """Worlds that failed."""
+    """Failed worlds of a generation job, with their total number, grouped by reason."""
 
     totalFailureCount: int | None = optional("How many worlds failed.")
     failures: WorldFailures | None = optional("Failed worlds by reason.")
 
 
 class FinishedWorldsSummary(Shape):
-    """Worlds that are finished, well or badly; grows while the job runs."""
+    """Finished worlds of a generation job, succeeded and failed; it grows while the job runs."""
 
     finishedCount: int | None = optional("Succeeded and failed worlds together.")
     succeededWorlds: AnsweredArns | None = optional("ARNs of the worlds that can be used.")
@@ -136,14 +139,14 @@ class FinishedWorldsSummary(Shape):
 
 
 class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
-    """One job."""
+    """Response of `DescribeWorldGenerationJob`: one world generation job."""
 
     failureReason: GenericString | None = optional("Why it failed, in words.")
     finishedWorldsSummary: FinishedWorldsSummary | None = optional("How many worlds were made, and which failed.")
 
 
 class ListWorldGenerationJobsRequest(Shape):
-    """Asks for generation jobs, newest first."""
+    """Request of `ListWorldGenerationJobs`: asks for a page of world generation jobs, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
@@ -151,7 +154,7 @@ class ListWorldGenerationJobsRequest(Shape):
 
 
 class WorldGenerationJobSummary(Shape):
-    """One generation job in a list."""
+    """Summary of a world generation job, as `ListWorldGenerationJobs` shows it."""
 
     arn: Arn | None = optional("ARN of the job.")
     template: Arn | None = optional("ARN of the template.")
@@ -168,20 +171,20 @@ WorldGenerationJobSummaries = Annotated[
 
 
 class ListWorldGenerationJobsResponse(Shape):
-    """A page of generation jobs."""
+    """Response of `ListWorldGenerationJobs`: one page of world generation jobs."""
 
     worldGenerationJobSummaries: WorldGenerationJobSummaries = Field(description="Jobs, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelWorldGenerationJobRequest(Shape):
-    """Names the job to cancel."""
+    """Request of `CancelWorldGenerationJob`: names the world generation job to cancel."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class CancelWorldGenerationJobResponse(Shape):
-    """Empty: the job is cancelled, or has ended before."""
+    """Response of `CancelWorldGenerationJob`: empty; the job is cancelled, or ended before."""
 
 
 OPERATIONS = (

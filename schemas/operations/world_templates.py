@@ -49,14 +49,14 @@ TemplateBody = Annotated[Json, BeforeValidator(_as_text, json_schema_input_type=
 
 
 class TemplateLocation(Shape):
-    """An object that holds a template body."""
+    """Bucket and key of an object that holds a world template's body (JSON)."""
 
     s3Bucket: S3Bucket = Field(description="Bucket of the object.")
     s3Key: S3Key = Field(description="Key of the object.")
 
 
 class CreateWorldTemplateRequest(Shape):
-    """Request for a world template."""
+    """Request of `CreateWorldTemplate`: creates a world template, from which worlds are generated."""
 
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same template."
@@ -73,7 +73,7 @@ class CreateWorldTemplateRequest(Shape):
 
 
 class CreateWorldTemplateResponse(Shape):
-    """The template that was made."""
+    """Response of `CreateWorldTemplate`: the world template that was created."""
 
     arn: Arn | None = optional("ARN of the template.")
     clientRequestToken: ClientRequestToken | None = optional("The request's token.")
@@ -83,7 +83,10 @@ class CreateWorldTemplateResponse(Shape):
 
 
 class UpdateWorldTemplateRequest(Shape):
-    """Changes a template's name, its body, or both; what is absent stays as it is."""
+    """Request of `UpdateWorldTemplate`: changes a world template's name, its body, or both.
+
+    Absent members stay as they are.
+    """
 
     template: Arn = Field(description="ARN of the template.")
     name: TemplateName | None = optional("Its new name; empty: it has none any more.")
@@ -100,7 +103,7 @@ class UpdateWorldTemplateRequest(Shape):
 
 
 class UpdateWorldTemplateResponse(Shape):
-    """The template as it is now."""
+    """Response of `UpdateWorldTemplate`: the updated world template."""
 
     arn: Arn | None = optional("ARN of the template.")
     name: TemplateName | None = optional("Its name.")
@@ -109,13 +112,13 @@ class UpdateWorldTemplateResponse(Shape):
 
 
 class DescribeWorldTemplateRequest(Shape):
-    """Asks for one template, without its body."""
+    """Request of `DescribeWorldTemplate`: names the world template to describe, without its body."""
 
     template: Arn = Field(description="ARN of the template.")
 
 
 class DescribeWorldTemplateResponse(Shape):
-    """One template, without its body."""
+    """Response of `DescribeWorldTemplate`: one world template, without its body."""
 
     arn: Arn | None = optional("ARN of the template.")
     clientRequestToken: ClientRequestToken | None = optional("Token it was made with.")
@@ -127,7 +130,7 @@ class DescribeWorldTemplateResponse(Shape):
 
 
 class GetWorldTemplateBodyRequest(Shape):
-    """Asks for a template's body."""
+    """Request of `GetWorldTemplateBody`: asks for the JSON body of a world template."""
 
     template: Arn | None = optional("ARN of the template whose present body is wanted.")
     generationJob: Arn | None = optional("ARN of the generation job whose body, as it was then, is wanted.")
@@ -139,20 +142,20 @@ class GetWorldTemplateBodyRequest(Shape):
 
 
 class GetWorldTemplateBodyResponse(Shape):
-    """A template's body."""
+    """Response of `GetWorldTemplateBody`: the JSON body of a world template."""
 
     templateBody: Json | None = optional("The body, JSON text.")
 
 
 class ListWorldTemplatesRequest(Shape):
-    """Asks for templates, newest first."""
+    """Request of `ListWorldTemplates`: asks for a page of world templates, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
 
 
 class TemplateSummary(Shape):
-    """One template in a list."""
+    """Summary of a world template, as `ListWorldTemplates` shows it."""
 
     arn: Arn | None = optional("ARN of the template.")
     createdAt: Timestamp | None = optional("When it was made.")
@@ -165,20 +168,20 @@ TemplateSummaries = Annotated[list[TemplateSummary], ShapeName("TemplateSummarie
 
 
 class ListWorldTemplatesResponse(Shape):
-    """A page of templates."""
+    """Response of `ListWorldTemplates`: one page of world templates."""
 
     templateSummaries: TemplateSummaries | None = optional("Templates, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteWorldTemplateRequest(Shape):
-    """Names the template to delete."""
+    """Request of `DeleteWorldTemplate`: names the world template to delete."""
 
     template: Arn = Field(description="ARN of the template.")
 
 
 class DeleteWorldTemplateResponse(Shape):
-    """Empty: the template is gone."""
+    """Response of `DeleteWorldTemplate`: empty, the template is deleted."""
 
 
 OPERATIONS = (

@@ -10,13 +10,13 @@ from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 
 
 class DescribeWorldRequest(Shape):
-    """Asks for one world."""
+    """Request of `DescribeWorld`: names the simulation world to describe."""
 
     world: Arn = Field(description="ARN of the world.")
 
 
 class DescribeWorldResponse(Shape):
-    """One world."""
+    """Response of `DescribeWorld`: one generated simulation world."""
 
     arn: Arn | None = optional("ARN of the world.")
     generationJob: Arn | None = optional("ARN of the job that generated it.")
@@ -29,7 +29,7 @@ class DescribeWorldResponse(Shape):
 
 
 class ListWorldsRequest(Shape):
-    """Asks for worlds, newest first."""
+    """Request of `ListWorlds`: asks for a page of worlds, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
@@ -40,7 +40,7 @@ class ListWorldsRequest(Shape):
 
 
 class WorldSummary(Shape):
-    """One world in a list."""
+    """Summary of a simulation world, as `ListWorlds` shows it."""
 
     arn: Arn | None = optional("ARN of the world.")
     createdAt: Timestamp | None = optional("When it was finished.")
@@ -52,20 +52,20 @@ WorldSummaries = Annotated[list[WorldSummary], ShapeName("WorldSummaries")]
 
 
 class ListWorldsResponse(Shape):
-    """A page of worlds."""
+    """Response of `ListWorlds`: one page of worlds."""
 
     worldSummaries: WorldSummaries | None = optional("Worlds, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class BatchDeleteWorldsRequest(Shape):
-    """Names the worlds to delete."""
+    """Request of `BatchDeleteWorlds`: names the worlds to delete."""
 
     worlds: Arns = Field(description="ARNs of the worlds, 1 to 100.")
 
 
 class BatchDeleteWorldsResponse(Shape):
-    """Worlds that were not deleted."""
+    """Response of `BatchDeleteWorlds`: the worlds that could not be deleted."""
 
     unprocessedWorlds: AnsweredArns | None = optional("ARNs of the worlds that do not exist or could not be deleted.")
 

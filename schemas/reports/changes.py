@@ -10,7 +10,10 @@ from .run_record import CaseOutcome
 
 
 class CellName(Model):
-    """Name of a job in every run of its specification: a cell of the table of jobs and nights."""
+    """Identity of a simulation job across repeated runs of a specification: step, world, robot, variables and seed.
+
+    It is a cell in the table of jobs and nights.
+    """
 
     step: str = Field(default="", description="The step that made it.")
     test: str = Field(description="World or number of the request, and application: `world-1 scout`.")
@@ -22,7 +25,7 @@ class CellName(Model):
 
     @property
     def title(self) -> str:
-        """All of it in words: `drive: world-1 scout, SPEED=2, seed 7`."""
+        """The job's whole name in words: `drive: world-1 scout, SPEED=2, seed 7`."""
         parts = [f"{self.step}: {self.test}" if self.step else self.test, self.variant]
         if self.seed is not None and "seed=" not in self.variant:
             parts.append(f"seed {self.seed}")
@@ -30,7 +33,7 @@ class CellName(Model):
 
 
 class ChangedInput(Model):
-    """Something that differs between a night on which a job passed and the next one, on which it did not."""
+    """An input of a job that changed between the last run in which the job passed and the failure after it."""
 
     what: Literal["commit", "application", "version", "request", "requirements"] = Field(
         description="Kind of input; `request`: all that is asked for beside requirements."
@@ -41,7 +44,7 @@ class ChangedInput(Model):
 
 
 class FailureStart(Model):
-    """Since when a job fails."""
+    """The run since which a job fails, with the last run before it in which the job passed."""
 
     run_id: str = Field(description="First run in which it failed.")
     started_at: datetime = Field(description="Start of that run, UTC.")
@@ -53,7 +56,7 @@ class FailureStart(Model):
 
 
 class NewlyMissed(Model):
-    """A trial that misses a requirement which it met before."""
+    """A trial that misses a requirement which it met in the run before."""
 
     cell: CellName = Field(description="The job that it is a trial of.")
     job: str = Field(description="Id of the job in the last run.")
@@ -65,7 +68,7 @@ class NewlyMissed(Model):
 
 
 class RequirementChange(Model):
-    """A requirement that some trials newly miss, or newly meet."""
+    """A requirement that some trials of a job newly miss, or newly meet, since the run before."""
 
     name: str = Field(description="The requirement.")
     pairs: int = Field(description="Trials in which it was judged both times.")
@@ -77,7 +80,7 @@ class RequirementChange(Model):
 
 
 class CellChange(Model):
-    """A job of the last run that fails, or stopped failing."""
+    """A job that fails in the last run, or that stopped failing in it."""
 
     cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run.")
@@ -90,7 +93,7 @@ class CellChange(Model):
 
 
 class Loss(Model):
-    """A job that a run lacks, or judges by less than an earlier run did."""
+    """A simulation job that is missing from a run, or is judged by fewer requirements than in an earlier run."""
 
     cell: CellName = Field(description="Name of the job.")
     job: str = Field(description="Id of the job in the last run that has it.")
@@ -102,7 +105,7 @@ class Loss(Model):
 
 
 class Losses(Model):
-    """Losses of a run against earlier ones: a run that passes since it judges less is no better."""
+    """Jobs and requirements that a run lacks against earlier runs: passing with fewer checks is no improvement."""
 
     gone: list[Loss] = Field(
         default=[], description="Jobs that an earlier run has, and this one lacks without a new job in their place."
@@ -117,12 +120,12 @@ class Losses(Model):
 
     @property
     def has_losses(self) -> bool:
-        """Whether anything is gone or judged by less."""
+        """Whether any job is missing from the run or is judged by fewer requirements."""
         return bool(self.gone or self.no_longer_judged or self.asked_less or self.fewer_trials)
 
 
 class SinceLastRun(Losses):
-    """Differences from the run before: the beginning of a nightly's report."""
+    """Differences of a run from the run before, which a nightly report shows first."""
 
     previous_run_id: str | None = optional("The run before; absent: this is the first.")
     previous_started_at: datetime | None = optional("Start of that run, UTC.")

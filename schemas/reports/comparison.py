@@ -22,7 +22,7 @@ ANSWER_EXIT_CODES: dict[Answer, int] = {
 
 
 class ComparedRun(Model):
-    """One of the two runs."""
+    """Identity of one of the two runs of a comparison: its id, specification and time."""
 
     run_id: str = Field(description="Id of the run.")
     name: str = Field(description="Name of its specification.")
@@ -32,7 +32,7 @@ class ComparedRun(Model):
 
 
 class PairedJob(Model):
-    """A job of both runs."""
+    """A simulation job that both runs of a comparison have, with its outcome in each."""
 
     cell: CellName = Field(description="Name of the job.")
     before: CaseOutcome = Field(description="Outcome in the first run.")
@@ -47,7 +47,10 @@ Test = Literal["exact McNemar", "sign flip of worlds"]
 
 
 class RateChange(Model):
-    """Pass rates of the pairs of trials that were judged in both runs; a job without trials is one."""
+    """Pass rates of two runs over the trials that were judged in both, with a test of the difference.
+
+    A job without trials counts as one trial.
+    """
 
     pairs: int = Field(description="How many pairs those are.")
     worlds: int = Field(description="How many worlds they are in; jobs without a world count as one.")
@@ -67,7 +70,7 @@ class RateChange(Model):
 
 
 class NeededPairs(Model):
-    """How many pairs of trials would show a difference, by the power of the test that decides."""
+    """Number of trial pairs needed to detect a difference of pass rates, by the power of the statistical test."""
 
     difference: float = Field(description="Difference of the pass rates that is to be shown, positive.")
     basis: Literal["asked for", "as found", "10 points"] = Field(
@@ -82,7 +85,7 @@ class NeededPairs(Model):
 
 
 class MetricChange(Model):
-    """One metric, or the margin of a requirement, of the trials that ended in both runs."""
+    """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
 
     name: str = Field(description="The metric, with its unit.")
     pairs: int = Field(description="Pairs that have it.")
@@ -95,7 +98,7 @@ class MetricChange(Model):
 
 
 class Comparison(Losses):
-    """Two runs, compared job by job."""
+    """Comparison of two runs of a specification, job by job."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     before: ComparedRun = Field(description="The first run.")

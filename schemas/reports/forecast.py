@@ -9,7 +9,7 @@ from ..wire.base import Model
 
 
 class JobCost(Model):
-    """Time and disk space that one simulation job of a probe took."""
+    """Measured time (s), CPU time and disk space (bytes) of one simulation job in a probe run."""
 
     slot_s: float = Field(ge=0, description="Wall-clock time for which no other job could have its place.")
     run_s: float = Field(
@@ -22,7 +22,7 @@ class JobCost(Model):
 
 
 class StepProbe(Model):
-    """Measurements of one step by a probe."""
+    """Time and disk measurements of one step in a probe, a small trial run of a specification."""
 
     step: str = Field(description="The step.")
     operation: str = Field(description="The operation it calls.")
@@ -36,7 +36,7 @@ class StepProbe(Model):
 
 
 class Places(Model):
-    """Places for jobs and worlds that run at once."""
+    """Number of machines, of jobs at once on each, and of processors, that a forecast assumes."""
 
     machines: int = Field(ge=1, description="Machines that run jobs of batches.")
     jobs_per_machine: int = Field(ge=1, description="Simulation jobs at once on each of them.")
@@ -44,7 +44,7 @@ class Places(Model):
 
 
 class StepForecast(Model):
-    """Forecast of one step of the whole run."""
+    """Forecast of the time and disk space that one step of the whole run will take."""
 
     step: str = Field(description="The step.")
     operation: str = Field(description="The operation it calls.")
@@ -72,7 +72,7 @@ class StepForecast(Model):
 
 
 class ProbedJob(Model):
-    """A simulation job that a probe ran, and how it ended."""
+    """A simulation job that a probe (a small trial run of a specification) ran, and how it ended."""
 
     job: str = Field(description="Its id.")
     verdict: str = Field(description="Its verdict; its status where it has none.")
@@ -103,12 +103,12 @@ class Forecast(Model):
 
     @property
     def cpu_hours(self) -> float | None:
-        """CPU time in hours."""
+        """Forecast CPU time of the whole run, in hours; `None` if it was not measured."""
         return None if self.cpu_time_s is None else self.cpu_time_s / 3600
 
 
 class ForecastCheck(Model):
-    """A forecast beside what the run took."""
+    """A forecast value beside the value that the run took in fact."""
 
     made_at: datetime = Field(description="When the forecast was made, UTC.")
     forecast_s: float = Field(ge=0, description="Wall-clock time that was forecast.")
@@ -116,11 +116,11 @@ class ForecastCheck(Model):
 
     @property
     def error(self) -> float:
-        """How much more the run took than was forecast, as a share of the forecast; negative: less."""
+        """Relative error of the forecast: (actual - forecast) / forecast; negative if the run took less."""
         return self.took_s / self.forecast_s - 1 if self.forecast_s > 0 else 0.0
 
     @property
     def difference(self) -> str:
-        """The same in words: `8 % more`, `as much`."""
+        """The relative error in words: `8 % more`, `as much`."""
         percent = round(100 * self.error)
         return f"{abs(percent)} % {'more' if percent > 0 else 'less'}" if percent else "as much"

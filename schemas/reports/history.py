@@ -13,7 +13,7 @@ from .run_record import CaseOutcome, RunState, SourceCommit
 
 
 class MissedNight(Model):
-    """A run that a schedule had for a time, and that did not happen, or that broke off and is not finished yet."""
+    """A scheduled run that did not happen, or that was interrupted and is not finished yet."""
 
     due_at: datetime = Field(description="When it was due, UTC.")
     reason: str = Field(description="Why it did not happen, in words.")
@@ -21,17 +21,17 @@ class MissedNight(Model):
 
     @property
     def kind(self) -> str:
-        """`no night`, or `not finished`."""
+        """Kind of the missed run: `no night`, or `not finished`."""
         return "not finished" if self.has_begun else "no night"
 
     def in_words(self) -> str:
-        """`no night on 27 November (02:00 UTC): no Prefect worker was running`."""
+        """Describes the missed run: `no night on 27 November (02:00 UTC): no Prefect worker was running`."""
         day = f"{self.due_at.day} {self.due_at:%B}"
         return f"no night on {day} ({self.due_at:%H:%M} UTC): {self.reason}"
 
 
 class NightSchedule(Model):
-    """The nights of one deployment whose runs have this data home."""
+    """Schedule of nightly runs that one Prefect deployment makes in this data home."""
 
     deployment: str = Field(description="Id of the deployment in Prefect.")
     name: str = Field(description="Name of the specification.")
@@ -42,7 +42,7 @@ class NightSchedule(Model):
 
 
 class Night(Model):
-    """One run in the history of its specification."""
+    """One run in the history of its specification: id, time, state and counts."""
 
     run_id: str = Field(description="Id of the run.")
     started_at: datetime = Field(description="Start, UTC.")
@@ -57,7 +57,7 @@ class Night(Model):
 
 
 class CellHistory(Model):
-    """One job through the nights."""
+    """Outcomes of one simulation job over the runs of its specification."""
 
     cell: CellName = Field(description="Name of the job, as in the last run that has it.")
     outcomes: list[CaseOutcome | None] = Field(description="Its outcome in each night; None: that run has no such job.")
@@ -71,14 +71,14 @@ class CellHistory(Model):
 
 
 class SharesByNight(Model):
-    """A requirement or a world through the nights."""
+    """Pass rates of one requirement or world over the runs of a specification."""
 
     total: Share = Field(description="All nights together.")
     nights: list[Share | None] = Field(description="Each night; None: it was not judged in that run.")
 
 
 class History(Model):
-    """The runs of one specification."""
+    """History of the runs of one specification: runs, jobs, requirements and missed nights."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     name: str = Field(description="Name of the specification.")

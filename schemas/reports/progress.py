@@ -16,7 +16,7 @@ FINISHED = frozenset({"completed", "failed", "canceled", "terminated", "succeede
 
 @dataclass(frozen=True)
 class StepStarted:
-    """A step began."""
+    """Progress event: a step of a specification began."""
 
     step: str
     operation: str
@@ -24,7 +24,7 @@ class StepStarted:
 
 @dataclass(frozen=True)
 class StepProgress:
-    """Progress of the parts of a step: worlds of a generation job, jobs of a batch."""
+    """Progress event: how many worlds of a generation job, or jobs of a batch, are done."""
 
     step: str
     counts: Mapping[str, int]
@@ -45,7 +45,7 @@ class StepProgress:
 
 @dataclass(frozen=True)
 class StepEnded:
-    """A step reached its end, good or bad."""
+    """Progress event: a step of a specification ended, successfully or not."""
 
     step: str
     status: str
@@ -58,7 +58,7 @@ class StepEnded:
 
 @dataclass(frozen=True)
 class Note:
-    """Something worth a line: the server was started, outputs were moved."""
+    """Progress event: a message for the user, such as that the server was started or outputs were moved."""
 
     text: str
 
@@ -67,7 +67,7 @@ ProgressEvent: TypeAlias = StepStarted | StepProgress | StepEnded | Note
 
 
 class ProgressListener(Protocol):
-    """Takes events; thread-safe."""
+    """Interface of a function that receives progress events of a run; it has to be thread-safe."""
 
     def __call__(self, event: ProgressEvent, /) -> None:
         """Takes one event."""

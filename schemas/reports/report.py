@@ -18,7 +18,7 @@ from .run_record import RunState as RunState
 
 
 class ReportedFile(Model):
-    """A stored file a reader may want to open."""
+    """An output file that a report links to, with its name and URL."""
 
     name: str = Field(description="Path below the job's output prefix.")
     uri: str = Field(description="Address of the file: `file:///…` or `s3://…`.")
@@ -26,7 +26,7 @@ class ReportedFile(Model):
 
 
 class ReportedStep(Model):
-    """One step of the pipeline."""
+    """A step of a specification in a run's report, with its status and duration."""
 
     name: str = Field(description="The step's name in the specification.")
     operation: str = Field(description="The operation it called.")
@@ -36,7 +36,7 @@ class ReportedStep(Model):
 
 
 class ReportedWorld(Model):
-    """One world."""
+    """A generated world in a run's report."""
 
     arn: str = Field(description="The world's ARN.")
     label: str = Field(description="Short name for people: `generation-…/world-3`.")
@@ -46,7 +46,7 @@ class ReportedWorld(Model):
 
 
 class ReportedJob(Model):
-    """One simulation job, or a request of a batch that never became one."""
+    """A simulation job in a run's report, or a request of a batch for which no job was created."""
 
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
     variant: str = Field(
@@ -84,7 +84,7 @@ class ReportedJob(Model):
 
 
 class Report(Model):
-    """One run of a specification."""
+    """Full report of one run of a specification: steps, worlds and simulation jobs."""
 
     name: str = Field(description="Name of the specification.")
     run_id: str = Field(description="Id of this run of it.")
@@ -108,7 +108,7 @@ class Report(Model):
 
 
 class Share(Model):
-    """How many of some things went well, with what that says about all such things."""
+    """A pass rate: number of successes of a total, with its confidence interval."""
 
     name: str = Field(description="Thing that was counted: a requirement, a world, a room; empty for all jobs.")
     passed: int = Field(description="Went well.")
@@ -125,7 +125,7 @@ class Share(Model):
 
 
 class JobCase(Model):
-    """One simulation job, or a request that became none."""
+    """A simulation job as a test case of a report, or a request for which no job was created."""
 
     name: str = Field(description="Job id, or `request 3`.")
     test: str = Field(
@@ -156,7 +156,7 @@ class JobCase(Model):
 
 
 class StepSuite(Model):
-    """The jobs of one step of the pipeline."""
+    """The simulation jobs of one step, as a test suite of a report."""
 
     name: str = Field(description="The step.")
     operation: str = Field(description="The operation it called.")
@@ -167,7 +167,7 @@ class StepSuite(Model):
 
 
 class ReportSummary(Model):
-    """One run of a specification, in numbers."""
+    """Summary of one run of a specification in numbers: verdicts, pass rates and times."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     name: str = Field(description="Name of the specification.")

@@ -14,7 +14,7 @@ GcKind = Literal["run", "jobs", "world", "robot-files", "copies"]
 
 
 class RetentionPolicy(Model):
-    """Rules for what is kept. All that no rule keeps is removed."""
+    """Rules for which runs and worlds `robomaker gc` keeps. Everything that no rule keeps is deleted."""
 
     older_than: timedelta | None = optional("Everything younger is kept.")
     keep_runs: int | None = Field(default=None, ge=0, description="The newest of each specification that are kept.")
@@ -32,7 +32,7 @@ class RetentionPolicy(Model):
     )
 
     def check(self) -> None:
-        """Refuses a policy that would remove everything, or whose rules say nothing.
+        """Raises an error for a policy that would delete everything, or whose rules have no effect.
 
         Raises:
             ConfigurationError: names the option and what would be right.
@@ -45,7 +45,7 @@ class RetentionPolicy(Model):
 
 
 class GcItem(Model):
-    """A run, the jobs of one order, or a world, and what happens to it."""
+    """A run, the jobs of one order, or a world, with the decision of `robomaker gc` to keep or delete it."""
 
     kind: GcKind = Field(
         description="`run` of a specification, `jobs` that an SDK ordered, `world`, `robot-files` or cached `copies`."
@@ -62,7 +62,7 @@ class GcItem(Model):
 
 
 class GcFlowRuns(Model):
-    """Flow runs of the local Prefect server."""
+    """Old flow runs that `robomaker gc` removes from the local Prefect server."""
 
     count: int = Field(default=0, description="How many go, with their task runs, logs and artifacts.")
     note: str = Field(default="", description="Why none are looked at, or what is to be known.")
@@ -72,7 +72,7 @@ class GcFlowRuns(Model):
 
 
 class GcReport(Model):
-    """Report of what was removed, or would be."""
+    """Report of what `robomaker gc` deleted, or would delete."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     dry_run: bool = Field(description="Whether nothing was removed.")
@@ -83,12 +83,12 @@ class GcReport(Model):
 
     @property
     def removed(self) -> list[GcItem]:
-        """Items that are removed, or lose their recordings."""
+        """Items that are deleted, or whose recordings are deleted."""
         return [item for item in self.items if item.action != "keep"]
 
     @property
     def problems(self) -> list[str]:
-        """Errors in words, each after the id of its item."""
+        """Errors that occurred while deleting, each after the id of its item."""
         told = [f"{item.id}: {item.problem}" for item in self.items if item.problem]
         return [*told, *([f"Prefect: {self.flow_runs.problem}"] if self.flow_runs.problem else [])]
 
@@ -129,7 +129,7 @@ LOSSES = frozenset({Problem.NOT_PUBLISHED, Problem.MISSING, Problem.WRONG_SIZE, 
 
 
 class Finding(Model):
-    """One problem."""
+    """One inconsistency between catalog and object store that `robomaker fsck` found."""
 
     problem: Problem = Field(description="Kind of the problem.")
     resource: str | None = optional("ARN of the resource that it belongs to; absent: none.")
@@ -140,7 +140,7 @@ class Finding(Model):
 
 
 class ConsistencyReport(Model):
-    """Scope of a check, and its findings."""
+    """Result of `robomaker fsck`: what was checked, and the inconsistencies found."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     read_content: bool = Field(description="Whether every object was read and its SHA-256 compared, not its size only.")
@@ -151,7 +151,7 @@ class ConsistencyReport(Model):
 
     @property
     def open_findings(self) -> list[Finding]:
-        """The problems that were not mended, but for outputs of other catalogs, which are none of this one."""
+        """Inconsistencies that were not repaired; outputs that belong to other catalogs are left out."""
         return [each for each in self.findings if not each.mended and each.problem is not Problem.UNKNOWN]
 
 
@@ -159,7 +159,7 @@ KeptState = Literal["kept", "stored"]
 
 
 class KeptRun(Model):
-    """A run of a simulation job whose outputs are on this machine only."""
+    """A run of a simulation job whose outputs could not be uploaded and are on this machine only."""
 
     job: str = Field(description="ARN of the job.")
     job_status: str = Field(description="Status of the job.")
@@ -173,12 +173,12 @@ class KeptRun(Model):
 
 
 class KeptReport(Model):
-    """All runs whose outputs were kept, or those of one job."""
+    """Runs whose outputs are on this machine only, because their upload failed: all of them, or those of one job."""
 
     dry_run: bool = Field(description="Whether they were only looked for.")
     runs: list[KeptRun] = Field(description="The runs, by job and time.")
 
     @property
     def problems(self) -> list[str]:
-        """Jobs whose outputs could not be stored, and why, one line each."""
+        """Lists the jobs whose outputs still could not be uploaded, and why, one line each."""
         return [f"{run.job}: {run.problem}" for run in self.runs if run.problem]

@@ -23,14 +23,14 @@ CaseOutcome = Literal["broken", "failed", "canceled", "unfinished", "no verdict"
 
 
 class SourceCommit(Model):
-    """The Git commit of the folder that a specification was in."""
+    """Git commit of the folder that a specification was in, and whether that had uncommitted changes."""
 
     commit: str = Field(description="The commit's full hash.")
     changed: bool = Field(description="Whether files that Git tracks differed from it.")
 
 
 class UsedApplication(Model):
-    """An application as a job ran it."""
+    """An application with the version and archive hash that a simulation job ran."""
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
     name: str = Field(description="Its name in the catalog.")
@@ -38,7 +38,7 @@ class UsedApplication(Model):
 
 
 class JobInputs(Model):
-    """Inputs that decide the result of a job, as far as they are known: nights are compared by them.
+    """Inputs that decide a simulation job's result, as far as known; reports compare nights by them.
 
     It is kept in records, and asks less than `ReuseInputs`, by which results are taken over: two jobs of one name and
     request are the same job on two nights, whatever robot, versions and places of outputs they have.
@@ -73,7 +73,7 @@ EXIT_CODES: dict[RunState, int] = {
 
 
 class StepRecord(Model):
-    """One step, as it went."""
+    """Record of one step of a run: its times, status and results."""
 
     name: str = Field(description="The step's name in the specification.")
     operation: str = Field(description="The operation it called.")
@@ -91,7 +91,7 @@ class StepRecord(Model):
 
 
 class RerunOf(Model):
-    """The earlier run, and its jobs, that a rerun has run again."""
+    """The earlier run whose jobs, all or some, a rerun repeats."""
 
     run_id: str = Field(description="The earlier run.")
     selection: str = Field(description="The jobs of it that were run again, in words.")
@@ -103,7 +103,7 @@ class RerunOf(Model):
 
 
 class JobRecord(Model):
-    """One simulation job, in short."""
+    """Short record of one simulation job in a run: status, verdict, metrics and inputs."""
 
     arn: str | None = optional("The job's ARN; absent when no job came of the request.")
     label: str = Field(description="Job id, or `request 3` when no job came of it.")
@@ -147,7 +147,7 @@ class JobRecord(Model):
 
 
 class Interruption(Model):
-    """The death of a run's process, after which another one finished the run."""
+    """An interruption of a run: its process died, and another process finished the run later."""
 
     lost: JobOwner | None = Field(description="The process that died; absent: it is not known.")
     lost_at: datetime = Field(description="When it last noted that it lived, UTC.")
@@ -155,7 +155,7 @@ class Interruption(Model):
 
 
 class RunRecord(Model):
-    """One run of a specification."""
+    """Record of one run of a specification, kept in `run.json` for reports and comparisons."""
 
     schema_version: Literal[2] = Field(default=2, description="Version of this document's form.")
     run_id: str = Field(description="Id of this run.")
@@ -185,13 +185,13 @@ class RunRecord(Model):
 
 
 def interrupted_briefly(count: int) -> str:
-    """`interrupted once`; empty for a run whose processes lived."""
+    """Returns text such as `interrupted once`; empty for a run that was never interrupted."""
     times = {1: "once", 2: "twice"}.get(count, f"{count} times")
     return f"interrupted {times}" if count else ""
 
 
 def interrupted_in_words(interruptions: Sequence[Interruption]) -> str:
-    """Says when the processes of a run died, and when others took it up; empty: none did."""
+    """Describes when a run's process died and when another resumed the run; empty if that never happened."""
     each = [
         f"{item.lost or 'its process'} died at about {item.lost_at:%Y-%m-%d %H:%M:%S}, and another process took the "
         f"run up at {item.continued_at:%H:%M:%S} UTC"
@@ -201,12 +201,12 @@ def interrupted_in_words(interruptions: Sequence[Interruption]) -> str:
 
 
 def new_run_id(name: str, at: datetime) -> str:
-    """The id of a run of a specification that begins at a moment."""
+    """Makes the id of a run from its specification's name and its start time."""
     return f"{name}-{at:%Y%m%dT%H%M%S%f}"[:-3]
 
 
 class Order(Model):
-    """A run of a specification, kept in the run's folder until it has ended."""
+    """Order to run a specification, stored in the run's folder until the run has ended so that it can be resumed."""
 
     run_id: str = Field(description="Id of the run; its folder exists.")
     text: str = Field(description="The specification, which may hold secrets.")

@@ -28,7 +28,7 @@ _MOST_OF_REASON = 160
 
 
 class FlowResult(Model):
-    """Result of the flow of a run or a job, besides the service's answer."""
+    """Result that the Prefect flow of a run or job returns, besides the service's response."""
 
     state: RunState = Field(description="How it ended as a whole.")
     message: str = Field(description="The same in words, with the worst failures; the message of its state in Prefect.")
@@ -39,7 +39,7 @@ class FlowResult(Model):
 
 
 def result_of(record: RunRecord) -> FlowResult:
-    """How a run ended, by its record, as its flow returns it."""
+    """Makes the Prefect flow's result from the record of a run."""
     troubles = [f"{step.name} ({step.operation}): {step.error}" for step in record.steps if step.error]
     message = in_words(record.state, record.jobs, troubles, look=f"robomaker report {record.run_id} --open")
     return FlowResult(
@@ -53,12 +53,15 @@ def result_of(record: RunRecord) -> FlowResult:
 
 
 def is_bad(status: str) -> bool:
-    """Whether a step or job of this status is not what was asked for."""
+    """Whether a status of a step or job means that it did not succeed."""
     return status in _STATES
 
 
 def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None = None) -> CaseOutcome:
-    """Classifies a job by its status first: a verdict counts only when the job ended by itself."""
+    """Classifies a simulation job as passed, failed, broken or canceled.
+
+    The status goes first: a verdict counts only when the job ended by itself.
+    """
     if status in ("Canceled", "Terminated", "Terminating"):
         return "canceled"
     if status == "NotCreated" and failure_code == "BatchCanceled":
@@ -72,7 +75,7 @@ def case_outcome(status: str, verdict: Verdict | None, failure_code: str | None 
 
 
 def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole: bool = True) -> RunState:
-    """How a run ended as a whole.
+    """Determines the state of a whole run (passed, failed, broken or canceled) from its steps and jobs.
 
     Args:
         statuses: of its steps.
@@ -96,29 +99,29 @@ def run_state(statuses: Iterable[str], jobs: Collection[JobRecord], *, is_whole:
 
 
 def count_outcomes(jobs: Iterable[JobRecord]) -> dict[CaseOutcome, int]:
-    """How many jobs ended how."""
+    """Counts simulation jobs by outcome (passed, failed, broken, ...)."""
     return dict(Counter(_outcome_of(job) for job in jobs))
 
 
 def outcomes_in_words(outcomes: Sequence[str]) -> str:
-    """`1000 jobs: 990 passed, 8 failed, 2 broken`: how many jobs ended how, the most frequent first."""
+    """Summarises outcomes of jobs, the most frequent first: `1000 jobs: 990 passed, 8 failed, 2 broken`."""
     jobs = f"{len(outcomes)} {'job' if len(outcomes) == 1 else 'jobs'}"
     counts = ", ".join(f"{count} {outcome}" for outcome, count in Counter(outcomes).most_common())
     return f"{jobs}: {counts}" if counts else jobs
 
 
 def verdicts_of(jobs: Iterable[JobRecord]) -> dict[str, Verdict]:
-    """The verdicts of jobs that came to their end, by label."""
+    """Returns the verdicts (PASS, FAIL, ...) of the simulation jobs that finished, by job label."""
     return {job.label: job.verdict for job in jobs if job.verdict and job.status == "Completed"}
 
 
 def worst_job(jobs: Iterable[JobRecord]) -> JobRecord | None:
-    """The job to look at first: one that broke, else one that failed; of several the first."""
+    """Returns the job that a user should look at first: a broken one, else a failed one; `None` if all passed."""
     return next(iter(_bad(jobs)), None)
 
 
 def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str] = (), look: str = "") -> str:
-    """Summary of a run: the state, how many verdicts pass, the worst failures, the command that looks at them.
+    """Summarises a run as text: its state, how many verdicts pass, the worst failures, and a command to inspect them.
 
     Args:
         state: how the run ended.
@@ -135,7 +138,7 @@ def in_words(state: RunState, jobs: Sequence[JobRecord], troubles: Sequence[str]
 
 
 def counts_in_words(jobs: Sequence[JobRecord]) -> str:
-    """`3 of 4 verdicts pass, 1 broke, 2 canceled`: each job once; empty when there is nothing to count."""
+    """Summarises the verdicts of jobs: `3 of 4 verdicts pass, 1 broke, 2 canceled`; empty when there are no jobs."""
     counts = count_outcomes(jobs)
     passed = counts.get("passed", 0)
     judged = passed + counts.get("failed", 0)

@@ -20,7 +20,7 @@ _APPLICATIONS = {"robotApplications": "robot", "simulationApplications": "simula
 
 
 def variants(requests: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Says of each request what it has that not all of them have: `SPEED=2, seed=7`; values of secrets are not told.
+    """Describes how each simulation job request differs from the others: `SPEED=2, seed=7`; secrets are left out.
 
     Args:
         requests: Requests of simulation jobs, as JSON.

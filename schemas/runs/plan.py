@@ -38,7 +38,7 @@ VideoPolicy = Annotated[Literal["none", "on-failure", "always"], ShapeName("Vide
 
 
 class ApplicationPlan(Model):
-    """One application, resolved to something that can be imported, or to one of the plan's programs."""
+    """An application of a simulation run, resolved to an importable Python object or to one of the plan's programs."""
 
     role: ApplicationRole = Field(description="Robot application (makes an agent) or simulation application.")
     name: str = Field(description="The application's name in the catalog.")
@@ -59,7 +59,7 @@ class ApplicationPlan(Model):
 
 
 class RecordedActions(Model):
-    """Recorded actions that replace a robot application's program in a rerun."""
+    """Recorded robot actions that are played back in a rerun instead of running the robot application."""
 
     path: Path = Field(description="The run's `actions.bin`.")
     ended_by: Literal["agent", "duration limit"] | None = optional(
@@ -68,7 +68,7 @@ class RecordedActions(Model):
 
 
 class RunPlan(Model):
-    """Everything one simulation run needs, on this machine, resolved."""
+    """Complete plan of one simulation run on this machine: world, applications, programs, limits and folders."""
 
     job_id: str = Field(description="The simulation job's id, `sim-…`.")
     job_arn: str = Field(description="The simulation job's ARN.")
@@ -144,16 +144,16 @@ class RunPlan(Model):
 
     @property
     def has_robot_program(self) -> bool:
-        """Whether a program drives the environment, over a socket."""
+        """Whether the robot application is a separate program, which drives the environment over a socket."""
         return self.has_episode and self.robot_application is not None and self.robot_application.attribute is None
 
     @property
     def is_rerun(self) -> bool:
-        """Whether it ends where another run ended, also where that one was stopped from outside."""
+        """Whether the run repeats another run and ends at that run's last step, even if that one was stopped early."""
         return self.end_at_s is not None or self.recorded_actions is not None
 
     def with_paths(self, change: Callable[[Path], Path]) -> "RunPlan":
-        """Return the plan with other paths of its folders, applications and programs.
+        """Returns a copy of the plan in which a function has changed every path.
 
         Args:
             change: Called with each path that the plan has.
@@ -169,7 +169,7 @@ class RunPlan(Model):
 
 
 class RunOutcome(Model):
-    """How a run ended."""
+    """How a simulation run ended: status, verdict, failure code and reason."""
 
     status: Literal["Completed", "Failed", "Canceled"] = Field(description="Terminal status of the job.")
     failure_code: str | None = optional("The service's failure code; absent when none.")
@@ -194,7 +194,7 @@ class RunOutcome(Model):
 
 
 class RoomVisit(Model):
-    """Whether and when the robot was in a room."""
+    """Whether, and at which simulated time, the robot was in a room of the world."""
 
     name: str = Field(description="Room.")
     visited: bool = Field(description="Whether the robot's middle was inside.")
@@ -202,7 +202,7 @@ class RoomVisit(Model):
 
 
 class Collision(Model):
-    """One touch of the robot with something other than the floor, from contact to separation."""
+    """One collision of the robot with something other than the floor, from first contact to separation."""
 
     time_s: float = Field(description="Simulated time of the first contact.")
     duration_s: float = Field(description="How long it lasted.")
@@ -217,7 +217,7 @@ _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the
 
 
 class RunResult(Model):
-    """Content of `result.json`."""
+    """Content of a simulation run's `result.json`: verdict, metrics, requirements and failure."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     verdict: Verdict = Field(
@@ -250,25 +250,25 @@ class RunResult(Model):
 
     @property
     def missed(self) -> list[Requirement]:
-        """The requirements that made the verdict FAIL or ERROR; what broke first, as in the verdict."""
+        """Requirements that made the verdict FAIL or ERROR, the earliest failure first."""
         missed = [item for item in self.requirements if item.counts and not item.satisfied]
         return sorted(missed, key=lambda item: item.error is None)
 
     @property
     def reason(self) -> str | None:
-        """Why the verdict is FAIL or ERROR: what was found and what was asked for; `None` for other verdicts."""
+        """Reason for the verdict FAIL or ERROR: the measured and the required value; `None` for other verdicts."""
         if self.verdict not in ("FAIL", "ERROR"):
             return None
         return "; ".join(f"{item.name}: {item.detail}" for item in self.missed) or self.summary
 
     def unjudged(self) -> "RunResult":
-        """The same result without a verdict: of a run that was cancelled, whatever its environment says of it."""
+        """Returns the result without a verdict, for a run that was cancelled."""
         requirements = [item.model_copy(update={"counts": False}) for item in self.requirements]
         summary = f"Canceled at {self.sim_time_s:.1f} s, so that nothing was judged."
         return self.model_copy(update={"verdict": "NONE", "requirements": requirements, "summary": summary})
 
     @property
     def remarks(self) -> list[str]:
-        """Lines beside the verdict: notes, and what the job asked for and the run went on without."""
+        """Lines to show beside the verdict: notes, and requested outputs that could not be produced."""
         without = [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]
         return [*self.notes, *without]

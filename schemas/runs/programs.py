@@ -24,7 +24,7 @@ DISK_BYTES = 128 * 10**9
 
 
 class ProgramPlan(Model):
-    """One program, resolved to something that can be executed on this machine."""
+    """A program of a simulation run, resolved to an executable, arguments and environment on this machine."""
 
     name: str = Field(
         pattern=r"^[A-Za-z0-9_.-]+$",
@@ -47,7 +47,7 @@ class ProgramPlan(Model):
 
 
 class ToolEnds(Model):
-    """A tool that ended while its run went on, and was started again."""
+    """How often a tool (a program beside the application) exited during the run and was restarted."""
 
     role: ApplicationRole = Field(description="The application beside which it ran.")
     name: str = Field(description="Its name in the request.")
@@ -60,14 +60,14 @@ class ToolEnds(Model):
 
 
 class PortPlan(Model):
-    """One port of an application that is reachable under another number, on this machine only."""
+    """Mapping of an application's port to another port number on this machine."""
 
     job_port: int = Field(ge=1, le=65535, description="Port on 127.0.0.1.")
     application_port: int = Field(ge=1024, le=65535, description="Port that the application listens on.")
 
 
 class ComputeLimits(Model):
-    """Limits on a run's use of the machine."""
+    """CPU, GPU and memory limits of a simulation run."""
 
     cpus: int | None = Field(default=None, ge=1, description="Processor cores at most; absent: all there are.")
     memory_bytes: int | None = Field(default=None, gt=0, description="Memory of all its processes; absent: no limit.")
@@ -80,7 +80,7 @@ class ComputeLimits(Model):
 
 
 class BoxPlan(Model):
-    """Confinement of a run's processes."""
+    """Sandbox of a run's processes: the files and network that they may access."""
 
     level: BoxLevel = Field(default="none", description="How its processes are confined.")
     network: BoxNetwork = Field(
@@ -95,7 +95,7 @@ class BoxPlan(Model):
 
 
 class FoundFiles(Model):
-    """Files in a run's folders before anything of it ran: data sources, copied bundles, files of images."""
+    """Files in a run's folders before its programs started (data sources, bundles), which are not outputs."""
 
     size_bytes: int = Field(ge=0, description="Disk space that they took, in bytes, which is not what the run used.")
     at_s: float = Field(description="When that was, in seconds since 1970.")
@@ -118,7 +118,7 @@ NOTICED_S = 1.0
 
 
 def noticed(waited_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
-    """The waits that are long enough to be recorded.
+    """Returns the waits for scarce resources that were long enough to be recorded, in seconds by resource.
 
     Args:
         waited_s: how long, by what was waited for, in seconds.
@@ -127,7 +127,7 @@ def noticed(waited_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
 
 
 class StopReason(StrEnum):
-    """Why a job has to stop. Those of a batch are its jobs' failure codes."""
+    """Reason why a simulation job has to stop. Reasons that concern a batch are failure codes of its jobs."""
 
     CANCELED = "Canceled"
     """It was cancelled itself, or another worker has taken it over."""
@@ -147,7 +147,7 @@ STOP_EVENTS: Mapping[str, str] = {StopReason.BATCH_CANCELED: "cancel", StopReaso
 
 
 class RunStop(StrEnum):
-    """Why a run was ended from outside, in the words of `RunResult.ended_by`."""
+    """Reason why a run was stopped from outside, with the values of `RunResult.ended_by`."""
 
     DURATION_LIMIT = "duration limit"
     CANCELED = "canceled"

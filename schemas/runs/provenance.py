@@ -12,7 +12,7 @@ PROVENANCE_FILE = "provenance.json"
 
 
 class MachineFacts(Model):
-    """The part of a machine that can change the last bit of a number."""
+    """Facts of a machine (CPU, system, library versions) that can change the last bit of a simulated number."""
 
     python: str = Field(description="Version of Python, `3.11.9`.")
     system: str = Field(description="Kernel and instruction set, `Linux x86_64`.")
@@ -25,7 +25,7 @@ class MachineFacts(Model):
 
 
 class ApplicationDigest(Model):
-    """One application, as it was when the run ended."""
+    """Name and content hash of an application, taken when the run ended."""
 
     role: ApplicationRole = Field(description="Robot or simulation application.")
     name: str = Field(description="Its name in the catalog.")
@@ -37,7 +37,7 @@ class ApplicationDigest(Model):
 
 
 class JointPlace(Model):
-    """Indices of a joint's numbers in the state."""
+    """Indices of a joint's values in the simulation's position and velocity vectors."""
 
     name: str = Field(description="The joint's name, or its body's when it has none.")
     qpos: int = Field(description="Index of its first position.")
@@ -45,7 +45,7 @@ class JointPlace(Model):
 
 
 class StateDigestSummary(Model):
-    """A chain of hashes over the states of a run; `digest.bin` has every link of it."""
+    """Summary of the hash chain over a run's simulation states; `digest.bin` has every link of it."""
 
     algorithm: Literal["sha256"] = Field(default="sha256", description="Hash of each link over the one before.")
     state: Literal["mjSTATE_INTEGRATION"] = Field(
@@ -57,7 +57,7 @@ class StateDigestSummary(Model):
 
 
 class ActionsSummary(Model):
-    """The actions of a robot application that is a program; `actions.bin` has each of them."""
+    """Summary of the actions that a robot program sent; `actions.bin` has each of them."""
 
     mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each action.")
     actions: int = Field(description="How many there are: one for each step, also where one was held.")
@@ -107,7 +107,7 @@ def _inside(path: str) -> str:
 
 
 class ManifestFile(Model):
-    """One published file."""
+    """One output file in a manifest: name, size and hash."""
 
     path: Annotated[str, AfterValidator(_inside)] = Field(description="Path below the manifest's own folder.")
     size_bytes: int = Field(ge=0, description="Size.")
@@ -115,7 +115,7 @@ class ManifestFile(Model):
 
 
 class Manifest(Model):
-    """Files that were published together, and what they are."""
+    """List of the output files that were uploaded together, with facts about their run."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     created_at: AwareDatetime = Field(description="When the files were published.")
@@ -137,7 +137,7 @@ FAILURE_MODEL_FILE = "failure-model.mjb"
 
 
 class PhysicsWarning(Model):
-    """One kind of warning of MuJoCo."""
+    """A kind of MuJoCo physics warning with its number of occurrences."""
 
     warning: str = Field(description="MuJoCo's name of it, `mjWARN_BADQVEL`.")
     count: int = Field(description="How often it came.")
@@ -147,7 +147,7 @@ class PhysicsWarning(Model):
 
 
 class JointState(Model):
-    """One joint, before it broke."""
+    """Position and velocity of one joint shortly before the simulation became unstable."""
 
     joint: str = Field(description="Its name, else its body's.")
     body: str = Field(description="Body that it moves.")
@@ -157,7 +157,7 @@ class JointState(Model):
 
 
 class StrongContact(Model):
-    """One contact, before it broke."""
+    """One strong contact between two bodies shortly before the simulation became unstable."""
 
     first: str = Field(description="One geom, else its body.")
     second: str = Field(description="The other.")
@@ -167,7 +167,7 @@ class StrongContact(Model):
 
 
 class FailureState(Model):
-    """State of the physics shortly before a run broke."""
+    """Joints and contacts of the simulation shortly before it became unstable, to find the cause."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     time_s: float = Field(description="Simulated time of the state that was kept.")

@@ -59,7 +59,7 @@ class _Holder(Model):
 
 
 def parse_requirements(data: object, what: str) -> list[JobRequirement]:
-    """Makes requirements from plain values.
+    """Parses requirements (pass criteria of a simulation job) from plain values.
 
     Args:
         data: a list of mappings or of requirements.
@@ -72,7 +72,7 @@ def parse_requirements(data: object, what: str) -> list[JobRequirement]:
 
 
 def rooms_of(requirements: Sequence[JobRequirement]) -> list[tuple[int, str]]:
-    """The rooms that requirements ask for, each with the place of its requirement."""
+    """Returns the names of rooms that requirements mention, each with the index of its requirement."""
     return [
         (index, requirement.asked_room)
         for index, requirement in enumerate(requirements)
@@ -92,7 +92,7 @@ _NEAR, _NEAR_AS_A_WHOLE = 0.8, 0.9
 
 
 def requirements_of(request: JobRequest) -> list[JobRequirement]:
-    """The requirements that a request asks for.
+    """Returns the requirements (pass criteria) of a simulation job request, from its member or its launch variable.
 
     Raises:
         InvalidParameterException: the variable's text is no list of requirements, or they are given twice and differ.
@@ -101,7 +101,7 @@ def requirements_of(request: JobRequest) -> list[JobRequirement]:
 
 
 def rooms_asked(request: JobRequest) -> list[tuple[str, str]]:
-    """The rooms that a request's goals ask for, each with the path of the member that does.
+    """Returns the names of rooms that a request's goals mention, each with the path of the request member.
 
     Raises:
         InvalidParameterException: as `requirements_of`.
@@ -117,7 +117,7 @@ def _placed_requirements(request: JobRequest) -> tuple[str, list[JobRequirement]
 
 
 def check_requirements(request: JobRequest) -> None:
-    """Finds out what of a request's requirements cannot be judged, as far as the request says it.
+    """Raises an error if requirements of a request can never be judged, as far as the request alone shows it.
 
     Raises:
         ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
@@ -151,12 +151,12 @@ def check_requirements(request: JobRequest) -> None:
 
 
 def misspelt_requirements(variables: Iterable[str]) -> list[str]:
-    """Names of variables that are clearly meant to hold requirements, and do not."""
+    """Returns the names of launch variables that look like a misspelling of the one for requirements."""
     return [name for name in variables if name != REQUIREMENTS_VARIABLE and _is_meant(name)]
 
 
 def doubtful_requirements(variables: Iterable[str]) -> list[str]:
-    """Names of other variables that begin like the one with requirements."""
+    """Returns the names of other launch variables that begin like the one for requirements."""
     return [
         name
         for name in variables
@@ -165,14 +165,14 @@ def doubtful_requirements(variables: Iterable[str]) -> list[str]:
 
 
 def starts_on_origin(order: Mapping[str, Any]) -> bool:
-    """Whether the robot of a job starts on the origin of its world, as far as the order for the job says it."""
+    """Whether a simulation job's robot starts at the origin of its world, as far as the request says it."""
     configs = order.get("simulationApplications")
     first = configs[0] if is_list(configs) and configs else None
     return is_mapping(first) and first.get("application") == _STARTS_ON_ORIGIN
 
 
 def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str | None:
-    """Says which goal cannot be judged because the world has no such room; `None` if all can.
+    """Explains which goal names a room that the world does not have; `None` if all rooms exist.
 
     Args:
         asked: see `rooms_asked`.
@@ -185,7 +185,7 @@ def unknown_room(asked: Sequence[tuple[str, str]], rooms: Sequence[str]) -> str 
 
 
 def no_such_room(room: str, rooms: Sequence[str]) -> str:
-    """Says that a world has other rooms."""
+    """Makes the error text for a room name that is not in the world, with the rooms that are."""
     return f"the world has no room {room!r}; its rooms are {', '.join(rooms)}"
 
 

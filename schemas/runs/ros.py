@@ -41,7 +41,7 @@ _SHOWN = 80
 
 
 class RosOptions(Model):
-    """How ROS nodes drive in a simulation."""
+    """User options of the ROS bridge: how ROS nodes drive a robot in the simulation."""
 
     suite: Suite | None = optional(
         "ROS that the nodes speak, 1 or 2; absent: that of the launch file, else of the application's "
@@ -114,7 +114,7 @@ NOT_OF_ROBOTS = ("suite", "peers", "interface")
 
 
 class RosPlan(Model):
-    """The ROS bridge of a run."""
+    """Plan of a run's ROS bridge: distribution, topics and rates."""
 
     suite: Suite = Field(description="ROS that the nodes speak, 1 or 2.")
     domain: int = Field(ge=0, le=232, description="Domain of ROS 2 that the nodes are in.")
@@ -126,7 +126,7 @@ class _Holder(Model):
 
 
 def parse_ros(text: str, place: str) -> RosOptions | None:
-    """Reads the value of `ROBOMAKER_ROS`.
+    """Parses the value of the launch variable `ROBOMAKER_ROS`, the options of the ROS bridge.
 
     Args:
         text: The value.
@@ -151,7 +151,7 @@ def parse_ros(text: str, place: str) -> RosOptions | None:
 
 
 def check_ros(request: JobRequest) -> None:
-    """Finds out whether the launch variables of a request's ROS bridge can be understood.
+    """Raises an error if the ROS launch variables of a simulation job request are invalid.
 
     Raises:
         ValueError: One cannot.

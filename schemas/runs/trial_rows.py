@@ -25,7 +25,7 @@ MAX_COMBINATIONS = 200
 
 
 class TrialRow(Model):
-    """One finished trial."""
+    """Results of one finished trial (one episode of a simulation job), as a row of the trials table."""
 
     trial: int = Field(ge=0, description="Its number.")
     seed: int = Field(ge=0, description="Its seed.")
@@ -49,18 +49,18 @@ class TrialRow(Model):
 
     @property
     def passed(self) -> bool:
-        """Whether it needs no look: it passed, or nothing was judged."""
+        """Whether the trial needs no attention: it passed, or it had no requirements."""
         return self.verdict in ("PASS", "NONE")
 
     @property
     def digest(self) -> StateDigestSummary | None:
-        """The digest of its states, as `provenance.json` has it; `None`: it has none."""
+        """Summary of the hash chain over the trial's simulation states; `None` if the trial has none."""
         if self.state_digest is None:
             return None
         return StateDigestSummary(looks=self.looks, until_s=self.digest_until_s, value=self.state_digest)
 
     def result(self) -> RunResult:
-        """Its `result.json`, as far as the row has it."""
+        """Returns the content of the trial's `result.json`, as far as the row contains it."""
         return RunResult(
             verdict=self.verdict,
             notes=self.notes,
@@ -76,7 +76,7 @@ class TrialRow(Model):
 
 
 class FailingTrial(Model):
-    """A trial that did not pass."""
+    """A trial (one episode of a simulation job) that did not pass, with its seed, parameters and reason."""
 
     trial: int = Field(description="Its number.")
     seed: int = Field(description="Its seed.")
@@ -87,7 +87,7 @@ class FailingTrial(Model):
 
 
 class TrialCounts(Model):
-    """How many trials ended how."""
+    """Numbers of a job's trials by outcome: passed, failed, errored, ...."""
 
     parameters: dict[str, str] = Field(
         default={}, description="Combination of parameters of these trials; empty: all of them."
@@ -99,12 +99,12 @@ class TrialCounts(Model):
 
     @property
     def total(self) -> int:
-        """How many there are."""
+        """Number of all trials."""
         return self.passed + self.failed + self.errors + self.unjudged
 
 
 class TrialsSummary(Model):
-    """How the trials of a job went."""
+    """Summary of a simulation job's trials: counts, pass rate and the first failing trials."""
 
     planned: int = Field(description="How many trials the job has.")
     counts: TrialCounts = Field(description="How the finished ones ended.")
@@ -117,7 +117,7 @@ class TrialsSummary(Model):
 
     @classmethod
     def of(cls, result: RunResult | None) -> "TrialsSummary | None":
-        """The summary in a job's result; `None` for a job without trials."""
+        """Reads the trials summary from a job's result; `None` for a job without trials."""
         found = result.extra.get(SUMMARY_NAME) if result is not None else None
         if found is None:
             return None
@@ -128,12 +128,12 @@ class TrialsSummary(Model):
 
 
 def trial_folder(number: int) -> str:
-    """Folder of a recorded trial's outputs, below those of its job."""
+    """Returns the folder name of a recorded trial's outputs, relative to the job's outputs."""
     return str(PurePosixPath(TRIALS_FOLDER, f"{number:06d}"))
 
 
 def plan_of_trial(plan: RunPlan, trial: Trial) -> RunPlan:
-    """The plan of one trial, which is that of a job with its seed and its parameters, and without trials.
+    """Makes the run plan of a single trial from its job's plan, with the trial's seed and parameters.
 
     Args:
         plan: The job's.

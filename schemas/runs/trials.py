@@ -76,7 +76,7 @@ TrialParameters = Annotated[
 
 
 class Trials(Shape):
-    """The trials of a job."""
+    """Trials of a simulation job: how often the episode is repeated, over which seeds and parameter values."""
 
     seeds: TrialCount = Field(
         description="How many trials there are of each combination of parameters: with the job's seed, 0 unless the "
@@ -108,16 +108,16 @@ class Trials(Shape):
 
     @property
     def combinations(self) -> int:
-        """How many combinations of parameters there are; 1 without parameters."""
+        """Number of combinations of parameter values; 1 without parameters."""
         return math.prod(len(values) for values in (self.parameters or {}).values())
 
     @property
     def count(self) -> int:
-        """How many trials there are."""
+        """Number of trials: parameter combinations times repetitions."""
         return self.seeds * self.combinations
 
     def trial(self, number: int, first_seed: int) -> "Trial":
-        """One trial.
+        """Returns the trial of a given number, with its seed and parameter values.
 
         Args:
             number: Its number, from 0.
@@ -139,7 +139,7 @@ class Trials(Shape):
 
 @dataclass(frozen=True)
 class TrialCounts:
-    """How far the trials of some jobs are."""
+    """Progress of the trials of some jobs: how many are done, of how many."""
 
     finished: int
     total: int
@@ -147,7 +147,7 @@ class TrialCounts:
 
 @dataclass(frozen=True)
 class Trial:
-    """One trial of a job."""
+    """One trial of a simulation job: its number, seed and parameter values."""
 
     number: int
     seed: int
@@ -164,7 +164,7 @@ class _Holder(Model):
 
 
 def trials_of(request: JobRequest) -> Trials | None:
-    """The trials that a request orders; `None`: its job is one episode.
+    """Returns the trials that a simulation job request orders; `None` if its job is a single episode.
 
     Raises:
         InvalidParameterException: the variable's text does not describe trials, or they are given twice and differ.
@@ -173,7 +173,7 @@ def trials_of(request: JobRequest) -> Trials | None:
 
 
 def planned_trials(request: Mapping[str, Any]) -> int:
-    """How many trials a request on the wire orders, 0 for one episode; quick, as campaigns have many requests.
+    """Counts the trials that a raw request orders, 0 for a single episode; fast, as batches have many requests.
 
     Args:
         request: checked or not; what cannot be understood counts as no trials.
@@ -200,7 +200,7 @@ def _texts(request: Mapping[str, Any]) -> Iterator[str]:
 
 
 def check_trials(request: JobRequest) -> None:
-    """Finds out whether the launch variable says what the member may say, and no application is launched as a program.
+    """Raises an error if a request's launch variable for trials is invalid, or an application is launched as a program.
 
     Raises:
         ValueError: it does not, or one is.

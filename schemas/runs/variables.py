@@ -41,7 +41,7 @@ _LOGIN_IN_URL = re.compile(r"(?<=://)[^/\s:@]*:[^/\s@]+(?=@)")
 
 
 def variables_of(plan: RunPlan) -> Mapping[str, str]:
-    """The variables of a run; what the simulation application's configuration says goes first."""
+    """Returns the environment variables of a simulation run; the simulation application's values win."""
     variables = dict(plan.environment)
     for application in (plan.robot_application, plan.simulation_application):
         variables |= application.environment_variables if application else {}
@@ -49,7 +49,7 @@ def variables_of(plan: RunPlan) -> Mapping[str, str]:
 
 
 def number_in(text: str) -> float:
-    """The number that a variable says; not a number, which no bound admits, when it says something else."""
+    """Parses the number in a launch variable; returns NaN, which fails every bound, for any other text."""
     try:
         return float(text)
     except ValueError:
@@ -57,14 +57,17 @@ def number_in(text: str) -> float:
 
 
 def secret_names(variables: Mapping[str, str], parameters: Iterable[str] = ()) -> set[str]:
-    """The variables and parameters of trials that are secrets: by name, or since `ROBOMAKER_SECRETS` says so."""
+    """Returns the names of variables and trial parameters that hold secrets.
+
+    They are recognised by name, or are listed in `ROBOMAKER_SECRETS`.
+    """
     marked = {name.strip() for name in variables.get(SECRETS_VARIABLE, "").split(",")}
     names = {*variables, *parameters} - _NO_SECRETS
     return {name for name in names if name in marked or _NAMES.search(name)}
 
 
 def without_secrets(plan: RunPlan) -> RunPlan:
-    """The plan with `(secret)` for secrets in variables, trials and on command lines, and for logins in URLs."""
+    """Returns the plan with `(secret)` in place of secret variables, trial parameters, arguments and logins in URLs."""
     applications = [each for each in (plan.robot_application, plan.simulation_application) if each is not None]
     all_variables = [plan.environment, *(each.environment_variables for each in applications)]
     all_variables += [each.environment for each in plan.programs]
@@ -100,7 +103,7 @@ def without_secrets(plan: RunPlan) -> RunPlan:
 
 
 def hide_secrets(document: Any) -> Any:
-    """A request, or anything of JSON with requests in it, with `(secret)` in place of its secrets.
+    """Returns JSON data, such as a request, with `(secret)` in place of the secrets inside.
 
     These are among its variables and the parameters of its trials. A variable that is a secret in one launch
     configuration is one in all of them. Without any it is `document` itself.

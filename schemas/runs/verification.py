@@ -27,7 +27,7 @@ EXIT_CODES: dict[Answer, int] = {
 
 
 class Divergence(Model):
-    """The first difference between two runs."""
+    """The first step at which the simulation states of two runs differ."""
 
     time_s: float = Field(description="Simulated time of the first state that differs.")
     equal_until_s: float | None = optional("Simulated time of the last state before that is equal; absent: none is.")
@@ -40,7 +40,7 @@ class Divergence(Model):
 
 
 class Verification(Model):
-    """Whether a rerun had the same states as the run."""
+    """Result of a verification: whether a rerun reproduced the same simulation states as the original run."""
 
     run: str = Field(description="The run, as it was asked for.")
     job_arn: str = Field(description="ARN of its job.")
@@ -69,7 +69,7 @@ class Verification(Model):
 
 
 class ReproductionFolder(Model):
-    """Folder that `robomaker repro` wrote."""
+    """Folder with everything to repeat a run, which `robomaker repro` wrote."""
 
     folder: Path = Field(description="Everything the run needs, with its first outputs.")
     test: Path = Field(description="The test that repeats it.")

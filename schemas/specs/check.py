@@ -23,7 +23,7 @@ _HEAD = ("version", "name", "description")
 
 
 def load_spec(text: str, filename: str) -> CheckedSpec:
-    """Reads and checks a specification: a pipeline, or a single operation.
+    """Parses and checks a specification file: a pipeline of steps, or a single operation.
 
     A single operation is a file with `operation` and either `input` or the request's members themselves.
 
@@ -49,7 +49,7 @@ def load_spec(text: str, filename: str) -> CheckedSpec:
 
 
 def load_request(text: str, filename: str, operation: str) -> CheckedSpec:
-    """Reads and checks an operation's request, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
+    """Parses and checks the request of one operation, as AWS CLI's `--cli-input-json` and `--cli-input-yaml` take it.
 
     Args:
         text: the request, YAML or JSON.
@@ -104,7 +104,7 @@ class _Check:
         self._problems: list[Problem] = []
 
     def run(self) -> CheckedSpec:
-        """Finds all problems; without any, gives the checked specification."""
+        """Runs all checks of the specification; returns it checked, or raises an error with all problems."""
         self._check_document()
         nodes = self._step_nodes()
         if len(nodes) > MAX_STEPS:

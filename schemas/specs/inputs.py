@@ -59,7 +59,7 @@ class _Placeholder:
 
 @dataclass
 class InputCheck:
-    """One step's input under check."""
+    """Checks the input of one step of a specification, before anything runs."""
 
     operation: str
     node: Node
@@ -77,7 +77,7 @@ class InputCheck:
     _references: list[Location] = field(default_factory=list[Location])
 
     def run(self) -> "InputCheck":
-        """Finds the problems and the steps it refers to."""
+        """Collects the input's problems and the earlier steps that it refers to."""
         model = STEPS[self.operation].request
         request = self._walk(self.node, (), model, self.scope)
         self.problems.extend(self._request_problems(request))

@@ -29,7 +29,7 @@ _DEFINITIONS: dict[str, Any] = {
 
 
 def spec_schema() -> dict[str, Any]:
-    """Makes the schema from the models."""
+    """Generates the JSON schema of specification files from the models, for editors."""
     models = [Spec, WorldTemplateBody, *(operation.request for operation in STEPS.values())]
     _, document = models_json_schema([(model, "validation") for model in models], ref_template=_REF)
     # Step and Spec stay as they are; everything else may be written with references.
@@ -138,7 +138,7 @@ def _allow_body(definitions: dict[str, Any]) -> None:
 
 
 def schema_text() -> str:
-    """The schema as the committed file has it."""
+    """Returns the JSON schema of specification files as text, exactly as the committed file has it."""
     return json.dumps(spec_schema(), indent=1, ensure_ascii=False, sort_keys=True) + "\n"
 
 

@@ -50,7 +50,7 @@ REUSABLE = frozenset({"CreateRobotApplication", "CreateSimulationApplication"})
 
 
 class Step(Model):
-    """One operation of a pipeline."""
+    """A step of a specification's pipeline: an operation with its input."""
 
     operation: str = Field(description="The operation to call, by the service's name: `CreateWorldGenerationJob`.")
     input: dict[str, Any] = Field(
@@ -69,7 +69,7 @@ class Step(Model):
 
 
 class Spec(Model):
-    """A pipeline."""
+    """A specification: a named pipeline of steps that generate worlds and run simulations."""
 
     version: Literal[1] = Field(description="Version of this form; 1.")
     name: SpecName = Field(description="The pipeline's name, part of the run's folder and the report's title.")
@@ -81,7 +81,7 @@ class Spec(Model):
 
 @dataclass(frozen=True)
 class CheckedStep:
-    """A step whose input has been checked as far as it can be before anything runs."""
+    """A step of a specification whose input has been checked, as far as possible before anything runs."""
 
     name: str
     operation: str
@@ -101,7 +101,7 @@ class CheckedStep:
 
 @dataclass(frozen=True)
 class CheckedSpec:
-    """A specification that can run."""
+    """A specification without errors, ready to run."""
 
     name: str
     description: str
@@ -120,7 +120,7 @@ class CheckedSpec:
 
     @property
     def text_for_others(self) -> str:
-        """The file's content without secrets; where launch variables are some, it is JSON, which is YAML, too."""
+        """The specification file's text without secrets, to show it to others; as JSON if secrets had to be removed."""
         inputs = [plain(step.input) for step in self.steps.values()]
         if hide_secrets(inputs) is inputs:
             return self.text
@@ -128,12 +128,12 @@ class CheckedSpec:
 
 
 def output_model(operation: str) -> type[Shape]:
-    """The shape of what a step of this operation gives to later steps."""
+    """Returns the model of an operation's output, which later steps of a specification can refer to."""
     return STEPS[STEPS[operation].final_name].response
 
 
 def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
-    """The place of a problem of a request, in the file.
+    """Finds the line and column in the specification file that a problem of a request is about.
 
     Args:
         problem: what is wrong.
@@ -149,27 +149,27 @@ def place_of(problem: RequestProblem, node: Node, outermost: Place) -> Place:
 
 
 def for_each_of(node: Node) -> MappingNode | None:
-    """The node, if it is a `forEach` construct."""
+    """Returns the node if it is a `forEach` construct of a specification, else `None`."""
     return node if isinstance(node, MappingNode) and FOR_EACH in node.entries else None
 
 
 def is_step_name(name: str) -> bool:
-    """Whether a step or a variable may have this name."""
+    """Whether a name is allowed for a step or a variable of a specification."""
     return re.fullmatch(_NAME, name) is not None
 
 
 def is_spec_name(name: str) -> bool:
-    """Whether a specification may have this name."""
+    """Whether a name is allowed for a specification."""
     return re.fullmatch(_SPEC_NAME, name) is not None
 
 
 def variable_of(construct: MappingNode) -> str:
-    """Name of a `forEach` construct's variable."""
+    """Returns the name of the loop variable of a `forEach` construct."""
     return str(plain(construct.entries["as"])) if "as" in construct.entries else DEFAULT_VARIABLE
 
 
 def with_seed(spec: CheckedSpec, seed: int) -> CheckedSpec:
-    """The specification with another seed wherever its operations take one, in requests of a batch too."""
+    """Returns the specification with another random seed in all its requests, also those inside a batch."""
     steps = {name: replace(step, input=_seeded(step, seed)) for name, step in spec.steps.items()}
     return replace(spec, steps=steps, seed=seed)
 
@@ -193,7 +193,10 @@ def _with_entry(node: Node, key: str, value: Node) -> Node:
 
 
 def as_written(node: Node, location: Location) -> Location:
-    """A location in the resolved request as a location in the file: entries that `forEach` made have one origin."""
+    """Maps a location in the resolved request to the location in the file.
+
+    Entries that one `forEach` made share one origin.
+    """
     written: list[str | int] = []
     following: Node | None = node
     for step in location:

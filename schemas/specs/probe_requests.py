@@ -37,7 +37,7 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True)
 class ProbeSize:
-    """How much of a specification a probe runs."""
+    """Limits of a probe, a small trial run of a specification: worlds, jobs and trials."""
 
     worlds: int
     """Worlds of each generation job, at most."""
@@ -49,7 +49,7 @@ class ProbeSize:
 
 @dataclass(frozen=True)
 class JobAmount:
-    """How much one simulation job is to do."""
+    """Amount of work in one simulation job: its trials and its time limit in seconds."""
 
     trials: int
     """1 for a job without trials."""
@@ -60,7 +60,7 @@ class JobAmount:
 
 
 def check_probed(spec: CheckedSpec) -> None:
-    """Refuses a specification that would change what is there already.
+    """Raises an error if a specification has steps that change existing resources, which a probe must not do.
 
     Raises:
         SpecError: a step is of an operation that a probe must not call.
@@ -80,12 +80,12 @@ def check_probed(spec: CheckedSpec) -> None:
 
 
 def worlds_in(request: Mapping[str, Any]) -> int:
-    """How many worlds a generation job makes."""
+    """Returns the number of worlds that a world generation request makes."""
     return math.prod(_world_count(request))
 
 
 def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
-    """The simulation jobs that a resolved request makes, in order; none for other operations."""
+    """Returns the amount of work of each simulation job that a request makes, in order; empty for other operations."""
     return [
         JobAmount(trials.count if (trials := _trials(job)) else 1, float(job["maxJobDurationInSeconds"]), kind_of(job))
         for job in _jobs(operation, request)
@@ -93,7 +93,9 @@ def jobs_in(operation: str, request: Mapping[str, Any]) -> list[JobAmount]:
 
 
 def kind_of(job: Mapping[str, Any]) -> str:
-    """The kind of a job, shared by jobs that probably take as long: limit, applications, and how they are launched.
+    """Returns a key that is equal for jobs which probably take equally long: limit, applications and launch.
+
+    World, seed, trials and tags have no effect on it.
 
     World, seed, trials and tags make no other kind.
 
@@ -111,7 +113,7 @@ def kind_of(job: Mapping[str, Any]) -> str:
 
 
 def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str, Any]:
-    """Cuts a resolved request down.
+    """Reduces a request to the size of a probe: fewer worlds, jobs and trials.
 
     Args:
         operation: the step's operation.
@@ -134,14 +136,14 @@ def cut(operation: str, request: Mapping[str, Any], size: ProbeSize) -> dict[str
 
 
 def spread(items: Sequence[_Item], most: int) -> list[_Item]:
-    """The first and further ones of a list at equal distances, at most so many: neighbours are often alike."""
+    """Picks at most `most` items of a list at equal distances, because neighbours are often alike."""
     if len(items) <= most:
         return list(items)
     return [items[index * len(items) // most] for index in range(most)]
 
 
 def of_each_kind(kinds: Sequence[str], most: int) -> list[int]:
-    """The places of some jobs, at most so many: one of each kind, as far as that goes, the others from all over.
+    """Picks at most `most` jobs, by index: one of each kind if possible, the others from all over the list.
 
     Args:
         kinds: the kind of each job.
@@ -192,7 +194,7 @@ def _cut_job(job: Mapping[str, Any], most: int) -> dict[str, Any]:
 
 
 def cut_trials(trials: Trials, most: int) -> Trials:
-    """Fewer trials: with the first values of the parameters where all combinations are too many.
+    """Reduces trials to at most `most`, with the first values of each parameter where all combinations are too many.
 
     As many of them are recorded as of the whole, in proportion.
     """

@@ -15,7 +15,7 @@ from ..wire.request_problems import nearest
 
 @dataclass(frozen=True)
 class Anything:
-    """Cannot be told."""
+    """Type of an expression's value that cannot be determined before the run."""
 
     def __str__(self) -> str:
         return "a value"
@@ -23,7 +23,7 @@ class Anything:
 
 @dataclass(frozen=True)
 class Scalar:
-    """A single value; `name` is one of those below."""
+    """Type of a single value (string, number, boolean or null) in a specification's expressions."""
 
     name: str
 
@@ -33,7 +33,7 @@ class Scalar:
 
 @dataclass(frozen=True)
 class ListOf:
-    """A list of items of one kind."""
+    """Type of a list in a specification's expressions: all items have one type."""
 
     item: "Kind"
 
@@ -43,7 +43,7 @@ class ListOf:
 
 @dataclass(frozen=True)
 class MapOf:
-    """A mapping with any keys."""
+    """Type of a mapping with arbitrary keys in a specification's expressions."""
 
     value: "Kind"
 
@@ -53,7 +53,7 @@ class MapOf:
 
 @dataclass(frozen=True)
 class Structure:
-    """A mapping with the members of a model."""
+    """Type of a mapping that has the members of a pydantic model, in a specification's expressions."""
 
     model: type[BaseModel]
 
@@ -63,7 +63,7 @@ class Structure:
 
 @dataclass(frozen=True)
 class Record:
-    """A mapping with known members that no model describes."""
+    """Type of a mapping with known members that no model describes, in a specification's expressions."""
 
     members: Mapping[str, "Kind"]
 
@@ -84,7 +84,7 @@ _SCALARS: dict[Any, Kind] = {str: TEXT, int: WHOLE_NUMBER, float: NUMBER, bool: 
 
 
 def without_none(annotation: Any) -> Any:
-    """An annotation without bounds and without `None`; a choice between several stays one."""
+    """Strips `None` and value bounds from a type annotation; a union of several other types stays one."""
     if get_origin(annotation) is Annotated:
         return without_none(get_args(annotation)[0])
     if get_origin(annotation) in (Union, types.UnionType):
@@ -94,7 +94,7 @@ def without_none(annotation: Any) -> Any:
 
 
 def kind_of(annotation: Any) -> Kind:
-    """The kind of a model's member."""
+    """Converts a model member's type annotation to the type of an expression."""
     annotation = without_none(annotation)
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Literal:
@@ -109,7 +109,7 @@ def kind_of(annotation: Any) -> Kind:
 
 
 def kind_of_value(value: Any) -> Kind:
-    """The kind of a plain value."""
+    """Returns the expression type of a plain value."""
     if is_list(value):
         return ListOf(common(*(kind_of_value(item) for item in value)))
     if is_object(value):
@@ -118,19 +118,19 @@ def kind_of_value(value: Any) -> Kind:
 
 
 def common(*kinds: Kind) -> Kind:
-    """The kind that all are of, if there is one."""
+    """Returns the type that all given types agree on, or `Anything` if they differ."""
     return kinds[0] if kinds and all(kind == kinds[0] for kind in kinds) else ANYTHING
 
 
 def members_of(kind: Kind) -> Mapping[str, Kind] | None:
-    """The members of a mapping whose members are known."""
+    """Returns the members and their types of a mapping type; `None` if they are not known."""
     if isinstance(kind, Structure):
         return {name: kind_of(field.annotation) for name, field in kind.model.model_fields.items()}
     return kind.members if isinstance(kind, Record) else None
 
 
 def fits(source: Kind, target: Kind) -> bool:
-    """Whether a value of one kind may stand where another is asked for; `True` where it cannot be told."""
+    """Whether a value of type `source` is acceptable where `target` is required; `True` when unknown."""
     if isinstance(source, Anything) or isinstance(target, Anything) or source == target:
         return True
     if isinstance(source, Scalar) or isinstance(target, Scalar):
@@ -151,11 +151,11 @@ def _mapping_fits(source: Kind, target: Kind) -> bool:
 
 
 class ReferenceMistake(ValueError):
-    """The expression cannot work; the message says why."""
+    """Raised when a `${...}` reference in a specification cannot work; the message says why."""
 
 
 def infer(tree: Mapping[str, Any], scope: Kind) -> Kind:
-    """The kind of value that an expression gives.
+    """Determines the type of a JMESPath expression's value without evaluating it.
 
     Args:
         tree: a parsed expression, `jmespath.compile(…).parsed`.

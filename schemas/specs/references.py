@@ -27,11 +27,11 @@ _CHARACTERS = 64  # of text that count as one value
 
 
 class TooMuchWorkError(Exception):
-    """An expression takes too many steps, or makes too much."""
+    """Raised when evaluating a JMESPath expression takes too many steps or makes too much data."""
 
 
 def bounded_search(tree: Mapping[str, Any], scope: Mapping[str, Any]) -> Any:
-    """Evaluates an expression, with a limit on the work.
+    """Evaluates a JMESPath expression with a limit on the work, for expressions from untrusted files.
 
     Args:
         tree: the parsed expression, `jmespath.compile(…).parsed`.
@@ -79,17 +79,17 @@ _OPENING = re.compile(r"\$?\$\{\{")
 
 @dataclass(frozen=True)
 class Reference:
-    """One expression."""
+    """A `${...}` reference in a specification's text: a JMESPath expression over the outputs of earlier steps."""
 
     expression: str
     tree: Mapping[str, Any]
 
     def names(self) -> set[str]:
-        """Steps and variables it refers to."""
+        """Returns the names of the steps and variables that the expression uses."""
         return set(_names(self.tree, outermost=True))
 
     def kind(self, scope: Mapping[str, Kind]) -> Kind:
-        """The kind of its value, by the kinds of steps and variables.
+        """Returns the type of the reference's value, given the types of the steps and variables.
 
         Raises:
             ReferenceMistake: it cannot work.
@@ -102,7 +102,7 @@ class Reference:
         return infer(self.tree, Record(scope))
 
     def value(self, scope: Mapping[str, Any]) -> Any:
-        """Its value, by the values of steps and variables.
+        """Evaluates the reference, given the values of the steps and variables.
 
         Raises:
             ReferenceMistake: there is nothing, or it cannot be evaluated.
@@ -120,22 +120,22 @@ class Reference:
 
 @dataclass(frozen=True)
 class Template:
-    """A text, cut at its references."""
+    """A text of a specification, split into plain text and `${...}` references."""
 
     parts: tuple[str | Reference, ...]
 
     @property
     def references(self) -> tuple[Reference, ...]:
-        """Its references, in order."""
+        """The references in the text, in order."""
         return tuple(part for part in self.parts if isinstance(part, Reference))
 
     @property
     def whole(self) -> Reference | None:
-        """The reference, if the text is nothing else."""
+        """The single reference if the text consists of nothing else; `None` otherwise."""
         return part if len(self.parts) == 1 and isinstance(part := self.parts[0], Reference) else None
 
     def kind(self, scope: Mapping[str, Kind]) -> Kind:
-        """The kind of its value, by the kinds of steps and variables.
+        """Returns the type of the text's value, given the types of the steps and variables.
 
         Raises:
             ReferenceMistake: it cannot work.
@@ -149,7 +149,7 @@ class Template:
         return TEXT
 
     def value(self, scope: Mapping[str, Any]) -> Any:
-        """Its value, by the values of steps and variables.
+        """Replaces the references by their values; a text that is one single reference keeps its value's type.
 
         Raises:
             ReferenceMistake: a reference gives nothing, or something that cannot stand inside text.
@@ -163,7 +163,7 @@ class Template:
 
 @lru_cache(maxsize=4096)
 def parse_template(text: str) -> Template:
-    """Finds the references in a text.
+    """Splits a specification's text into plain text and `${...}` references.
 
     Raises:
         ReferenceMistake: a reference is not closed, or is no JMESPath expression.

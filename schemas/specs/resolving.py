@@ -28,7 +28,7 @@ MOST_REQUESTS = 1000
 
 
 class Part(NamedTuple):
-    """Part of a step that is ordered at once: all of it, or one batch of a campaign."""
+    """The part of a step that is sent as one request: the whole step, or one of the batches it is split into."""
 
     request: dict[str, Any]
     number: int = 1
@@ -44,18 +44,18 @@ class Part(NamedTuple):
     """How many trials those order; 0: none, or it is no campaign."""
 
     def name(self, step: str) -> str:
-        """The name of the step, or of its part: `simulate_2_of_3`."""
+        """Returns the part's name: the step's, or `simulate_2_of_3` for a part of a divided step."""
         return step if self.of == 1 else f"{step}_{self.number}_of_{self.of}"
 
     def location(self, inside: Location) -> Location:
-        """The location of a value of this part in the step's whole request."""
+        """Converts a location in this part's request to the location in the whole step's request."""
         if len(inside) > 1 and inside[0] == _REQUESTS and isinstance(place := inside[1], int):
             return (_REQUESTS, place + (self.number - 1) * MOST_REQUESTS, *inside[2:])
         return inside
 
 
 def with_client_token(operation: str, request: Mapping[str, Any], place: str) -> dict[str, Any]:
-    """A part's request, which can be repeated: it has a client token, where its operation knows one.
+    """Adds a client token to a part's request, if the operation has one, so that the request can be repeated safely.
 
     Args:
         operation: the step's operation.
@@ -68,12 +68,12 @@ def with_client_token(operation: str, request: Mapping[str, Any], place: str) ->
 
 
 def step_of(part: str) -> str:
-    """The step that a part of this name belongs to; a step that is no campaign is its own part."""
+    """Returns the step that a part's name belongs to; a step that is not divided has one part of its own name."""
     return re.sub(r"_\d+_of_\d+$", "", part)
 
 
 def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
-    """Splits the request of a step where it is for more jobs than one batch may have.
+    """Splits a step's request into several batches if it has more jobs than one batch may have.
 
     Args:
         operation: the step's operation.
@@ -98,7 +98,7 @@ def parts_of(operation: str, request: Mapping[str, Any]) -> list[Part]:
 
 @dataclass(frozen=True)
 class EarlierParts:
-    """Results of the parts of a step that have ended, taken together."""
+    """Combined results of the finished parts of a step that is divided into several batches."""
 
     output: dict[str, Any] = field(default_factory=dict[str, Any])
     """Response that references see of the step so far: the jobs of all its batches under the ARN of the last."""
@@ -112,7 +112,7 @@ class EarlierParts:
     def followed_by(
         self, output: Mapping[str, Any], counts: Mapping[str, int], trials: TrialCounts | None = None
     ) -> "EarlierParts":
-        """These parts and one more.
+        """Returns these combined results with those of one more finished part added.
 
         Args:
             output: the final description of the one more.
@@ -127,11 +127,11 @@ class EarlierParts:
         return EarlierParts({**output, **lists}, self.with_counts(counts), self._finished(trials))
 
     def with_counts(self, counts: Mapping[str, int]) -> dict[str, int]:
-        """The counts of a part that runs, with those of the parts before it."""
+        """Adds the job counts of the running part to those of the finished parts."""
         return dict(Counter(self.counts) + Counter(counts))
 
     def with_trials(self, trials: TrialCounts | None, total: int) -> TrialCounts | None:
-        """The trials of a part that runs, with those of the parts before it; None: there are none.
+        """Adds the trial counts of the running part to those of the finished parts; `None` if there are no trials.
 
         Args:
             trials: those of the part that runs.
@@ -144,7 +144,7 @@ class EarlierParts:
 
 
 def resolve_input(step: CheckedStep, outputs: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """The step's request, references replaced, `forEach` carried out, template bodies turned to JSON text.
+    """Makes a step's final request: replaces references, expands `forEach`, converts template bodies to JSON text.
 
     One that is for more jobs than a batch may have is run in parts, see `parts_of`.
 

@@ -34,7 +34,7 @@ class _Request:
 
 
 def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
-    """Finds goals in rooms that no world of the template has, and in the one that robots start in.
+    """Finds goals in rooms that no world of the template has, or in the room where robots start.
 
     Args:
         steps: the steps, whose inputs have no other problems.
@@ -54,7 +54,7 @@ def room_problems(steps: Mapping[str, CheckedStep]) -> Iterator[Problem]:
 
 
 def start_room(rooms: Sequence[TemplateRoom]) -> str | None:
-    """The room that robots start in in all worlds of a template; `None` where that depends on their plans.
+    """Returns the room in which robots start in every world of a template; `None` if that depends on the floor plan.
 
     A plan has its origin in its largest living room or hallway; a living room is always wide enough for it.
     """
@@ -145,7 +145,7 @@ _MEMBERS = ("floorplanCount", "interiorCountPerFloorplan")
 
 
 def check_world_counts(spec: CheckedSpec, most: int) -> None:
-    """Refuses what the service itself would accept, and then fail; counts that only a run can tell pass.
+    """Raises an error if a generation step asks for more worlds than allowed, as far as known before the run.
 
     Args:
         spec: the specification.

@@ -68,7 +68,7 @@ class _Parser(Protocol):
 
 @dataclass(frozen=True)
 class ScalarNode:
-    """Text, a number, true, false or null."""
+    """A scalar of a parsed YAML or JSON file (text, number, boolean or null), with its line and column."""
 
     place: Place
     value: str | int | float | bool | None
@@ -78,7 +78,7 @@ class ScalarNode:
 
 @dataclass(frozen=True)
 class ListNode:
-    """A list."""
+    """A list of a parsed YAML or JSON file, with its line and column."""
 
     place: Place
     items: tuple["Node", ...]
@@ -86,7 +86,7 @@ class ListNode:
 
 @dataclass(frozen=True)
 class MappingNode:
-    """A mapping from text."""
+    """A mapping of a parsed YAML or JSON file with text keys, with its line and column."""
 
     place: Place
     entries: dict[str, "Node"]
@@ -97,7 +97,7 @@ Node: TypeAlias = ScalarNode | ListNode | MappingNode
 
 
 def plain(node: Node) -> Any:
-    """The node as plain Python values."""
+    """Converts a parsed node to plain Python values."""
     if isinstance(node, MappingNode):
         return {key: plain(value) for key, value in node.entries.items()}
     if isinstance(node, ListNode):
@@ -106,7 +106,7 @@ def plain(node: Node) -> Any:
 
 
 def child(node: Node, step: str | int) -> Node | None:
-    """The entry of that key, or the item at that position; `None` if there is none."""
+    """Returns a mapping's entry or a list's item; `None` if the node has none."""
     if isinstance(node, MappingNode) and isinstance(step, str):
         return node.entries.get(step)
     if isinstance(node, ListNode) and isinstance(step, int) and 0 <= step < len(node.items):
@@ -115,7 +115,7 @@ def child(node: Node, step: str | int) -> Node | None:
 
 
 def value_place(node: Node, location: Location) -> Place:
-    """The place of the value at a location; where it is missing, that of the key of what should hold it."""
+    """Returns the line and column of the value at a location; if the value is missing, those of its parent's key."""
     place = node.place
     for step in location:
         following = child(node, step)
@@ -126,7 +126,7 @@ def value_place(node: Node, location: Location) -> Place:
 
 
 def key_place(node: Node, location: Location) -> Place:
-    """The place of the key of the value at a location; for list items, that of the item."""
+    """Returns the line and column of the key at a location; for list items, those of the item."""
     for step in location[:-1]:
         following = child(node, step)
         if following is None:
@@ -140,7 +140,7 @@ def key_place(node: Node, location: Location) -> Place:
 
 
 def parse(text: str, filename: str) -> Node:
-    """Reads one YAML or JSON document.
+    """Parses a YAML or JSON document into nodes that know their line and column.
 
     Args:
         text: the document.
@@ -180,7 +180,7 @@ class _Reader:
         self._count = 0
 
     def document(self) -> Node:
-        """Reads the only document there is."""
+        """Reads the file's only document, with an error if there are several."""
         root: Node | None = None
         for event in self._events:
             if _is_node(event):

@@ -33,14 +33,14 @@ All = Annotated[Literal["Target.All"], Tag(CONSTANT_TAG)]
 
 
 class TemplateTargetSet(Model):
-    """Rooms that a set is for: by name or by type. A name beats a type for the same room."""
+    """The rooms that a set of a world template applies to, by name or by type. A name has precedence over a type."""
 
     RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
     RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
 
 
 class RoomPairTargetFilter(Model):
-    """Doorways that a set is for: those between any room of one list and any room of another."""
+    """The doorways that a set of a world template applies to: those between a room of one list and one of another."""
 
     From: TemplateTargetSet = Field(description="Rooms on one side.")
     To: TemplateTargetSet = Field(description="Rooms on the other side.")
@@ -68,25 +68,25 @@ OpenPercent = Annotated[
 
 
 class DoorOpenPosition(Model):
-    """How far a door is open at first."""
+    """How far a door is open when the simulation begins, in percent."""
 
     Percent: OpenPercent = Field(default=100.0, description="0: closed, 100: fully open; Random: anything between.")
 
 
 class DoorInitialState(Model):
-    """A door when the simulation begins."""
+    """Initial state of a door in a world template: how far it is open."""
 
     OpenPosition: DoorOpenPosition = Field(default=DoorOpenPosition(), description="How far it is open.")
 
 
 class InteriorDoor(Model):
-    """A door."""
+    """A door in the doorways of a world template."""
 
     InitialState: DoorInitialState = Field(default=DoorInitialState(), description="How it is at first.")
 
 
 class InteriorDoorwaySet(Model):
-    """The doors of some doorways."""
+    """Doors that a world template asks for in some of its doorways."""
 
     Name: NameText = Field(description="The set's name.")
     TargetSet: DoorwayTarget = Field(description="The doorways it is for.")
@@ -94,7 +94,7 @@ class InteriorDoorwaySet(Model):
 
 
 class TemplateDoorways(Model):
-    """Doors."""
+    """All doors that a world template asks for."""
 
     DoorwaySets: list[InteriorDoorwaySet] = Field(
         default=[], max_length=13, description="Doors by doorway; other doorways get a door of any look, fully open."
@@ -124,7 +124,7 @@ def _one_of(what: str, values: tuple[str, ...]) -> AfterValidator:
 
 
 def nearest_of(value: str, values: tuple[str, ...]) -> str:
-    """`did you mean "X"?`, or nothing when no value comes near."""
+    """Returns `did you mean "X"?` for a misspelt value; empty if no allowed value is similar."""
     plain = {re.sub(r"[^a-z]", "", known.lower()): known for known in values}
     near = get_close_matches(re.sub(r"[^a-z]", "", value.lower()), plain, n=1)
     return f'did you mean "{plain[near[0]]}"?' if near else ""
@@ -140,21 +140,21 @@ ModelType = Annotated[str, _one_of("model type", MODEL_TYPES), Field(json_schema
 
 
 class TemplateAspectRatio(Model):
-    """A ratio of two sides; only the quotient counts."""
+    """Aspect ratio of a room in a world template, as two lengths of which only the quotient counts."""
 
     x: Side = Field(default=1.0, description="Share of the side along x.")
     y: Side = Field(default=1.0, description="Share of the side along y.")
 
 
 class TemplateShape(Model):
-    """How large a room should be, and how long for its width."""
+    """Size and aspect ratio that a world template wishes for a room."""
 
     Area: float = Field(ge=10, le=300, description="Desired area in square metres.")
     AspectRatio: TemplateAspectRatio = Field(description="Desired ratio of the sides; the room may be turned.")
 
 
 class TemplateRoom(Model):
-    """One wished room."""
+    """A room that a world template asks for: its type, name and shape."""
 
     Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
@@ -166,19 +166,19 @@ class TemplateRoom(Model):
 
 
 class DesiredConnection(Model):
-    """A wished way between two rooms."""
+    """A door or opening that a world template asks for between two rooms."""
 
     Location: list[str] = Field(min_length=2, max_length=2, description="Names of the two rooms.")
     ConnectionType: PassageKind = Field(description="Doorway: a gap in the wall; Opening: no wall.")
 
     @property
     def pair(self) -> frozenset[str]:
-        """The two rooms, in no order."""
+        """Names of the two connected rooms, in no order."""
         return frozenset(self.Location)
 
 
 class TemplateFootprint(Model):
-    """The building's outline."""
+    """Outline of the building that a world template asks for."""
 
     DesiredAspectRatio: TemplateAspectRatio = Field(
         default=TemplateAspectRatio(), description="Desired extent along x over extent along y."
@@ -186,13 +186,13 @@ class TemplateFootprint(Model):
 
 
 class TemplateCeiling(Model):
-    """The ceiling."""
+    """Ceiling height that a world template asks for."""
 
     Height: float = Field(default=3.0, ge=2.4, le=4.0, description="Floor to ceiling in metres; guaranteed.")
 
 
 class TemplateFloorplan(Model):
-    """Wishes about rooms and the ways between them."""
+    """Rooms of a world template and the connections between them."""
 
     Footprint: TemplateFootprint = Field(default=TemplateFootprint(), description="The building's outline.")
     Ceiling: TemplateCeiling = Field(default=TemplateCeiling(), description="The ceiling.")
@@ -208,25 +208,25 @@ class TemplateFloorplan(Model):
 
 
 class FloorSampleSet(Model):
-    """Floor materials to choose from."""
+    """Floor materials of a world template, of which the generator chooses one."""
 
     MaterialTypes: list[FloorMaterial] = Field(min_length=1, description="Floor materials to choose from.")
 
 
 class WallSampleSet(Model):
-    """Wall materials to choose from."""
+    """Wall materials of a world template, of which the generator chooses one."""
 
     MaterialTypes: list[WallMaterial] = Field(min_length=1, description="Wall materials to choose from.")
 
 
 class FurnitureSampleSet(Model):
-    """Kinds of furniture to choose from."""
+    """Furniture types of a world template, of which the generator chooses."""
 
     ModelTypes: list[ModelType] = Field(description="Kinds of furniture; none leaves the rooms unfurnished.")
 
 
 class FloorMaterialSet(Model):
-    """Floor materials of some rooms."""
+    """Floor materials that a world template gives some rooms."""
 
     Name: NameText = Field(description="The set's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
@@ -234,7 +234,7 @@ class FloorMaterialSet(Model):
 
 
 class WallMaterialSet(Model):
-    """Wall materials of some rooms."""
+    """Wall materials that a world template gives some rooms."""
 
     Name: NameText = Field(description="The set's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
@@ -242,7 +242,7 @@ class WallMaterialSet(Model):
 
 
 class FurnitureArrangement(Model):
-    """Furniture of some rooms."""
+    """Furniture that a world template gives some rooms."""
 
     Name: NameText = Field(description="The arrangement's name.")
     TargetSet: RoomTarget = Field(description="The rooms it is for.")
@@ -258,19 +258,19 @@ class FurnitureArrangement(Model):
 
 
 class TemplateFlooring(Model):
-    """Floor materials."""
+    """All floor materials that a world template asks for."""
 
     MaterialSets: list[FloorMaterialSet] = Field(default=[], max_length=6, description="Floor materials by room.")
 
 
 class TemplateWalls(Model):
-    """Wall materials."""
+    """All wall materials that a world template asks for."""
 
     MaterialSets: list[WallMaterialSet] = Field(default=[], max_length=6, description="Wall materials by room.")
 
 
 class TemplateFurniture(Model):
-    """Furniture."""
+    """All furniture that a world template asks for."""
 
     FurnitureArrangements: list[FurnitureArrangement] = Field(
         default=[], max_length=6, description="Furniture by room; other rooms are furnished at random."
@@ -278,7 +278,7 @@ class TemplateFurniture(Model):
 
 
 class TemplateInterior(Model):
-    """Wishes about materials and furniture."""
+    """Floor materials, wall materials and furniture that a world template asks for."""
 
     Doorways: TemplateDoorways | None = optional("Doors; only in version 2.")
     Flooring: TemplateFlooring = Field(default=TemplateFlooring(), description="Floor materials.")
@@ -287,14 +287,14 @@ class TemplateInterior(Model):
 
 
 class TemplateFloor(Model):
-    """One storey."""
+    """One storey of a world template's building."""
 
     Floorplan: TemplateFloorplan = Field(default=TemplateFloorplan(), description="Rooms and ways between them.")
     Interior: TemplateInterior = Field(default=TemplateInterior(), description="Materials and furniture.")
 
 
 class TemplateBuilding(Model):
-    """One building."""
+    """The building that a world template describes."""
 
     Floors: list[TemplateFloor] = Field(
         default=[TemplateFloor()], min_length=1, max_length=1, description="Exactly one storey."
@@ -320,7 +320,7 @@ def _with_default(value: Any, path: tuple[str | int, ...], default: Any) -> Any:
 
 
 class WorldTemplateBody(Model):
-    """A whole template body; `{}` is one, of version 1, and means a single default room."""
+    """Body of a world template, from which worlds are generated; `{}` means one default room, in version 1."""
 
     Version: Literal["1", "2"] = Field(
         default="1", description="Version of the body's form; worlds of version 2 have doors."
@@ -338,14 +338,14 @@ class WorldTemplateBody(Model):
 
     @property
     def floorplan(self) -> TemplateFloorplan:
-        """The wishes about the one floor plan there is."""
+        """The template's only floor plan: rooms and connections."""
         return self.Buildings[0].Floors[0].Floorplan
 
     @property
     def interior(self) -> TemplateInterior:
-        """The wishes about the one interior there is."""
+        """The template's only interior: materials and furniture."""
         return self.Buildings[0].Floors[0].Interior
 
     def canonical(self) -> str:
-        """The body as compact JSON with all defaults filled in and sorted keys: equal wishes, equal text."""
+        """Returns the body as compact JSON with defaults and sorted keys: equal templates give equal text."""
         return json.dumps(self.model_dump(exclude_none=True), sort_keys=True, separators=(",", ":"))

@@ -36,13 +36,13 @@ Scale = Annotated[str | float, AfterValidator(_scale)]
 
 
 class RoomNotes(Model):
-    """Facts about a room that a drawing does not say."""
+    """Facts about a room which a floor plan drawing does not show, such as its type."""
 
     type: RoomType = Field(description="Its type, which steers materials and furniture.")
 
 
 class DrawingNotes(Model):
-    """Facts that a drawing does not say."""
+    """Facts which a floor plan drawing does not show, such as its scale and its rooms' types."""
 
     scale: Scale | None = optional(
         "Metres of the world for one unit of the drawing, or a scale on paper such as `1:50`."

@@ -32,7 +32,7 @@ MAX_CONNECTIONS_PER_ROOM = 4
 
 
 def rule_problems(body: WorldTemplateBody) -> Iterator[str]:
-    """The rules that the guide gives in prose."""
+    """Finds violations of the rules for world templates that the service's guide gives in prose."""
     if body.Version == "1":
         yield from _problems_of_version_1(body)
     names = tuple(room.Name for room in body.floorplan.Rooms)
@@ -130,7 +130,7 @@ _MAX_REPORTED_PROBLEMS = 20
 
 
 def parse_template_body(text: str) -> WorldTemplateBody:
-    """Reads a template body.
+    """Parses and checks the JSON body of a world template.
 
     A body wrapped as `{"name": ..., "templateBody": {...}}`, as the official samples have it, is
     unwrapped.
@@ -160,7 +160,7 @@ def parse_template_body(text: str) -> WorldTemplateBody:
 
 
 def unwrapped_text(text: str) -> str:
-    """The body alone: the text itself, or, where that is a wrapped body, the JSON text of what it wraps.
+    """Returns the JSON text of a world template's body, without the wrapper that the official samples have around it.
 
     Args:
         text: a body that `parse_template_body` accepts.

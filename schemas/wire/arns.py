@@ -42,7 +42,7 @@ _KINDS: dict[str, Kind] = {kind: kind for kind in get_args(Kind)}
 
 @dataclass(frozen=True)
 class ResourceArn:
-    """An ARN in its parts; `str()` puts them together."""
+    """An Amazon Resource Name (ARN), split into its parts; `str()` joins them."""
 
     region: str
     account: str
@@ -57,12 +57,12 @@ class ResourceArn:
 
     @property
     def name(self) -> str:
-        """The resource's name: of applications, robots and fleets their own, of others the id."""
+        """Name of the resource in the ARN: of applications, robots and fleets their own, of others the id."""
         return self.id.partition("/")[0] if self.kind in _NAMED else self.id
 
     @classmethod
     def parse(cls, arn: str, *kinds: Kind) -> "ResourceArn":
-        """Takes an ARN apart.
+        """Parses an ARN into its parts.
 
         Args:
             arn: the ARN.
@@ -82,7 +82,7 @@ class ResourceArn:
 
 
 def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
-    """The ARN of a resource that has an id.
+    """Makes the ARN of a resource that is identified by an id.
 
     Raises:
         ValueError: there is no such kind of resource.
@@ -93,7 +93,7 @@ def resource_arn(region: str, account: str, kind: str, resource_id: str) -> str:
 
 
 def application_arn(region: str, account: str, kind: str, name: str, created_at: datetime) -> str:
-    """The ARN of an application, robot or fleet: its name, and the moment of creation, which tells it from namesakes.
+    """Makes the ARN of an application, robot or fleet from its name and its creation time.
 
     Raises:
         ValueError: there is no such kind of resource.
@@ -108,7 +108,7 @@ _LENGTH = 12
 
 
 def new_id(prefix: IdPrefix, source: random.Random) -> str:
-    """Makes an id: the prefix, a hyphen, twelve digits and small letters.
+    """Makes a random resource id: the prefix, a hyphen, twelve digits and small letters.
 
     Args:
         prefix: what it is an id of.
@@ -119,7 +119,7 @@ def new_id(prefix: IdPrefix, source: random.Random) -> str:
 
 
 def world_id(generation_id: str, number: int) -> str:
-    """The id of the world of that number, counted from 1, of a generation job: `generation-…/world-3`.
+    """Makes the id of a world from its generation job's id and its number, counted from 1: `generation-…/world-3`.
 
     Raises:
         ValueError: the number is below 1.

@@ -12,18 +12,18 @@ rules of how members go together, which may be newer, refuse nothing."""
 
 
 def optional(description: str) -> Any:
-    """Declares a member that may be absent, which is `None` then."""
+    """Declares a member of a pydantic model that may be absent, and is `None` then."""
     return Field(default=None, description=description)
 
 
 class Model(BaseModel):
-    """A closed, immutable record: unknown members and wrong types are errors, nothing is coerced."""
+    """Base class of immutable pydantic models: unknown members and wrong types are errors, nothing is converted."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, use_attribute_docstrings=False)
 
 
 class Shape(Model):
-    """A structure of the service's interface.
+    """Base class of the structures in the service's requests and responses.
 
     Attributes carry the service's member names unchanged, so that a request body, the keyword
     arguments of an SDK call and the parameters of a flow are the same thing. A member that is
@@ -34,13 +34,13 @@ class Shape(Model):
     model_config = ConfigDict(defer_build=True)
 
     def to_wire(self) -> dict[str, Any]:
-        """Returns the members that are present, as plain values (`datetime` stays `datetime`)."""
+        """Returns the members that are present as plain values, for a message (`datetime` stays `datetime`)."""
         return self.model_dump(exclude_none=True)
 
 
 @dataclass(frozen=True)
 class ShapeName:
-    """The service's name of a simple shape, list or map: put into a type's metadata with `Annotated`.
+    """Type annotation (with `Annotated`) that gives the service's name of a simple shape, list or map.
 
     Bounds are given where the service publishes some that we do not enforce: those of lists in answers.
     """
@@ -53,7 +53,7 @@ class ShapeName:
 
 
 def choices(enumeration: Any) -> tuple[Any, ...]:
-    """The values of a `Literal`, whether it has a `ShapeName` or not."""
+    """Returns the values of a `Literal` type, also inside `Annotated`."""
     if get_origin(enumeration) is Annotated:
         enumeration = get_args(enumeration)[0]
     return get_args(enumeration)

@@ -21,11 +21,11 @@ MAX_DURATION_S = 14 * 24 * 3600
 
 
 class Named(Protocol):
-    """Anything with a name."""
+    """Interface of objects with a `name`."""
 
     @property
     def name(self) -> str:
-        """The name."""
+        """Name of the object."""
         ...
 
 
@@ -34,14 +34,14 @@ _Text = TypeVar("_Text", bound=str)
 
 
 def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstraints:
-    """Bounds of a string's length in characters, and a pattern for the whole of it."""
+    """Makes a pydantic constraint for strings: bounds of the length in characters, and a pattern."""
     return StringConstraints(
         min_length=minimum, max_length=maximum, pattern=None if pattern is None else f"^(?:{pattern})$"
     )
 
 
 def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:
-    """Makes a validator that refuses two entries of one name; `what` says what they are."""
+    """Makes a pydantic validator that refuses lists with two entries of the same name; `what` names the entries."""
 
     def check(entries: list[_Named]) -> list[_Named]:
         names = [entry.name for entry in entries]
@@ -62,12 +62,12 @@ _ESCAPE_SEQUENCE = re.compile(r"\x1b\[[0-9;?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\
 
 
 def without_escapes(text: str) -> str:
-    """A text without what terminals take for colours and titles (ECMA-48), and without other control characters."""
+    """Removes terminal escape sequences (colours, titles; ECMA-48) and other control characters from a text."""
     return _ESCAPE_SEQUENCE.sub("", text)
 
 
 def shorten(reason: str, limit: int = 1024) -> str:
-    """Cuts a failure reason to what `GenericString` holds: keeps the beginning and, at greater length, the end.
+    """Shortens a failure reason to the length limit of the service: keeps the beginning and, if long, the end.
 
     What programs print for terminals is left out.
     """
@@ -133,7 +133,7 @@ S3Etag = Annotated[str, ShapeName("S3Etag")]
 
 
 class OutputLocation(Shape):
-    """Location of outputs in the object store."""
+    """Bucket and key prefix in the object store for a job's outputs."""
 
     s3Bucket: S3Bucket | None = optional("Bucket; absent: the configured one.")
     s3Prefix: S3Key | None = optional("Prefix of the keys of all outputs.")
@@ -154,7 +154,7 @@ MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 
 
 class Filter(Shape):
-    """A condition on the resources of a list."""
+    """A filter of a list request: a name and the accepted values."""
 
     name: Name | None = optional("Member to compare, such as `status`.")
     values: Annotated[list[Name], ShapeName("FilterValues"), Field(min_length=1, max_length=1)] | None = optional(
@@ -172,12 +172,12 @@ Filters = Annotated[list[Filter], ShapeName("Filters"), Field(min_length=1, max_
 
 
 def filter_values(filters: Sequence[Filter] | None) -> dict[str, list[str]]:
-    """Filters as a mapping from names to the values that are wanted."""
+    """Converts a list request's filters to a mapping from name to accepted values."""
     return {each.name: each.values for each in filters or () if each.name and each.values}
 
 
 def exactly_one(members: tuple[str, str], given: tuple[object, object]) -> None:
-    """Checks that one of two members is given.
+    """Raises an error unless exactly one of two request members is given.
 
     Args:
         members: names of the members.

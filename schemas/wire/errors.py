@@ -39,62 +39,62 @@ from ..exit_codes import BAD_USAGE, BROKE
 
 
 class RobomakerError(Exception):
-    """Base of every error raised on purpose."""
+    """Base class of all errors that this program raises on purpose."""
 
     exit_code = BROKE
 
 
 class ServiceError(RobomakerError):
-    """An error of the service's interface; class name, `code` and `status` are those of the wire."""
+    """Base class of errors in the service's responses; class name, `code` and HTTP `status` are those of RoboMaker."""
 
     status = 400
     exit_code = BAD_USAGE
 
     @property
     def code(self) -> str:
-        """The error's shape name, as SDKs look it up."""
+        """Error code in the response, by which AWS SDKs choose the exception."""
         return type(self).__name__
 
 
 class InvalidParameterException(ServiceError):
-    """A member of the request is missing, unknown, of the wrong type or out of range."""
+    """Service error: a member of the request is missing, unknown, of the wrong type or out of range."""
 
 
 class ResourceNotFoundException(ServiceError):
-    """The request names something that does not exist."""
+    """Service error: the request names a resource that does not exist."""
 
 
 class ResourceAlreadyExistsException(ServiceError):
-    """The name is taken."""
+    """Service error: a resource of this name exists already."""
 
 
 class IdempotentParameterMismatchException(ServiceError):
-    """The client token was used before, with another request."""
+    """Service error: the client token was used before with a different request."""
 
 
 class LimitExceededException(ServiceError):
-    """A quota is used up."""
+    """Service error: a quota is exhausted."""
 
 
 class ConcurrentDeploymentException(ServiceError):
-    """The fleet has a deployment under way."""
+    """Service error: the fleet has another deployment in progress."""
 
 
 class ThrottlingException(ServiceError):
-    """Too much at once, for now; the same call may succeed later."""
+    """Service error: too many requests at once; the same call may succeed later."""
 
     exit_code = BROKE
 
 
 class InternalServerException(ServiceError):
-    """Something broke on this side."""
+    """Service error: an unexpected fault inside the service."""
 
     status = 500
     exit_code = BROKE
 
 
 class ServiceUnavailableException(ServiceError):
-    """A part this call needs is down."""
+    """Service error: a component that this call needs is down."""
 
     status = 503
     exit_code = BROKE
@@ -102,7 +102,7 @@ class ServiceUnavailableException(ServiceError):
 
 @dataclass(frozen=True)
 class Place:
-    """A place in a specification file; line and column count from 1."""
+    """Position in a specification file; line and column count from 1."""
 
     file: str
     line: int
@@ -114,7 +114,7 @@ class Place:
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing wrong with a specification: where, what, and what would be right."""
+    """One problem in a specification: where it is, what is wrong, and what would be right."""
 
     place: Place
     path: str
@@ -125,7 +125,7 @@ class Problem:
 
 
 class SpecError(RobomakerError):
-    """A specification with one or more problems; nothing of it has been run."""
+    """Raised for a specification with one or more problems; nothing of it has been run."""
 
     exit_code = BAD_USAGE
 
@@ -135,74 +135,74 @@ class SpecError(RobomakerError):
 
 
 class ConfigurationError(RobomakerError):
-    """A setting is wrong; the message names it and what would be right."""
+    """Raised when a setting is wrong; the message names the setting and what would be right."""
 
     exit_code = BAD_USAGE
 
 
 class CatalogAwayError(ConfigurationError):
-    """The catalog's database did not answer when it was to be opened; it may be started later."""
+    """Raised when the catalog's database does not answer on opening; it may be started later."""
 
     exit_code = BROKE
 
 
 class StorageError(RobomakerError):
-    """The object store refused or failed."""
+    """Base class of errors of the object store: it refused a call or failed."""
 
 
 class BucketNotFoundError(StorageError):
-    """There is no such bucket."""
+    """Raised when the object store has no bucket of that name."""
 
 
 class ObjectNotFoundError(StorageError):
-    """There is no such object."""
+    """Raised when the object store has no object of that key."""
 
 
 class StorageAccessDeniedError(StorageError):
-    """The credentials do not allow it."""
+    """Raised when the credentials do not allow an access to the object store."""
 
 
 class CredentialsRefusedError(StorageAccessDeniedError):
-    """The credentials are no good for anything: not known to the server, or the role gives none."""
+    """Raised when the object store does not accept the credentials at all, or a role provides none."""
 
 
 class ObjectExistsError(StorageError):
-    """A create-only write found an object in its place."""
+    """Raised when an upload that must not overwrite finds an existing object."""
 
 
 class ChecksumMismatchError(StorageError):
-    """The bytes that arrived are not the bytes that were sent."""
+    """Raised when uploaded or downloaded bytes do not match their checksum."""
 
 
 class StorageUnavailableError(StorageError):
-    """The object store does not answer, or says that it cannot now; the same may work later.
+    """Raised when the object store does not answer or is overloaded; the same call may succeed later.
 
     This is the only error of a store that jobs wait for; all others are for good.
     """
 
 
 class StorageFullError(StorageUnavailableError):
-    """No space left where the bytes should go; there may be, once something is removed."""
+    """Raised when there is no space left to write to; it may succeed after something is removed."""
 
 
 class TransferStoppedError(StorageError):
-    """The caller stopped the transfer; nothing of it is left."""
+    """Raised when the caller stopped an upload or download; no partial file remains."""
 
 
 class BundleError(RobomakerError):
-    """An application archive is no archive, or would write outside its folder, or is too large."""
+    """Raised when an application archive is invalid, too large, or would write outside its folder."""
 
 
 class WorldGenerationError(RobomakerError):
-    """No valid world came out of the allowed number of attempts; the message says what failed last."""
+    """Raised when no valid world was generated within the allowed attempts; the message gives the last failure."""
 
 
 class AttestationError(RobomakerError):
-    """An attestation is not signed by the key it has to be signed by, or says something else than it has to."""
+    """Raised when an attestation has a wrong signature or states something else than required."""
 
 
 class LaunchError(RobomakerError):
-    """An application cannot be started; `failure_code` is the simulation job's failure code.
+    """Raised when an application cannot be started; `failure_code` is the simulation job's failure code.
 
     It is `InvalidInput` where something in the request has to be changed.
     """
@@ -213,7 +213,7 @@ class LaunchError(RobomakerError):
 
 
 class DeploymentError(RobomakerError):
-    """An application cannot be brought to robots; `failure_code` is the deployment job's failure code."""
+    """Raised when an application cannot be deployed to robots; `failure_code` is the deployment job's failure code."""
 
     def __init__(self, message: str, failure_code: str) -> None:
         self.failure_code = failure_code
@@ -221,12 +221,12 @@ class DeploymentError(RobomakerError):
 
 
 class LaunchInterruptedError(LaunchError):
-    """Something that starts runs was killed meanwhile; trying again helps."""
+    """Raised when a process that starts runs was killed during the start; a retry may succeed."""
 
 
 class StateConflictError(RobomakerError):
-    """An event arrived in a state that does not know it."""
+    """Raised when an event is not allowed in the current state of a state machine."""
 
 
 class LeaseLostError(StateConflictError):
-    """A process was held up for so long, or slept, that another one has taken over its job."""
+    """Raised when a process was stalled or asleep so long that another process has taken over its job."""

@@ -35,11 +35,11 @@ Piece = tuple[str, str]
 
 
 class GlobError(ValueError):
-    """A glob that is none; the message says what is wrong with it."""
+    """Raised for an invalid glob pattern; the message says what is wrong with it."""
 
 
 class Glob:
-    """A compiled glob.
+    """A compiled glob pattern for file paths, as `uploadConfigurations` use it.
 
     Args:
         text: the glob.
@@ -53,16 +53,16 @@ class Glob:
         self._whole, self._beginning = (re2.compile(each, _OPTIONS) for each in self._parse())
 
     def matches(self, path: str) -> bool:
-        """Whether a path matches, as a whole."""
+        """Whether the whole path matches the pattern."""
         return self._whole.fullmatch(_encodable(path)) is not None
 
     def may_match_below(self, folder: str) -> bool:
-        """Whether a path that begins with a folder's path and `/` could match."""
+        """Whether some path below a folder could match the pattern, so that the folder has to be searched."""
         return self._beginning.fullmatch(_encodable(f"{folder}/")) is not None
 
     @property
     def fixed_folder(self) -> str:
-        """The folder that all matches are in: what is in front of the last `/` before anything special."""
+        """The folder that contains all matches: the pattern up to the last `/` before its first wildcard."""
         return _SPECIAL.split(self.text, maxsplit=1)[0].rpartition("/")[0]
 
     def _parse(self) -> Piece:

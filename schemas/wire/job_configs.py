@@ -78,7 +78,7 @@ EnvironmentVariableMap = Annotated[
 
 
 class PortMapping(Shape):
-    """One port of the application, reachable from outside."""
+    """Mapping of a port of the application to a port reachable from outside the job."""
 
     jobPort: Port = Field(description="Port of the job's network interface.")
     applicationPort: NonSystemPort = Field(description="Port the application listens on.")
@@ -86,7 +86,7 @@ class PortMapping(Shape):
 
 
 class PortForwardingConfig(Shape):
-    """Ports of the application that are reachable from outside."""
+    """Ports of an application in a simulation job that are reachable from outside."""
 
     portMappings: Annotated[list[PortMapping], ShapeName("PortMappingList"), Field(max_length=10)] | None = optional(
         "The ports, at most 10."
@@ -94,7 +94,7 @@ class PortForwardingConfig(Shape):
 
 
 class LaunchConfig(Shape):
-    """How an application is started: `command`, or a launch file of a package."""
+    """Launch settings of an application in a simulation job: `command`, or a package and its launch file."""
 
     packageName: Command | None = optional("Package that holds the launch file.")
     launchFile: Command | None = optional("Launch file, script or attribute of the package.")
@@ -133,7 +133,7 @@ def _can_be_replaced(path: str) -> str:
 
 
 class UploadConfiguration(Shape):
-    """Files of the application that are put into the output location."""
+    """Files of an application that a simulation job uploads to the output location."""
 
     name: Name = Field(description="Folder of these files below the job's outputs; unique in the application.")
     path: Annotated[Path, AfterValidator(_stays_inside), AfterValidator(_can_be_uploaded)] = Field(
@@ -143,7 +143,7 @@ class UploadConfiguration(Shape):
 
 
 class Tool(Shape):
-    """A program that runs beside the application."""
+    """A program that runs beside the application in a simulation job."""
 
     streamUI: bool | None = optional("Whether its screen is shown to viewers.")
     name: Name = Field(description="Its name, unique in the application.")
@@ -164,7 +164,7 @@ Tools = Annotated[list[Tool], ShapeName("Tools"), Field(max_length=10), AfterVal
 
 
 class RobotApplicationConfig(Shape):
-    """A robot application in a simulation job."""
+    """The robot application of a simulation job, with its launch settings, tools and uploads."""
 
     application: ApplicationReference = Field(description="ARN or name of the application.")
     applicationVersion: Version | None = optional("Its version; absent: `$LATEST`.")
@@ -180,13 +180,13 @@ class RobotApplicationConfig(Shape):
 
 
 class WorldConfig(Shape):
-    """A world in a simulation job."""
+    """The world that a simulation job runs in."""
 
     world: Arn | None = optional("ARN of the world.")
 
 
 class SimulationApplicationConfig(RobotApplicationConfig):
-    """A simulation application in a simulation job."""
+    """The simulation application of a simulation job, with its launch settings, worlds, tools and uploads."""
 
     worldConfigs: Annotated[list[WorldConfig], ShapeName("WorldConfigs"), Field(max_length=1)] | None = optional(
         "The world it simulates, at most one."
@@ -202,7 +202,7 @@ SimulationApplicationConfigs = Annotated[
 
 
 class DataSourceConfig(Shape):
-    """Objects that a job reads."""
+    """Objects in the object store that a simulation job reads, as a request gives them."""
 
     name: Name = Field(description="Name of the source, unique in the job.")
     s3Bucket: S3Bucket = Field(description="Bucket of the objects.")
@@ -248,14 +248,14 @@ DataSourceConfigs = Annotated[
 
 
 class S3KeyOutput(Shape):
-    """One object of a data source."""
+    """One object of a simulation job's data source, with its key and ETag."""
 
     s3Key: S3KeyOrPrefix | None = optional("Key of the object.")
     etag: S3Etag | None = optional("Identifies the content it had when the job was made.")
 
 
 class DataSource(Shape):
-    """Objects that a job reads, as they were found."""
+    """Objects that a simulation job reads, as they were found when the job was created."""
 
     name: Name | None = optional("Name of the source.")
     s3Bucket: S3Bucket | None = optional("Bucket of the objects.")
@@ -268,7 +268,7 @@ DataSources = Annotated[list[DataSource], ShapeName("DataSources")]
 
 
 class LoggingConfig(Shape):
-    """Settings of the recording."""
+    """Setting of a simulation job: whether the ROS topics are recorded."""
 
     recordAllRosTopics: bool | None = Field(
         default=None, json_schema_extra=dict(_DEPRECATED), description="Whether all ROS topics are recorded."
@@ -276,7 +276,7 @@ class LoggingConfig(Shape):
 
 
 class VPCConfig(Shape):
-    """Network of a job."""
+    """Virtual network of a simulation job in a request: subnets, security groups and public address."""
 
     subnets: Annotated[list[NonEmptyString], ShapeName("Subnets"), Field(min_length=1, max_length=16)] = Field(
         description="Subnet ids."
@@ -288,7 +288,7 @@ class VPCConfig(Shape):
 
 
 class VPCConfigResponse(Shape):
-    """Network of a job."""
+    """Virtual network of a simulation job in a response, with the id of the network."""
 
     subnets: Annotated[list[NonEmptyString], ShapeName("Subnets", 1, 16)] | None = optional("Subnet ids.")
     securityGroups: Annotated[list[NonEmptyString], ShapeName("SecurityGroups", 1, 5)] | None = optional(
@@ -299,7 +299,7 @@ class VPCConfigResponse(Shape):
 
 
 class NetworkInterface(Shape):
-    """Address of a job."""
+    """Network address of a simulation job."""
 
     networkInterfaceId: GenericString | None = optional("Id of the interface.")
     privateIpAddress: GenericString | None = optional("Address inside the network.")
@@ -307,7 +307,7 @@ class NetworkInterface(Shape):
 
 
 class Compute(Shape):
-    """Limits on a job's use of the machine."""
+    """CPU and GPU limits of a simulation job in a request."""
 
     simulationUnitLimit: SimulationUnit | None = optional("Processors, with 2 GB of memory each, at most 15.")
     computeType: ComputeType | None = optional("With or without a GPU.")
@@ -315,7 +315,7 @@ class Compute(Shape):
 
 
 class ComputeResponse(Compute):
-    """Limits on a job's use of the machine."""
+    """CPU and GPU limits of a simulation job in a response."""
 
 
 MAX_VARIABLE_CHARACTERS = 1024
@@ -327,21 +327,24 @@ _Given = TypeVar("_Given")
 
 
 class JobRequest(Protocol):
-    """A request for a job: its applications, whose launch variables may hold requirements and trials."""
+    """Interface of a simulation job request, reduced to its applications.
+
+    Their launch variables may hold requirements and trials.
+    """
 
     @property
     def robotApplications(self) -> list[RobotApplicationConfig] | None:  # noqa: N802 - the service's name
-        """The robot application."""
+        """Configuration of the robot application; `None` if the job has none."""
         ...
 
     @property
     def simulationApplications(self) -> list[SimulationApplicationConfig] | None:  # noqa: N802 - the service's name
-        """The simulation application."""
+        """Configuration of the simulation application; `None` if the job has none."""
         ...
 
 
 def launches(request: JobRequest) -> Iterator[tuple[str, LaunchConfig]]:
-    """The paths of a request's launch configurations, each with the configuration."""
+    """Yields the launch configurations of a simulation job request, each with its path in the request."""
     for member, configs in (
         ("simulationApplications", request.simulationApplications),
         ("robotApplications", request.robotApplications),
@@ -351,14 +354,14 @@ def launches(request: JobRequest) -> Iterator[tuple[str, LaunchConfig]]:
 
 
 def is_program(launch: LaunchConfig) -> bool:
-    """Whether an application is launched as a program, as far as the request says it."""
+    """Whether an application is started as a program, by a command, as far as the request says it."""
     return bool(launch.command) or (launch.launchFile or "").endswith(_PROGRAM_SUFFIXES)
 
 
 def given_once(
     request: JobRequest, member: str, variable: str, parse: Callable[[object, str], _Given]
 ) -> tuple[str, _Given | None]:
-    """Finds the value that a request gives by a member or by a launch variable, with the path of where it does.
+    """Finds a value that a request gives by a member or by a launch variable, and the path where it was found.
 
     Args:
         request: the request.

@@ -9,17 +9,17 @@ from .errors import InvalidParameterException
 
 
 def is_object(value: object) -> TypeGuard[dict[str, Any]]:
-    """Whether a parsed value is an object; the keys of what a parser made are text."""
+    """Whether a parsed JSON value is an object; its keys are text."""
     return isinstance(value, dict)
 
 
 def is_mapping(value: object) -> TypeGuard[Mapping[Any, Any]]:
-    """Whether a value is a mapping, which may come from a Python caller: its keys can be anything."""
+    """Whether a value is a mapping; unlike parsed JSON, one of a Python caller may have keys of any type."""
     return isinstance(value, Mapping)
 
 
 def is_list(value: object) -> TypeGuard[list[Any]]:
-    """Whether a parsed value is a list."""
+    """Whether a parsed JSON value is a list."""
     return isinstance(value, list)
 
 
@@ -34,7 +34,7 @@ _MAX_SHOWN_CHARACTERS = 60
 
 
 def load_strict(text: str, what: str, max_characters: int) -> Any:
-    """Parses JSON from an untrusted source.
+    """Parses JSON from an untrusted source, with limits on size, nesting and numbers.
 
     Args:
         text: the JSON text.
@@ -96,7 +96,7 @@ def _is_deep(document: Any) -> bool:
 
 
 def show(value: Any) -> str:
-    """A value as short printable text."""
+    """Formats a value as short printable text for an error message."""
     text = json.dumps(value, default=repr, ensure_ascii=False)
     text = text if text.isprintable() else json.dumps(value, default=repr)
     return text if len(text) <= _MAX_SHOWN_CHARACTERS else text[: _MAX_SHOWN_CHARACTERS - 4] + " ..."

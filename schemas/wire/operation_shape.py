@@ -37,7 +37,7 @@ READS = ("Describe", "List", "Get", "BatchDescribe")
 
 @dataclass(frozen=True)
 class OperationShape:
-    """One operation: what it takes, gives and refuses, and how it is reached."""
+    """Description of one operation of the service: request, response, errors and HTTP path."""
 
     request: type[Shape]
     """Shape of its request, named after it: `DescribeWorldRequest`; `DescribeWorldResponse` is in the same module."""
@@ -65,33 +65,33 @@ class OperationShape:
 
     @property
     def name(self) -> str:
-        """The service's name of it."""
+        """The service's name of the operation, such as `CreateSimulationJob`."""
         return self.request.__name__.removesuffix("Request")
 
     @property
     def response(self) -> type[Shape]:
-        """Shape of its response."""
+        """Model of the operation's response."""
         return getattr(sys.modules[self.request.__module__], f"{self.name}Response")
 
     @property
     def result_key(self) -> str | None:
-        """For lists: the member of the response that holds the entries of a page."""
+        """Name of the response member with a page's entries, for list operations; `None` for others."""
         members = self.response.model_fields
         return next(name for name in members if name != "nextToken") if "nextToken" in members else None
 
     @property
     def final_name(self) -> str:
-        """Name of the operation whose answer steps get in the end: that which describes a job, else its own."""
+        """Name of the operation whose response a step finally returns: the one that describes a job, else this one."""
         return re.sub("^(Create|Start|Sync)", "Describe", self.name) if self.is_job else self.name
 
     @property
     def path(self) -> str:
-        """HTTP path."""
+        """HTTP path of the operation."""
         return self.uri or "/" + self.name[0].lower() + self.name[1:]
 
 
 def deprecated(*shapes: OperationShape) -> tuple[OperationShape, ...]:
-    """The same operations, as the service's last model has them: marked as deprecated."""
+    """Returns the given operations marked as deprecated, as in the service's last API model."""
     return tuple(replace(shape, deprecated=True) for shape in shapes)
 
 
@@ -112,7 +112,7 @@ _FREE_MEMBERS = frozenset({"tags", "worldTags", "environmentVariables", "templat
 
 
 def deprecated_uses(shape: OperationShape, request: Mapping[str, Any]) -> list[str]:
-    """Lists the uses in a call that the service refused in its last years, in words; empty if none.
+    """Describes the deprecated features that a call uses, which the service refused in its last years; empty if none.
 
     A member that asks for nothing, such as an empty list or `false`, is not refused.
 

@@ -27,13 +27,13 @@ _PART = re.compile("[A-Z]?[a-z]+|[A-Z]+(?![a-z])|[0-9]+")
 
 
 def path_text(location: Location) -> str:
-    """A location as people write it: `steps.worlds.input.tags[0]`."""
+    """Formats a location in a request or specification as text: `steps.worlds.input.tags[0]`."""
     return "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in location).removeprefix(".")
 
 
 @dataclass(frozen=True)
 class RequestProblem:
-    """One thing wrong with a request."""
+    """One problem of a request: the location of the member, and what is wrong."""
 
     location: Location
     """Members and list positions that lead to the value; empty for the request as a whole."""
@@ -46,7 +46,7 @@ class RequestProblem:
 
     @property
     def path(self) -> str:
-        """The location as people write it: `simulationApplications[0].launchConfig`."""
+        """The location as text: `simulationApplications[0].launchConfig`."""
         return path_text(self.location)
 
     def __str__(self) -> str:
@@ -54,14 +54,14 @@ class RequestProblem:
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """The most similar of some words as a question to add to a message, or nothing."""
+    """Returns `did you mean ...?` with the most similar of some words; empty if none is similar."""
     scored = [(_likeness(word, each), each) for each in words]
     likeness, close = max(scored, default=(0.0, ""))
     return f"; did you mean {close!r}?" if likeness >= _LEAST_LIKENESS else ""
 
 
 def some(words: Iterable[str]) -> str:
-    """Words as a list for a message, the first of many."""
+    """Formats words as a list for an error message; of many, only the first ones."""
     first = list(islice(words, _MOST_SHOWN + 1))
     return ", ".join(first) if len(first) <= _MOST_SHOWN else f"{', '.join(first[:_MOST_SHOWN])}, …"
 
@@ -76,7 +76,9 @@ def _likeness(word: str, other: str) -> float:
 
 
 def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestProblem]:
-    """Translates the validator's findings, the first `MAX_PROBLEMS` of them; a last one counts those left out.
+    """Converts a pydantic validation error to problems of a request.
+
+    At most `MAX_PROBLEMS` are returned; a last one counts the others.
 
     Args:
         error: what validation raised.
@@ -97,7 +99,7 @@ def problems_of(error: ValidationError, model: type[BaseModel]) -> list[RequestP
 
 
 def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) -> Any:
-    """Checks plain values of one member.
+    """Validates the plain value of a single request member.
 
     Args:
         data: the values.
@@ -116,7 +118,7 @@ def parsed_member(data: object, what: str, member: str, model: type[BaseModel]) 
 
 
 def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]:
-    """Finds text, or a mapping's key, with the character U+0000 in plain data: not all databases can store it."""
+    """Finds text or mapping keys with the character U+0000 in plain data, which some databases cannot store."""
     if isinstance(value, str):
         return [RequestProblem(location, f"is {_shown(value)}; it may not hold the character U+0000")] * ("\0" in value)
     if is_list(value):
@@ -130,7 +132,7 @@ def null_characters(value: Any, location: Location = ()) -> list[RequestProblem]
 
 
 def misspelt_members(found: Iterable[ErrorDetails]) -> set[Location]:
-    """Locations of members that are missing only because their names are misspelt: one mistake is told once."""
+    """Returns the locations of members that are missing only because their names are misspelt, to report them once."""
     details = list(found)
     unknown = [each["loc"] for each in details if each["type"] == "extra_forbidden"]
     return {
@@ -228,7 +230,7 @@ _CHARACTERS = re.compile(r"\[a-zA-Z0-9(.*)\][*+]")
 
 
 def pattern_in_words(pattern: str) -> str:
-    """Describes the text that matches one of the patterns in use here."""
+    """Describes in words the text that a regular expression of the service's model accepts."""
     plain = re.sub(r"\^(?:\(\?:(.*)\)|(.*))\$", r"\1\2", pattern)
     if match := _CHARACTERS.fullmatch(plain):
         others = ["spaces" if each == " " else each for each in re.sub(r"\\(.)", r"\1", match[1])]

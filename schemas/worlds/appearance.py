@@ -17,7 +17,7 @@ DAY = "day"
 
 @dataclass(frozen=True, slots=True)
 class Appearance:
-    """How a world is lit."""
+    """Lighting of a simulation world: colours of sun, lamps, ambient light and sky, and whether shadows are drawn."""
 
     sun: Rgb
     """Colour of the sun's light; at night of the moon's."""
@@ -52,7 +52,7 @@ _LEAST, _MOST = 0.8, 1.25
 
 
 def appearance_named(name: str, seed: int = 0) -> Appearance:
-    """An appearance by its name, or one of chance.
+    """Returns a lighting of a world by name, or a random one.
 
     Args:
         name: one of `APPEARANCES`, or `random`.
@@ -83,7 +83,7 @@ def _times(color: Rgb, by: float) -> Rgb:
 
 
 def relit(mjcf: str, appearance: Appearance) -> str:
-    """The model of a world, as its bundle has it, in another light.
+    """Returns the MJCF text of a world's model with another lighting.
 
     Worlds of earlier generators have no lamps and no ceilings that shine; the rest of them changes.
     """
@@ -101,7 +101,7 @@ def relit(mjcf: str, appearance: Appearance) -> str:
 
 
 def sky_look(color: Rgb) -> str:
-    """A sky of one colour, darker below, as attributes of a texture in MJCF."""
+    """Returns MJCF texture attributes for a sky of one colour that is darker below."""
     return f'builtin="gradient" rgb1="{_text(*color)}" rgb2="{_text(*(share / 3 for share in color))}"'
 
 

@@ -17,7 +17,7 @@ DESCRIPTION_FILE = "world_description.json"
 
 
 class Units(Model):
-    """Units of all numbers in a description."""
+    """Units of all numbers in a world description."""
 
     length: Literal["metre"] = Field(default="metre", description="Unit of positions and extents.")
     angle: Literal["radian"] = Field(default="radian", description="Unit of yaws and openings.")
@@ -25,7 +25,7 @@ class Units(Model):
 
 
 class Position(Model):
-    """A place in the world."""
+    """Position in a world, in metres."""
 
     x: float = Field(description="East.")
     y: float = Field(description="North.")
@@ -33,13 +33,13 @@ class Position(Model):
 
 
 class Pose(Position):
-    """A place and a direction in the world."""
+    """Position (metres) and direction in a world."""
 
     yaw: float = Field(description="Turn about z, counter-clockwise from x.")
 
 
 class Size(Model):
-    """Extents of a thing in its own frame."""
+    """Dimensions of an object in its own frame, in metres."""
 
     width: float = Field(description="Across the direction it faces.")
     depth: float = Field(description="Along the direction it faces.")
@@ -47,7 +47,7 @@ class Size(Model):
 
 
 class DescribedRoom(Model):
-    """A room."""
+    """A room in a world description."""
 
     name: str = Field(description="Its name in the template.")
     originalName: str | None = optional("Its `OriginalName` in the template, if it has one.")
@@ -60,7 +60,7 @@ class DescribedRoom(Model):
 
 
 class DescribedPassage(Model):
-    """A way between two rooms."""
+    """An opening or doorway between two rooms in a world description."""
 
     type: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
     rooms: tuple[str, str] = Field(description="Names of the two rooms.")
@@ -71,14 +71,14 @@ class DescribedPassage(Model):
 
 
 class Opening(Model):
-    """How far a door is open at first."""
+    """How far a door is open when the simulation begins, as an angle and in percent."""
 
     percent: float = Field(description="0: closed, 100: as far as it goes.")
     angle: float = Field(description="The same as the joint's position.")
 
 
 class DescribedDoor(Model):
-    """A door: a leaf that turns about a hinge."""
+    """A hinged door in a world description."""
 
     name: str = Field(description="Name of its body and of its joint.")
     rooms: tuple[str, str] = Field(description="Names of the two rooms it parts.")
@@ -93,7 +93,7 @@ class DescribedDoor(Model):
 
 
 class DescribedFurniture(Model):
-    """A piece of furniture, or a loose object."""
+    """A piece of furniture or a loose object in a world description."""
 
     name: str = Field(description="Unique in the world; of a loose object, the name of its body.")
     modelType: str = Field(description="Model type, or the kind of a loose object.")
@@ -105,14 +105,14 @@ class DescribedFurniture(Model):
 
 
 class Seeds(Model):
-    """Seeds that the world was made from, besides the template."""
+    """Random seeds that a world was generated from."""
 
     floorplan: int = Field(description="Seed of the floor plan.")
     interior: int = Field(description="Seed of the interior.")
 
 
 class Proofs(Model):
-    """Measurements before the world counted as made, and whether the guarantees of every world hold."""
+    """Measurements of a world's checks, and whether it meets the guarantees of every world."""
 
     guaranteesHold: bool = Field(description="Whether none of the guarantees is broken.")
     violations: list[str] = Field(description="The guarantees that are broken, one sentence each.")
@@ -121,7 +121,7 @@ class Proofs(Model):
 
 
 class WorldDescription(Model):
-    """A whole world."""
+    """Description of a whole world (rooms, doors, furniture) as JSON for other programs."""
 
     version: Literal["1"] = Field(default="1", description="Version of this document's form.")
     templateVersion: Literal["1", "2"] = Field(description="Version of the template's body.")

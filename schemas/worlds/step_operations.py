@@ -37,7 +37,7 @@ MoveBy = Annotated[list[float], Field(min_length=2, max_length=3), AfterValidato
 
 
 class WorldVariation(Shape):
-    """Differences from a world that a variation is to have; all of them at once."""
+    """Changes that a variation applies to an existing world, such as light, doors and furniture."""
 
     shut: list[str] = Field(default=[], description="Doors to shut: ids, or the rooms of each, `Hall/Bathroom`.")
     open: dict[str, Percent] = Field(default={}, description="How far doors are to be open, in percent.")
@@ -59,7 +59,7 @@ class WorldVariation(Shape):
 
 
 class VaryWorldsRequest(Shape):
-    """Asks for variations of worlds."""
+    """Request of the pipeline operation `VaryWorlds`: makes variations of existing worlds."""
 
     worlds: list[Arn] = Field(min_length=1, max_length=1000, description="ARNs of the worlds, 1 to 1000.")
     variations: list[WorldVariation] = Field(
@@ -74,7 +74,7 @@ class VaryWorldsRequest(Shape):
 
 
 class VariedWorld(Shape):
-    """One variation that was made."""
+    """A variation of a world that was made."""
 
     arn: Arn = Field(description="ARN of the variation.")
     world: Arn = Field(description="ARN of the world it was made of.")
@@ -83,7 +83,7 @@ class VariedWorld(Shape):
 
 
 class VaryWorldsResponse(Shape):
-    """The variations of all worlds."""
+    """Response of the pipeline operation `VaryWorlds`: the variations that were made."""
 
     worlds: list[Arn] = Field(description="ARNs of the variations: those of the first world, then of the second, ….")
     variedWorlds: list[VariedWorld] = Field(description="The same, with what differs and what was proven.")

@@ -34,7 +34,7 @@ PassageKind = Literal["Doorway", "Opening"]
 
 
 class RoomWay(Model):
-    """An edge of the room graph: a way between two rooms."""
+    """A connection between two rooms, an edge of the world's room graph."""
 
     rooms: tuple[str, str] = Field(description="The two rooms it joins.")
     kind: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
@@ -45,7 +45,7 @@ class RoomWay(Model):
 
 
 class RoomMeasures(Model):
-    """How near one room came to its preferences, and how much of it a robot can use."""
+    """Measurements of one room: how close it is to its preferred size and shape, and the floor area a robot can use."""
 
     name: str = Field(description="The room's name.")
     area_error: float = Field(description="(floor area - desired area) / desired area; 0.05 is 5 % too large.")
@@ -56,7 +56,7 @@ class RoomMeasures(Model):
 
 
 class PreferenceCount(Model):
-    """How many preferences of the template the world satisfies."""
+    """Number of a world template's preferences that a world satisfies, and their total."""
 
     satisfied: int = Field(description="Granted.")
     missed: int = Field(description="Not granted, although another world might.")
@@ -64,7 +64,7 @@ class PreferenceCount(Model):
 
 
 class StabilityChecks(Model):
-    """Movement of loose objects after small pushes."""
+    """Movement of a world's loose objects after small test pushes."""
 
     pushes: int = Field(description="How many times all of them were pushed, each time differently.")
     pushed_s: float = Field(description="Simulated seconds for which physics ran after each push.")
@@ -77,7 +77,7 @@ class StabilityChecks(Model):
 
 
 class WorldChecks(Model):
-    """Measurements that a world has to pass before it counts as succeeded."""
+    """Measurements that a generated world has to pass to be accepted."""
 
     robot_radius_m: float = Field(description="Radius in metres of the disc that reachability was checked for.")
     reachable_share: float = Field(
@@ -136,7 +136,7 @@ MODEL_TYPES = (
 
 
 class Room(Model):
-    """One room of a floor plan."""
+    """A room of a world's floor plan."""
 
     name: str = Field(description="The room's name in the template.")
     original_name: str | None = optional("The `OriginalName` in the template, if it has one.")
@@ -162,12 +162,12 @@ class Room(Model):
 
     @property
     def floor_m2(self) -> float:
-        """Area of the floor; in worlds of older generators, which did not say it, that inside the centre lines."""
+        """Floor area in m²; for worlds of older generators, the area inside the walls' centre lines."""
         return self.area_m2 if self.floor_area_m2 is None else self.floor_area_m2
 
 
 class Wall(Model):
-    """One straight piece of wall, already cut at passages."""
+    """A straight wall segment of a floor plan, already cut at doors and openings."""
 
     start: Point = Field(description="One end of the centre line.")
     end: Point = Field(description="The other end of the centre line.")
@@ -179,7 +179,7 @@ class Wall(Model):
 
 
 class Door(Model):
-    """A leaf on hinges in a doorway.
+    """A hinged door in a doorway of a world.
 
     The hinge's axis stands at `hinge`, on the face of the wall in `room`. In the leaf's own frame, whose
     x axis starts there and points to the leaf's free edge, the leaf reaches from x = 0 to `leaf_width_m` and
@@ -202,16 +202,16 @@ class Door(Model):
 
     @property
     def open_angle_rad(self) -> float:
-        """How far the leaf is turned at first."""
+        """Opening angle of the door when the simulation begins, in radians."""
         return self.max_angle_rad * self.open_percent / 100
 
     def yaw_at(self, angle_rad: float) -> float:
-        """Direction from the hinge along the leaf when it is open by an angle."""
+        """Returns the direction (yaw, radians) from the hinge along the door leaf at an opening angle."""
         return self.closed_yaw + self.swing * angle_rad
 
 
 class Passage(Model):
-    """A way between two rooms."""
+    """A doorway or opening between two rooms of a world."""
 
     kind: PassageKind = Field(description="Doorway: a gap in a wall; Opening: the wall is gone.")
     rooms: tuple[str, str] = Field(description="The two rooms it joins.")
@@ -223,7 +223,7 @@ class Passage(Model):
 
 
 class Window(Model):
-    """A window in an exterior wall (a picture of one: the wall behind it is solid)."""
+    """A window in an exterior wall (only its picture: the wall behind it is solid)."""
 
     start: Point = Field(description="One side, on the wall's centre line.")
     end: Point = Field(description="The other side, on the wall's centre line.")
@@ -231,7 +231,7 @@ class Window(Model):
 
 
 class Furniture(Model):
-    """One piece of furniture, or one loose object."""
+    """A piece of furniture, or a loose object, in a world."""
 
     id: str = Field(description="Unique in the world; the prefix of its geoms in the MJCF.")
     model_type: str = Field(description="One of the 31 model types, or the kind of a loose object.")
@@ -248,7 +248,7 @@ class Furniture(Model):
 
 
 class Preference(Model):
-    """One preference of the template, and its outcome."""
+    """A preference of the world template, and whether the world satisfies it."""
 
     path: str = Field(description="JSON path in the template body.")
     wish: str = Field(description="The wish in words, with its value.")
@@ -257,12 +257,12 @@ class Preference(Model):
 
     @classmethod
     def judged(cls, path: str, wish: str, reason: str = "", outcome: PreferenceOutcome = "missed") -> "Preference":
-        """A preference that was satisfied, unless there is a reason why not."""
+        """Makes a preference record: satisfied, unless a reason is given why it is not."""
         return cls(path=path, wish=wish, outcome=outcome if reason else "satisfied", reason=reason)
 
 
 class Floorplan(Model):
-    """Rooms, walls and passages; shared by every interior made for it."""
+    """Floor plan of a world: rooms, walls and passages; all interiors made for it share it."""
 
     footprint: list[Point] = Field(description="Corners of the building, counter-clockwise, centre lines.")
     ceiling_height_m: float = Field(description="Floor to ceiling.")
@@ -279,7 +279,7 @@ DrawingForm = Literal["svg", "dxf", "nav2-map"]
 
 
 class DrawnSource(Model):
-    """The drawing or map that a world was imported from."""
+    """The drawing or map file that a world was imported from."""
 
     file: str = Field(description="Name of the file.")
     sha256: str = Field(description="SHA-256 of its bytes, hexadecimal; of a map, with its picture's.")
@@ -300,7 +300,7 @@ class DrawnSource(Model):
 
 
 class Change(Model):
-    """One difference between a variation and the world it was made of."""
+    """One difference between a variation and the world that it was made from."""
 
     what: Literal["door", "moved", "removed", "light"] = Field(description="Kind of difference.")
     thing: str = Field(description="Id of the door or the piece of furniture; `world` for its light.")
@@ -309,7 +309,7 @@ class Change(Model):
 
 
 class Variation(Model):
-    """Differences of a world from the one it was made of."""
+    """All differences of a variation from the world that it was made from."""
 
     of_content: str = Field(description="SHA-256 of the bundle of the other world, hexadecimal.")
     of_world: str | None = optional("ARN of the other world; absent if only a folder was given.")
@@ -317,7 +317,7 @@ class Variation(Model):
 
 
 class World(Model):
-    """A whole world."""
+    """A whole simulation world: floor plan, doors, furniture, materials and checks."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     generator_version: str = Field(description="Version of the generator; same version and seeds, same bytes.")
@@ -340,20 +340,20 @@ class World(Model):
     appearance: Light = Field(default="day", description="How `world.xml` is lit; nothing but looks depends on it.")
 
     def to_text(self) -> str:
-        """The content of `world.json`; what most worlds do not have is only in those that have it."""
+        """Returns the content of `world.json`; optional members are written only for worlds that have them."""
         absent = {name for name in ("source", "variation") if getattr(self, name) is None}
         absent |= {"appearance"} if self.appearance == "day" else set()
         return self.model_dump_json(indent=1, exclude=absent) + "\n"
 
 
 def bounds(points: Iterable[Point]) -> tuple[float, float, float, float]:
-    """The box around some points: west, south, east and north."""
+    """Returns the bounding box of 2D points: west, south, east and north."""
     xs, ys = zip(*points, strict=True)
     return min(xs), min(ys), max(xs), max(ys)
 
 
 def contains(polygon: Sequence[Point], x: float, y: float) -> bool:
-    """Whether a point lies inside a simple polygon (even-odd rule), in metres."""
+    """Whether a 2D point is inside a simple polygon (even-odd rule), in metres."""
     inside = False
     previous_x, previous_y = polygon[-1]
     for corner_x, corner_y in polygon:

@@ -21,14 +21,16 @@ MISCONFIGURED = "Misconfigured"
 
 
 class BackendError(RobomakerError):
-    """The job workers of a batch cannot be started, and waiting does not help; the message says why."""
+    """Raised when job workers of a batch cannot be started and waiting does not help; the message says why."""
 
 
 class JobWorkers(Protocol):
-    """The job workers of one batch."""
+    """Interface of the job workers (processes that run simulation jobs) which a backend has started for one batch."""
 
     def look(self) -> str:
-        """Starts job workers on machines that have come, and again where one has ended before the batch did.
+        """Starts job workers on newly found machines, and restarts those that ended before the batch did.
+
+        Called several times a second, from one thread; returns at once.
 
         Called several times a second, from one thread; returns at once.
 
@@ -42,10 +44,10 @@ class JobWorkers(Protocol):
 
 
 class Backend(Protocol):
-    """Starts job workers on machines."""
+    """Interface of a backend (Dask, Ray, work pool, ...), which starts a batch's job workers on other machines."""
 
     def check(self) -> None:
-        """Finds out, before a run begins, whether there is such a cluster or pool.
+        """Checks, before a run begins, that the cluster or work pool exists and answers.
 
         Raises:
             BackendError: there is none.
@@ -53,7 +55,7 @@ class Backend(Protocol):
         ...
 
     def job_workers(self, batch: str, wanted: int) -> AbstractContextManager[JobWorkers]:
-        """Has job workers for a batch inside the block; at its end those that are left are told to end.
+        """Starts job workers for a batch inside a `with` block; at its end the remaining ones are told to stop.
 
         Args:
             batch: ARN of the batch.
@@ -66,19 +68,19 @@ class Backend(Protocol):
 
 
 class ByHandBackend:
-    """Starts none, and says how one is started."""
+    """Backend that starts no job workers itself, and tells the user which command starts one on another machine."""
 
     def check(self) -> None:
-        """Finds nothing: machines may come at any time."""
+        """Does nothing: a user may start job workers at any time."""
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Iterator["ByHandWorkers"]:
-        """Starts none."""
+        """Yields job workers that a user starts by hand; nothing is started here."""
         yield ByHandWorkers(batch, wanted)
 
 
 class ByHandWorkers:
-    """Job workers that are not known here.
+    """Job workers that a user starts by hand on other machines, so that their number is not known here.
 
     Args:
         batch: ARN of the batch.
@@ -89,7 +91,7 @@ class ByHandWorkers:
         self._words = f"up to {wanted} jobs at once; on each machine: robomaker work {batch}"
 
     def look(self) -> str:
-        """Says how one is started."""
+        """Returns the command by which a user starts a job worker."""
         return self._words
 
 
@@ -98,7 +100,7 @@ _CONNECT_S = 10.0
 
 
 def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
-    """Checks what `ROBOMAKER_BACKEND` says of a cluster, as far as that needs no connection.
+    """Validates a cluster address in `ROBOMAKER_BACKEND`, without connecting, and that its library is installed.
 
     Args:
         kind: of the cluster, and the extra that brings its library: `dask`.
@@ -118,7 +120,7 @@ def check_place(kind: str, place: str, *, library: str, wanted: str) -> None:
 
 
 def check_answer(cluster: str, address: str, program: str) -> None:
-    """Finds out at once that nothing listens there; clients of clusters try for long.
+    """Raises an error at once if no program listens at a cluster's address; the clusters' own clients try for long.
 
     Args:
         cluster: what it is, in words: `the Dask cluster tcp://10.0.0.7:8786`.
@@ -145,7 +147,7 @@ _MODULES = {**named("backends"), **{kind: f"{__package__}.{module}" for kind, mo
 
 
 def open_backend(setting: str) -> Backend | None:
-    """Makes the backend that `ROBOMAKER_BACKEND` names; nothing is connected yet.
+    """Creates the backend that `ROBOMAKER_BACKEND` names; it does not connect yet.
 
     Args:
         setting: `local`, `by-hand`, `workers:POOL`, `dask:ADDRESS` or `ray:ADDRESS`.

@@ -40,7 +40,7 @@ class _Machine:
 
 
 class Staffing:
-    """Machines that have job workers of a batch, and machines that are to get one.
+    """Decides which machines of a cluster get a job worker of a batch, and when one that ended is restarted.
 
     Args:
         place: where the machines are, in words: `the Dask cluster tcp://10.0.0.7:8786`.
@@ -55,7 +55,7 @@ class Staffing:
         self._proven = False
 
     def to_start(self, present: Collection[str], now: float) -> list[str]:
-        """Chooses machines that get a job worker now; from then on they count as having one.
+        """Returns the machines that get a job worker now; from then on they count as having one.
 
         Args:
             present: the machines that there are; those named first are taken first.
@@ -79,7 +79,7 @@ class Staffing:
         return chosen
 
     def ended(self, name: str, ended: Ended, now: float) -> None:
-        """Notes that the job worker of a machine has ended, though the batch has not.
+        """Records that the job worker of a machine has ended, though its batch has not.
 
         Args:
             name: the machine.
@@ -99,7 +99,9 @@ class Staffing:
 
     @property
     def words(self) -> str:
-        """Job workers of the batch, in words: `2 job workers on the Dask cluster tcp://10.0.0.7:8786`."""
+        """Number and place of the batch's job workers as text: `2 job workers on the Dask cluster
+        tcp://10.0.0.7:8786`.
+        """
         count = sum(machine.runs for machine in self._machines.values())
         if count:
             text = f"{count} job worker{'' if count == 1 else 's'} on {self._place}"
@@ -130,23 +132,23 @@ _NOT_STARTED = 1
 
 
 class Started(Protocol):
-    """A job worker that was started on a machine of a cluster."""
+    """Interface of a job worker that was started on a machine of a cluster."""
 
     def ended(self) -> Ended | None:
-        """How it ended, also with its machine; `None`: it runs, or waits for its turn on the machine."""
+        """Returns how the job worker (or its machine) ended; `None` if it runs or waits for its turn on the machine."""
         ...
 
 
 class Cluster(Protocol):
-    """Machines of one kind. Used from one thread."""
+    """Interface of a cluster (Dask or Ray) on whose machines job workers can be started. Used from one thread."""
 
     @property
     def place(self) -> str:
-        """The cluster, in words: `the Dask cluster tcp://10.0.0.7:8786`."""
+        """Name and address of the cluster as text: `the Dask cluster tcp://10.0.0.7:8786`."""
         ...
 
     def machines(self) -> Collection[str]:
-        """The machines that there are now.
+        """Returns the names of the machines that are in the cluster now.
 
         Raises:
             Exception: it does not answer.
@@ -154,7 +156,7 @@ class Cluster(Protocol):
         ...
 
     def start(self, machine: str, batch: str) -> Started:
-        """Starts a job worker on a machine.
+        """Starts a job worker for a batch on a machine of the cluster.
 
         Raises:
             Exception: it does not answer, or the machine is not there any more.
@@ -162,12 +164,12 @@ class Cluster(Protocol):
         ...
 
     def end_all(self, patience_s: float) -> None:
-        """Tells all job workers that it has started to end, and waits for it."""
+        """Tells all job workers started here to end, and waits for them, for at most `patience_s` seconds."""
         ...
 
 
 class ClusterWorkers:
-    """The job workers of one batch on a cluster.
+    """Job workers of one batch on a cluster, started and watched by a thread.
 
     Args:
         cluster: where they are started.
@@ -188,7 +190,7 @@ class ClusterWorkers:
         self._thread = threading.Thread(target=self._follow, name="job workers", daemon=True)
 
     def look(self) -> str:
-        """Returns the state of the job workers, in words.
+        """Returns the state of the job workers as text for the user.
 
         Raises:
             BackendError: no machine can run jobs.
@@ -198,11 +200,11 @@ class ClusterWorkers:
         return self._words
 
     def begin(self) -> None:
-        """Starts job workers, now and as machines come."""
+        """Starts the thread that starts job workers, now and whenever machines join the cluster."""
         self._thread.start()
 
     def end(self) -> None:
-        """Has all of them end."""
+        """Ends all job workers of the batch."""
         self._over.set()
         self._thread.join(_PATIENCE_S)
         self._cluster.end_all(_PATIENCE_S)
@@ -219,7 +221,7 @@ class ClusterWorkers:
             self._over.wait(_LOOK_S)
 
     def step(self, now: float) -> None:
-        """Notes what has ended and starts what is missing.
+        """Records job workers that have ended, and starts missing ones.
 
         Args:
             now: seconds of a clock that never goes back.
@@ -241,7 +243,7 @@ class ClusterWorkers:
 
 @contextmanager
 def cluster_workers(cluster: Cluster, batch: str, wanted: int) -> Generator[ClusterWorkers]:
-    """Has job workers on a cluster inside the block.
+    """Runs job workers for a batch on a cluster while the `with` block is active.
 
     Args:
         cluster: connected.

@@ -24,7 +24,7 @@ _PAUSE_S = 0.2
 
 
 def backend_at(place: str) -> Backend:
-    """The backend of a Dask cluster; nothing is connected yet.
+    """Creates the backend for a Dask cluster; it does not connect yet.
 
     Args:
         place: address of its scheduler, such as `tcp://10.0.0.7:8786`.
@@ -43,12 +43,12 @@ class _DaskBackend:
         self._place = f"the Dask cluster {address}"
 
     def check(self) -> None:
-        """Finds out whether a scheduler answers."""
+        """Checks that the scheduler of the Dask cluster answers."""
         check_answer(self._place, self._address, "dask scheduler")
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[ClusterWorkers]:
-        """Has job workers for a batch inside the block."""
+        """Starts job workers for a batch on the Dask cluster inside a `with` block."""
         from distributed import Client
 
         self.check()
@@ -64,7 +64,7 @@ class _DaskBackend:
 
 
 class DaskCluster:
-    """The workers of a Dask cluster.
+    """A Dask cluster, on whose Dask workers job workers of a batch are started.
 
     Args:
         client: connected.
@@ -78,7 +78,7 @@ class DaskCluster:
         self._tasks: list[_Task] = []
 
     def machines(self) -> Collection[str]:
-        """Dask workers, by the address of their nanny, which stays when it starts them again, or else by their own."""
+        """Returns the addresses of the Dask workers (of the nanny, which survives a restart, if there is one)."""
         scheduler: Any = self._client.scheduler  # `Client.scheduler_info` answers also when no scheduler does
         answer: Any = self._client.sync(scheduler.identity, n_workers=-1, callback_timeout=_ANSWER_S)
         workers = answer["workers"]
@@ -86,7 +86,7 @@ class DaskCluster:
         return self.addresses.keys()
 
     def start(self, machine: str, batch: str) -> "_Task":
-        """Starts a job worker on a Dask worker."""
+        """Starts a job worker for a batch on a Dask worker."""
         address = self.addresses[machine]
         future = self._client.submit(
             _task(), batch, workers=[address], allow_other_workers=False, pure=False, retries=0, key=None
@@ -96,7 +96,7 @@ class DaskCluster:
         return task
 
     def end_all(self, patience_s: float) -> None:
-        """Cancels the tasks, and waits until the Dask workers have none of them."""
+        """Cancels the job workers' Dask tasks, and waits until no Dask worker runs one."""
         with suppress(OSError, TimeoutError):
             keys = {task.future.key for task in self._tasks}
             self._client.cancel([task.future for task in self._tasks], reason="the batch is over")
@@ -119,7 +119,7 @@ class _Task:
         self._address = address
 
     def ended(self) -> Ended | None:
-        """How the job worker ended, also with its Dask worker."""
+        """Returns how the job worker, or its Dask worker, ended; `None` if it has not."""
         if self.future.status == "finished":
             return Ended(*self.future.result())
         if self.future.status == "error":

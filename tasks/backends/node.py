@@ -24,7 +24,9 @@ _END_S = 30.0  # for a job worker that is told to end by an exception here; then
 
 
 class Ended(NamedTuple):
-    """How a job worker ended. Plain values: it is sent between machines that may have different versions of us."""
+    """Report of how a job worker ended, as plain values: machines that send it may have different versions
+    installed.
+    """
 
     host: str
     exit_code: int
@@ -33,7 +35,7 @@ class Ended(NamedTuple):
 
     @property
     def reason(self) -> str:
-        """One line of it."""
+        """Reason for the job worker's end, in one line."""
         said = self.last_words.strip().splitlines()
         return f"{self.host}: {said[-1] if said else f'exit code {self.exit_code}'}"
 
@@ -41,7 +43,7 @@ class Ended(NamedTuple):
 def run_job_worker(
     batch: str, environment: Mapping[str, str] | None = None, should_stop: Callable[[], bool] = lambda: False
 ) -> Ended:
-    """Takes jobs of a batch on this machine until none is left.
+    """Runs a job worker on this machine: takes jobs of a batch until none is left.
 
     Args:
         batch: ARN of the batch.

@@ -27,13 +27,13 @@ _LONG_LIFE_S = 60.0
 
 @dataclass
 class Places:
-    """The places of job workers."""
+    """Counts how many job workers of a batch a work pool should have, and delays restarts of those that end early."""
 
     _empty_until: list[float] = field(default_factory=list[float])
     _short_lives: int = 0
 
     def note_end(self, lived_s: float, now: float) -> None:
-        """Takes note of a job worker that ended before its batch.
+        """Records that a job worker ended before its batch.
 
         Args:
             lived_s: for how many seconds it ran.
@@ -44,7 +44,7 @@ class Places:
         self._empty_until.append(now + pause_s)
 
     def missing(self, alive: int, room: int, now: float) -> int:
-        """How many to start now; negative: how many there are too many.
+        """Returns how many job workers to start now; negative if there are too many.
 
         Args:
             alive: how many are scheduled or run.
@@ -70,7 +70,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def opened_pool(pool: str, most: int | None, batch: str, wanted: int) -> Generator["PoolRuns"]:
-    """The runs of a batch in a pool, with a connection to the server that Prefect's settings name.
+    """Connects to the Prefect server and yields the flow runs that are a batch's job workers in a work pool.
 
     Args:
         pool: name of the work pool.
@@ -88,7 +88,7 @@ def opened_pool(pool: str, most: int | None, batch: str, wanted: int) -> Generat
 
 
 class PoolRuns:
-    """The flow runs of a batch's job workers; used by one thread at a time.
+    """Prefect flow runs that are the job workers of one batch in a work pool; used by one thread at a time.
 
     Args:
         pool: name of the work pool.
@@ -112,7 +112,7 @@ class PoolRuns:
         self._last_end = ""
 
     def check(self) -> None:
-        """Finds out whether job workers can be started; a server that does not answer is asked again later.
+        """Checks that the work pool can start job workers; a server that does not answer is asked again later.
 
         Raises:
             BackendError: they cannot.
@@ -124,7 +124,7 @@ class PoolRuns:
             _logger.warning("the Prefect server does not answer; job workers start once it does: %s", error)
 
     def staffed(self) -> str:
-        """Starts job workers that are missing, and takes back those that are too many.
+        """Orders missing job workers as flow runs, and cancels scheduled ones that are too many.
 
         Returns:
             What there is now, in words.
@@ -159,7 +159,7 @@ class PoolRuns:
             return f"the Prefect server does not answer; job workers in the work pool {self.pool} go on with their jobs"
 
     def take_back(self, *, also_running: bool) -> bool:
-        """Takes back what has not begun.
+        """Cancels the job workers' flow runs that have not begun.
 
         Args:
             also_running: whether those that run are cancelled, too.

@@ -23,7 +23,7 @@ _LONGEST_PAUSE_S = 60.0
 
 
 def backend_at(place: str) -> Backend:
-    """The backend of a Ray cluster; nothing is connected yet.
+    """Creates the backend for a Ray cluster; it does not connect yet.
 
     Args:
         place: address of its head, `10.0.0.7:6379`, or of its Ray Client server, `ray://10.0.0.7:10001`.
@@ -41,12 +41,12 @@ class _RayBackend:
         self._address = address
 
     def check(self) -> None:
-        """Finds out whether a head answers."""
+        """Checks that the head of the Ray cluster answers."""
         check_answer(f"the Ray cluster {self._address}", self._address, "ray start --head")
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator[JobWorkers]:
-        """Has job workers for a batch inside the block."""
+        """Starts job workers for a batch on the Ray cluster inside a `with` block."""
         self.check()
         driver = RayDriver(self._address, batch, wanted)
         try:
@@ -56,7 +56,7 @@ class _RayBackend:
 
 
 class RayDriver:
-    """The process that is connected to the cluster, started again when it dies.
+    """Child process that is connected to a Ray cluster and starts job workers there; it is restarted if it dies.
 
     Args:
         address: of the cluster.
@@ -75,7 +75,7 @@ class RayDriver:
         self._start()
 
     def look(self) -> str:
-        """Returns the state of the job workers, in words.
+        """Returns the state of the job workers as text for the user.
 
         Raises:
             BackendError: no machine can run jobs.
@@ -90,7 +90,7 @@ class RayDriver:
         return self._words
 
     def close(self) -> None:
-        """Has the job workers end, and the process."""
+        """Ends the job workers, then the child process."""
         if self._process is not None:
             self._end(self._process)
 

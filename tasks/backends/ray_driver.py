@@ -26,7 +26,7 @@ Task = Callable[[str], tuple[str, int, str]]
 
 
 class RayCluster:
-    """The nodes of the Ray cluster that this process is connected to.
+    """The Ray cluster that this process is connected to, on whose nodes job workers are started.
 
     Args:
         address: of the cluster.
@@ -42,13 +42,13 @@ class RayCluster:
         self._started: list[_Started] = []
 
     def machines(self) -> Collection[str]:
-        """Nodes that are alive, by their ids; one without CPUs, as heads often are, is not to have work."""
+        """Returns the ids of the Ray nodes that are alive and have CPUs (a head node often has none)."""
         nodes = {node["NodeID"]: node for node in self._ray.nodes() if node["Alive"]}
         self._nodes = {name: node for name, node in nodes.items() if node["Resources"].get("CPU", 0) >= 1}
         return self._nodes.keys()
 
     def start(self, machine: str, batch: str) -> "_Started":
-        """Starts a job worker on a node."""
+        """Starts a job worker for a batch on a Ray node."""
         from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
         node = self._nodes[machine]
@@ -59,7 +59,7 @@ class RayCluster:
         return started
 
     def end_all(self, patience_s: float) -> None:
-        """Interrupts the tasks, which end their job workers; kills what does not end."""
+        """Interrupts the job workers' Ray tasks, and kills those that do not end in time."""
         left = [started.reference for started in self._started if not started.over]
         for reference in left:
             self._ray.cancel(reference)
@@ -79,7 +79,7 @@ class _Started:
         self._host = host
 
     def ended(self) -> Ended | None:
-        """How the job worker ended, also with its node."""
+        """Returns how the job worker, or its Ray node, ended; `None` if it has not."""
         ready, _ = self._ray.wait([self.reference], timeout=0)
         if not ready:
             return None
@@ -108,7 +108,7 @@ def _task() -> Task:
 
 
 def main(address: str, batch: str, wanted: str) -> None:
-    """Has job workers for a batch until standard input closes."""
+    """Runs job workers for a batch on a Ray cluster until standard input is closed; entry point of a child process."""
     output = os.fdopen(os.dup(1), "w", buffering=1)
     os.dup2(2, 1)  # what Ray prints is not meant for who reads us
     os.environ["RAY_ENABLE_AUTO_CONNECT"] = "0"  # else it starts a cluster here once the other is gone

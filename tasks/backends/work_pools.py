@@ -30,7 +30,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class WorkPool:
-    """A backend: the work pool of a name.
+    """Backend that starts job workers as Prefect flow runs in a work pool.
 
     Args:
         name: of the pool.
@@ -43,7 +43,7 @@ class WorkPool:
     look_s: float = _LOOK_S
 
     def check(self) -> None:
-        """Finds out whether there is such a pool, with a deployment of the job worker in it."""
+        """Checks that the work pool exists and has a deployment of the job worker."""
         from .pool_runs import opened_pool
 
         with opened_pool(self.name, self.most, batch="", wanted=1):
@@ -51,7 +51,7 @@ class WorkPool:
 
     @contextmanager
     def job_workers(self, batch: str, wanted: int) -> Generator["PoolWorkers"]:
-        """Has job workers for a batch inside the block; see `Backend`.
+        """Starts job workers for a batch in the work pool inside a `with` block.
 
         Those of a process that has died are taken over.
 
@@ -72,7 +72,7 @@ class WorkPool:
 
 
 def backend_at(place: str) -> WorkPool:
-    """The backend `workers:PLACE`; nothing is connected yet.
+    """Creates the backend for the setting `workers:PLACE`, a Prefect work pool; it does not connect yet.
 
     Args:
         place: name of a work pool, with `*4` after it for four job workers at most.
@@ -84,7 +84,7 @@ def backend_at(place: str) -> WorkPool:
 
 
 class PoolWorkers:
-    """The job workers of one batch in a work pool, looked after in a thread.
+    """Job workers of one batch in a Prefect work pool, started and watched by a thread.
 
     Args:
         runs: their flow runs.
@@ -100,7 +100,7 @@ class PoolWorkers:
         self._keeper = threading.Thread(target=self._keep, name=f"work pool {runs.pool}", daemon=True)
 
     def look(self) -> str:
-        """Returns the last known state of the job workers, in words.
+        """Returns the last known state of the job workers as text for the user.
 
         Raises:
             BackendError: none can be started.
@@ -110,11 +110,11 @@ class PoolWorkers:
         return self._standing
 
     def begin(self) -> None:
-        """Starts to look after them."""
+        """Starts the thread that starts and watches the job workers."""
         self._keeper.start()
 
     def end(self, *, also_running: bool) -> None:
-        """Takes back what has not begun; what runs ends by itself, because the batch is over.
+        """Cancels job workers that have not begun; running ones end by themselves, because the batch is over.
 
         Args:
             also_running: whether the batch is not over, so that running ones have to be cancelled.

@@ -54,7 +54,7 @@ Change = Changes | Mapping[str, Any]
 
 
 class Catalog(CatalogLeases):
-    """Resources in a database; open with `Catalog.open`.
+    """Database of all resources (worlds, jobs, applications, robots) with methods to change them. Open it with `open`.
 
     Every method is one transaction, and raises `ServiceUnavailableException` when the database does
     not do its part: locked for half a minute, full, gone.
@@ -66,7 +66,7 @@ class Catalog(CatalogLeases):
 
     @classmethod
     def open(cls, url: str, *, clock: Callable[[], datetime]) -> "Catalog":
-        """Opens a catalog, creating or updating its tables if need be.
+        """Opens a catalog database, and creates or updates its tables if necessary.
 
         Args:
             url: SQLAlchemy URL: `sqlite:////folder/catalog.db`, or one of a PostgreSQL database.
@@ -87,7 +87,8 @@ class Catalog(CatalogLeases):
         unique_name: bool = False,
         lease: FirstLease | None = None,
     ) -> Resource:
-        """Adds a resource, or returns the one an equal call with the same token added before.
+        """Adds a resource to the catalog, or returns the one that an equal call with the same client token added
+        before.
 
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
@@ -157,7 +158,8 @@ class Catalog(CatalogLeases):
         return Resource(**row)
 
     def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
-        """Adds the next of a parent's numbered children; of several callers each gets a number of its own.
+        """Adds a child resource with the next number of its parent (such as a version); concurrent callers get
+        different ones.
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.
@@ -188,7 +190,7 @@ class Catalog(CatalogLeases):
         raise _changed_by_others(parent)
 
     def delete(self, arn: str, *, children: Sequence[str] = ()) -> None:
-        """Removes a resource and forgets the tokens that made it.
+        """Deletes a resource from the catalog, with the client tokens that created it.
 
         Args:
             arn: its ARN.
@@ -216,7 +218,7 @@ class Catalog(CatalogLeases):
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str | None = None,
     ) -> Resource:
-        """Changes a resource's document.
+        """Changes members of a resource's document in the catalog.
 
         Args:
             arn: its ARN.
@@ -247,7 +249,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, owner, compute)
 
     def update_many(self, changes: Mapping[str, Changes]) -> None:
-        """Changes the documents of many resources at once, in one transaction.
+        """Changes the documents of many resources in one transaction.
 
         Args:
             changes: the members that are set, by ARN; resources that do not exist are left out.
@@ -273,7 +275,7 @@ class Catalog(CatalogLeases):
                     connection.execute(_CHANGED_DOCUMENT.values(updated_at=now), values)
 
     def set_tags(self, arn: str, tags: Mapping[str, str]) -> Resource:
-        """Adds tags to a resource's, and replaces the values of those it has; no update of the resource itself.
+        """Adds tags to a resource, or replaces their values; this does not count as an update of the resource.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -291,7 +293,7 @@ class Catalog(CatalogLeases):
         return self._change(arn, None, merged)
 
     def remove_tags(self, arn: str, keys: Iterable[str]) -> Resource:
-        """Removes tags of a resource; keys it does not have are ignored.
+        """Removes tags from a resource, by key; keys that it does not have are ignored.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -313,7 +315,7 @@ class Catalog(CatalogLeases):
         owner: str | None = None,
         labels: Mapping[str, Sequence[str]] | None = None,
     ) -> Resource:
-        """Moves a resource to the state that follows an event; of several callers one succeeds.
+        """Changes a resource's status by an event of its state machine; of several concurrent callers one succeeds.
 
         Args:
             arn: its ARN.
@@ -372,7 +374,7 @@ class Catalog(CatalogLeases):
     # Cancelling
 
     def request_cancel(self, arn: str) -> Resource:
-        """Notes that a resource is to be cancelled, which its job worker sees. Changes nothing on one that has ended.
+        """Marks a resource to be cancelled, for its job worker to see; a resource that has ended is not changed.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -386,7 +388,7 @@ class Catalog(CatalogLeases):
             return resource_of(row)
 
     def cancel_requested(self, arn: str) -> bool:
-        """Whether a resource is to be cancelled; quick enough to be asked all the time.
+        """Whether a resource is marked to be cancelled; fast enough to be polled.
 
         Raises:
             ResourceNotFoundException: there is no such resource.

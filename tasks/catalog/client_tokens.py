@@ -39,7 +39,8 @@ _OWNER: ContextVar[str] = ContextVar("owner of client tokens", default="")
 
 @contextmanager
 def tokens_of(owner: str) -> Generator[None]:
-    """Has tokens of requests in the block belong to one caller.
+    """Sets, inside a `with` block, the owner of client tokens, so that equal tokens of different callers do not
+    collide.
 
     Args:
         owner: an access key or a job; empty: a caller without either.
@@ -53,7 +54,7 @@ def tokens_of(owner: str) -> Generator[None]:
 
 @dataclass(frozen=True)
 class ClientToken:
-    """A caller's token, the operation that it is for, and the request that it came with."""
+    """A caller's idempotency token, with the operation and the request that it came with."""
 
     operation: str
     """The operation's name; tokens of different operations have nothing to do with each other."""
@@ -69,12 +70,12 @@ class ClientToken:
 
     @property
     def stored(self) -> str:
-        """Key of the token in the catalog: tokens of different owners have nothing to do with each other."""
+        """Key under which the catalog stores the token; it contains the token's owner."""
         return hashlib.sha256(f"{self.owner}\0{self.token}".encode()).hexdigest() if self.owner else self.token
 
     @classmethod
     def of(cls, operation: str, request: Shape) -> "ClientToken | None":
-        """The token in a request's `clientRequestToken`; `None` if it has none."""
+        """Returns the token in a request's `clientRequestToken`; `None` if it has none."""
         members = request.model_dump(mode="json", exclude_none=True)
         token = members.pop("clientRequestToken", None)
         if token is None:
@@ -84,12 +85,12 @@ class ClientToken:
 
     @classmethod
     def of_batch_job(cls, batch_id: str, index: int) -> "ClientToken":
-        """The token of a batch's request number `index`: it becomes one job, also when another worker goes on."""
+        """Makes the token for request number `index` of a batch, so that several workers create only one job for it."""
         return cls("StartSimulationJobBatch", f"{batch_id}-{index}", request_hash="")
 
 
 def find_resource(connection: Connection, token: ClientToken, account: str) -> Resource | None:
-    """Finds the resource that an earlier call of an account with the same token added.
+    """Finds the resource that an earlier call of the same account with the same client token created.
 
     Raises:
         IdempotentParameterMismatchException: that call was another request.
@@ -106,7 +107,7 @@ def find_resource(connection: Connection, token: ClientToken, account: str) -> R
 
 
 def store_token(connection: Connection, token: ClientToken, account: str, arn: str) -> None:
-    """Stores the token of the call that added the resource `arn`."""
+    """Stores the client token of the call that created the resource `arn`."""
     connection.execute(
         insert(client_tokens).values(
             operation=token.operation, account=account, token=token.stored, request_hash=token.request_hash, arn=arn

@@ -34,7 +34,7 @@ A catalog that is made now has all tables as they are now, so a migration has to
 
 
 def open_engine(url: str) -> Engine:
-    """Connects to a catalog's database and brings its tables up to date.
+    """Connects to a catalog's database and updates its tables to this release.
 
     Raises:
         CatalogAwayError: the database's server is away, or has not started or ended yet.
@@ -66,7 +66,7 @@ def _is_away(engine: Engine, error: DBAPIError) -> bool:
 
 
 def writing(engine: Engine) -> Engine:
-    """The same engine, whose transactions take the write lock when they begin.
+    """Returns the database engine with transactions that take SQLite's write lock when they begin.
 
     SQLite refuses, without waiting, to turn a transaction that has read into one that writes when
     another has written in between. Taking the lock first waits instead.
@@ -75,7 +75,7 @@ def writing(engine: Engine) -> Engine:
 
 
 def reading_once(engine: Engine) -> Engine:
-    """The same engine, for transactions of one statement that reads: SQLite need not begin and end them."""
+    """Returns the database engine without transactions, for single read statements; this is faster with SQLite."""
     return engine.execution_options(catalog_reads_once=True)
 
 

@@ -55,10 +55,10 @@ _OWNERSHIP = select(
 
 
 class CatalogLeases(CatalogReader):
-    """The leases by which job workers claim their jobs."""
+    """Leases in the catalog: time-limited locks by which job workers claim the jobs that they run."""
 
     def claim(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Takes a resource's lease if no other owner holds it.
+        """Takes the lease of a resource if no other owner holds it.
 
         A lease that has run out was its owner's until it died: `lost_workers` counts that.
 
@@ -80,7 +80,7 @@ class CatalogLeases(CatalogReader):
     def claim_child(
         self, parent: str, kind: str, owner: str, lease_s: float, *, most: str, parent_in: Sequence[str], finishing: str
     ) -> str | None:
-        """Takes the lease of the oldest resource of a parent that has not ended and that no other owner holds.
+        """Takes the lease of the oldest unfinished child (such as a batch's job) that no other owner holds.
 
         No more of them are ever held at once than the parent's document says: they are counted in the transaction
         that takes the lease, and such transactions of one parent come one after the other. As many may be held beside
@@ -128,7 +128,7 @@ class CatalogLeases(CatalogReader):
             return arn
 
     def renew(self, arn: str, owner: str, lease_s: float) -> bool:
-        """Prolongs a lease, even one that ran out, as long as no other owner has taken it.
+        """Extends a lease, even an expired one, unless another owner has taken it.
 
         Returns:
             Whether `owner` still holds the lease.
@@ -137,7 +137,7 @@ class CatalogLeases(CatalogReader):
         return self._lease(_HELD, arn, owner, {"lease_expires_at": until})
 
     def release(self, arn: str, owner: str) -> bool:
-        """Gives a lease back.
+        """Gives up a lease, so that others can take it at once.
 
         Returns:
             Whether `owner` held it.
@@ -145,7 +145,7 @@ class CatalogLeases(CatalogReader):
         return self._lease(_HELD, arn, owner, {"lease_owner": None, "lease_expires_at": None})
 
     def lease_of(self, arn: str) -> tuple[str | None, bool]:
-        """The owner of a resource's lease, if it has one, and whether the lease has run out.
+        """Returns the owner of a resource's lease, or `None`, and whether the lease has expired.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -160,7 +160,7 @@ class CatalogLeases(CatalogReader):
         return row[0], bool(row[1])
 
     def ownerships(self, arns: Iterable[str]) -> dict[str, Ownership]:
-        """Owners of some jobs, by ARN; jobs that do not exist are left out."""
+        """Returns the owners of some jobs' leases, by ARN; jobs that do not exist are left out."""
         wanted = sorted(set(arns))
         found: dict[str, Ownership] = {}
         with self._transaction(self._engine) as connection:
@@ -178,7 +178,7 @@ class CatalogLeases(CatalogReader):
         return found
 
     def expire_leases(self, owners: str) -> int:
-        """Ends the leases of a process that is known to be dead, so that others need not wait until they run out.
+        """Expires the leases of a process that is known to be dead, so that others need not wait.
 
         Args:
             owners: what the names of the leases' owners begin with.
@@ -192,7 +192,7 @@ class CatalogLeases(CatalogReader):
             return ended.rowcount
 
     def lost_workers(self, arn: str) -> int:
-        """How many job workers died while they held a resource's lease, and had it taken over by another.
+        """Returns how many job workers died while they held a resource's lease and had to be replaced.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -204,7 +204,7 @@ class CatalogLeases(CatalogReader):
         return int(lost)
 
     def forget_lost_workers(self, arn: str, owner: str) -> None:
-        """Counts the job workers that die from now on: a job that comes further does not keep killing them.
+        """Resets the count of lost job workers to 0, because the job has made progress since.
 
         Args:
             arn: the resource.
@@ -215,7 +215,7 @@ class CatalogLeases(CatalogReader):
     def unfinished(
         self, kinds: Sequence[str], limit: int = 100, *, without: Collection[str] = ()
     ) -> tuple[Resource, ...]:
-        """The jobs that have not ended and that no job worker holds, oldest first.
+        """Lists the unfinished jobs that no job worker holds, oldest first.
 
         Jobs of a batch that has not ended are left out: the worker that runs the batch runs them.
 
@@ -244,7 +244,7 @@ class CatalogLeases(CatalogReader):
             return tuple(resource_of(row) for row in connection.execute(oldest_first).mappings())
 
     def ordered_for_oneself(self) -> tuple[Resource, ...]:
-        """The jobs that have not ended, and that were ordered by the process that carries them out; oldest first."""
+        """Lists the unfinished jobs that only the process which ordered them was to run, oldest first."""
         living = or_(
             *(and_(resources.c.kind == kind, resources.c.status.in_(alive(kind))) for kind in LIFECYCLES),
         )

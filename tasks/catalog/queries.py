@@ -38,7 +38,7 @@ Filters = Mapping[str, Sequence[str]]
 
 
 def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
-    """Makes the token of the page that follows an entry.
+    """Makes the pagination token for the page of a list that follows an entry.
 
     Args:
         kind: what is listed.
@@ -49,7 +49,7 @@ def encode_page_token(kind: str, filters: Filters, sequence: int) -> str:
 
 
 def decode_page_token(kind: str, filters: Filters, token: str) -> int:
-    """Reads a token.
+    """Decodes a pagination token, and checks that it belongs to the same list.
 
     Returns:
         The place of the entry that the page follows.
@@ -99,13 +99,13 @@ def _on_postgresql(element: _Picked, compiler: SQLCompiler, **more: Any) -> str:
 
 
 def picked(members: Sequence[str]) -> Label[Any]:
-    """The column with some members of the document."""
+    """Returns a database column with only some members of a resource's document."""
     column: ColumnElement[Any] = _Picked(resources.c.document, *map(literal, members)) if members else null()
     return column.label(resources.c.document.name)
 
 
 def of_picked(values: Sequence[Any] | None, members: Sequence[str]) -> Mapping[str, Any]:
-    """The members that the document has."""
+    """Reads the members of a document from the columns that `picked` selected."""
     found = zip(members, (values or [None])[1:], strict=True)
     return {member: value for member, value in found if value is not None}
 
@@ -141,23 +141,23 @@ _FILTERS = {"name": resources.c.name, "parent": resources.c.parent, "status": re
 
 
 def resource_of(row: RowMapping, **changes: Any) -> Resource:
-    """Makes a resource of a row, with some values replaced."""
+    """Makes a resource from a database row, with some values replaced."""
     values = {column.name: row[column.name] for column in COLUMNS} | changes
     return Resource(**values)
 
 
 def not_found(arn: str) -> ResourceNotFoundException:
-    """The error that says so."""
+    """Makes the error for an ARN that is not in the catalog."""
     return ResourceNotFoundException(f"there is no resource {arn}")
 
 
 def changed_one(result: Any) -> bool:
-    """Whether a statement changed a row."""
+    """Whether a database statement changed exactly one row."""
     return cast("CursorResult[Any]", result).rowcount == 1
 
 
 def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMapping:
-    """Reads the row of a resource, with the lease's owner.
+    """Reads the database row of a resource, with its lease's owner.
 
     Raises:
         ResourceNotFoundException: there is none of that ARN and kind.
@@ -173,7 +173,7 @@ def one_row(connection: Connection, arn: str, kind: str | None = None) -> RowMap
 def list_query(
     kinds: Sequence[str], filters: Mapping[str, Sequence[str]], before: int | None, limit: int
 ) -> Select[Any]:
-    """The query for a page of a list, newest first, with each row's `sequence`.
+    """Makes the database query for a page of a list of resources, newest first.
 
     Args:
         kinds: what is listed.
@@ -215,7 +215,7 @@ def list_query(
 
 
 def newest_query(wanted: Mapping[str, Sequence[str]], not_below: str, limit: int) -> Select[Any]:
-    """The query for the newest resources of each kind that stand in some statuses.
+    """Makes the database query for the newest resources of each kind that are in given statuses.
 
     Args:
         wanted: the statuses, by kind.
@@ -237,28 +237,28 @@ def _has_tag(tags: FromClause, written: str) -> ColumnElement[bool]:
 
 
 def alive(kind: str) -> list[str]:
-    """The statuses in which a job has not ended."""
+    """Returns the statuses in which a job of a kind has not ended."""
     return sorted(set(LIFECYCLES[kind].states) - LIFECYCLES[kind].terminal)
 
 
 def has_member(name: str) -> ColumnElement[bool]:
-    """Whether a resource's document has a member, with a value that is text."""
+    """Makes the SQL condition that a resource's document has a text member of that name."""
     return resources.c.document[name].as_string().is_not(None)
 
 
 def only_members(query: Select[Any], members: Sequence[str]) -> Select[Any]:
-    """The same query, for which the database takes a few members out of each document."""
+    """Changes a database query to read only a few members of each document."""
     columns = (column for column in COLUMNS if column is not resources.c.document)
     return query.with_only_columns(resources.c.sequence, *columns, picked(members))
 
 
 def resource_with(row: RowMapping, members: Sequence[str]) -> Resource:
-    """Makes a resource of a row of such a query; members that its document does not have are absent."""
+    """Makes a resource from a row with only some members of its document."""
     return resource_of(row, document=of_picked(row["document"], members))
 
 
 def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Sequence[str]]) -> None:
-    """Adds the labels of a row, by which lists find it."""
+    """Adds labels (searchable key-value pairs) to a resource's database row."""
     rows = [
         {"sequence": sequence, "key": key, "value": value}
         for key, values in labels.items()
@@ -269,7 +269,7 @@ def insert_labels(connection: Connection, sequence: int, labels: Mapping[str, Se
 
 
 def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequence[str]]) -> None:
-    """Puts other labels in the place of a row's."""
+    """Replaces the labels (searchable key-value pairs) of a resource's database row."""
     sequence = connection.scalar(_SEQUENCE, {"of": arn})
     if sequence is not None:
         connection.execute(_OLD_LABELS, {"of": sequence})
@@ -277,7 +277,7 @@ def replace_labels(connection: Connection, arn: str, labels: Mapping[str, Sequen
 
 
 def check_free(connection: Connection, resource: NewResource, unique_name: bool) -> None:
-    """Checks that a resource's ARN, and its name where that has to be unique, are not taken.
+    """Raises an error if a new resource's ARN is taken, or its name where names have to be unique.
 
     Raises:
         ResourceAlreadyExistsException: one of them is.
@@ -299,14 +299,14 @@ _OLD = delete(resource_tags).where(resource_tags.c.sequence == bindparam("of"))
 
 
 def insert_tags(connection: Connection, kind: str, sequence: int, tags: Mapping[str, str]) -> None:
-    """Adds the tags of a row, by which lists find it."""
+    """Adds tags to a resource's database row, so that lists can filter by them."""
     rows = [{"kind": kind, "key": key, "value": value, "sequence": sequence} for key, value in tags.items()]
     if rows:
         connection.execute(_ADDED, rows)
 
 
 def replace_tags(connection: Connection, arn: str, tags: Mapping[str, str]) -> None:
-    """Puts other tags in the place of a row's."""
+    """Replaces the tags of a resource's database row."""
     place = connection.execute(_PLACE, {"of": arn}).one_or_none()
     if place is not None:
         connection.execute(_OLD, {"of": place.sequence})

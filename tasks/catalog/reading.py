@@ -50,7 +50,7 @@ _REVISIONS = (
 
 
 class CatalogReader:
-    """Read-only access to the catalog; `Catalog` adds the changes."""
+    """Read-only access to the catalog, the database of all resources; `Catalog` adds the changes."""
 
     def __init__(self, url: str, clock: Callable[[], datetime]) -> None:
         self._engine = open_engine(url)
@@ -58,19 +58,19 @@ class CatalogReader:
         self._clock = clock
 
     def reading(self) -> AbstractContextManager[Connection]:
-        """A transaction that reads, for the tables of wings."""
+        """Opens a read transaction on the catalog's database, for tables of optional parts such as fleets."""
         return self._transaction(self._engine)
 
     def writing(self) -> AbstractContextManager[Connection]:
-        """A transaction that changes, for the tables of wings."""
+        """Opens a write transaction on the catalog's database, for tables of optional parts such as fleets."""
         return self._transaction(self._writer)
 
     def close(self) -> None:
-        """Closes all connections; the catalog reopens them when it is used again."""
+        """Closes all database connections; the catalog reopens them when used again."""
         self._engine.dispose()
 
     def get(self, arn: str, kind: str | None = None) -> Resource:
-        """Reads a resource.
+        """Reads a resource by its ARN.
 
         Args:
             arn: its ARN.
@@ -83,7 +83,7 @@ class CatalogReader:
             return resource_of(one_row(connection, arn, kind))
 
     def get_many(self, arns: Iterable[str], members: Sequence[str] | None = None) -> dict[str, Resource]:
-        """Reads several resources; those that do not exist are absent from the answer.
+        """Reads several resources by ARN; those that do not exist are left out.
 
         Args:
             arns: their ARNs.
@@ -101,7 +101,7 @@ class CatalogReader:
         return found
 
     def find_by_client_token(self, token: ClientToken | None, account: str) -> Resource | None:
-        """Finds the resource that an earlier call with this client token added.
+        """Finds the resource that an earlier call with the same client token created, if any.
 
         Handlers ask this before they check anything else: a repeated call succeeds whatever has changed since.
 
@@ -118,13 +118,13 @@ class CatalogReader:
             return find_resource(connection, token, account)
 
     def find(self, kind: str, name: str) -> Resource | None:
-        """The newest resource of a kind and name."""
+        """Returns the newest resource of a kind with that name; `None` if there is none."""
         with self._transaction(self._once) as connection:
             row = connection.execute(_NEWEST, {"of": kind, "called": name}).mappings().one_or_none()
         return None if row is None else resource_of(row)
 
     def children(self, parent: str, kind: str) -> tuple[Resource, ...]:
-        """The resources of a kind that came from a parent, oldest first."""
+        """Lists the children of a resource (such as the jobs of a batch), oldest first."""
         query = select(*COLUMNS).where(resources.c.parent == parent, resources.c.kind == kind)
         with self._transaction(self._engine) as connection:
             return tuple(
@@ -132,12 +132,12 @@ class CatalogReader:
             )
 
     def child_revisions(self, parent: str, kind: str) -> dict[str, int]:
-        """The revisions of the resources of a kind that came from a parent, by ARN, the oldest first."""
+        """Returns the revision numbers of a resource's children, by ARN, to find out which have changed."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_REVISIONS, {"of": parent, "each": kind})}
 
     def standing(self, arn: str) -> tuple[str, bool]:
-        """The status of a resource, and whether it is to be cancelled; quick enough to be asked all the time.
+        """Returns a resource's status, and whether its cancellation was requested; fast enough to be polled.
 
         Raises:
             ResourceNotFoundException: there is no such resource.
@@ -149,7 +149,7 @@ class CatalogReader:
         return row[0], bool(row[1])
 
     def count_each(self, parents: Iterable[str], kind: str) -> dict[str, int]:
-        """How many resources of a kind came from each of some parents; those without any are absent."""
+        """Counts the children of several parents, by parent; parents without any are left out."""
         query = select(resources.c.parent, func.count()).where(
             resources.c.parent.in_(list(parents)), resources.c.kind == kind
         )
@@ -157,12 +157,12 @@ class CatalogReader:
             return {row[0]: row[1] for row in connection.execute(query.group_by(resources.c.parent))}
 
     def count_children(self, parent: str, kind: str) -> dict[str, int]:
-        """How many resources of a kind that came from a parent are in each status."""
+        """Counts the children of a parent, by status."""
         with self._transaction(self._once) as connection:
             return {row[0]: row[1] for row in connection.execute(_STATUSES, {"of": parent, "each": kind})}
 
     def count_alive(self, parent: str, kind: str, *, having: str) -> dict[str, int]:
-        """How many resources from a parent that have not ended, and have a member in their document, by status."""
+        """Counts the unfinished children of a parent whose document has a given member, by status."""
         of_kind = (resources.c.parent == parent, resources.c.kind == kind, resources.c.status.in_(alive(kind)))
         query = select(_STATUS, func.count()).where(*of_kind, has_member(having)).group_by(_STATUS)
         with self._transaction(self._once) as connection:
@@ -178,7 +178,7 @@ class CatalogReader:
         scope: str = "",
         members: Sequence[str] | None = None,
     ) -> Page:
-        """Reads a page of resources, newest first; resources added meanwhile do not shift later pages.
+        """Reads a page of a list of resources, newest first; resources added meanwhile do not shift later pages.
 
         Args:
             kinds: what is listed.
@@ -208,7 +208,7 @@ class CatalogReader:
     def newest(
         self, wanted: Mapping[str, Sequence[str]], *, not_below: str, limit: int, members: Sequence[str]
     ) -> tuple[Resource, ...]:
-        """The newest resources of each kind that stand in some statuses, newest first.
+        """Lists the newest resources of each kind that are in given statuses, newest first.
 
         Args:
             wanted: the statuses, by kind.
@@ -221,7 +221,7 @@ class CatalogReader:
             return tuple(resource_with(row, members) for row in connection.execute(query).mappings())
 
     def count(self) -> dict[str, dict[str, int]]:
-        """How many resources there are, by kind and status."""
+        """Counts all resources in the catalog, by kind and status."""
         query = select(resources.c.kind, resources.c.status, func.count()).group_by(
             resources.c.kind, resources.c.status
         )
@@ -233,11 +233,11 @@ class CatalogReader:
 
     @property
     def address(self) -> str:
-        """Address of the catalog, without a password."""
+        """Database URL of the catalog, without a password."""
         return self._engine.url.render_as_string(hide_password=True)
 
     def children_standing(self, parent: str, kind: str) -> dict[str, str]:
-        """The statuses of the resources of a kind that came from a parent, by ARN."""
+        """Returns the statuses of a resource's children, by ARN."""
         query = select(resources.c.arn, resources.c.status).where(
             resources.c.parent == parent, resources.c.kind == kind
         )

@@ -10,7 +10,7 @@ from ...schemas.documents.base import Document
 
 @dataclass(frozen=True, kw_only=True)
 class NewResource:
-    """A resource that is to be created."""
+    """A resource (job, world, application, ...) that is to be added to the catalog."""
 
     arn: str
     kind: str
@@ -37,7 +37,7 @@ class NewResource:
 
 @dataclass(frozen=True, kw_only=True)
 class Resource(NewResource):
-    """A resource as it was when it was read."""
+    """A resource of the catalog (job, world, application, ...) as it was when it was read."""
 
     created_at: datetime
     updated_at: datetime
@@ -59,7 +59,7 @@ class Resource(NewResource):
         labels: Mapping[str, Sequence[str]] | None = None,
         document: Document | Mapping[str, Any] | None = None,
     ) -> NewResource:
-        """Describes a resource to create; the catalog adds the times."""
+        """Makes a new resource to add to the catalog, which sets the times."""
         return NewResource(
             arn=arn,
             kind=kind,
@@ -75,7 +75,7 @@ class Resource(NewResource):
 
 @dataclass(frozen=True)
 class FirstLease:
-    """The lease of a new job that no other process may take: it is held from the transaction that stores the job."""
+    """Lease (time-limited lock) of a new job that is held from the moment the job is stored."""
 
     owner: str
     """Name of the process that ordered the job for itself, which no other has."""
@@ -89,7 +89,7 @@ class FirstLease:
 
 @dataclass(frozen=True)
 class Ownership:
-    """Owner of a job, and the state of its lease."""
+    """Owner of a job's lease, and whether the lease is still valid."""
 
     owner: str | None
     """Name of who holds its lease, or held it last; `None`: no process has held it."""
@@ -112,7 +112,7 @@ class Ownership:
 
 @dataclass(frozen=True)
 class Page:
-    """Some of the resources of a list."""
+    """One page of a list of resources, with the token for the next page."""
 
     resources: tuple[Resource, ...]
     """Newest first."""

@@ -24,17 +24,17 @@ _MICROSECOND = timedelta(microseconds=1)
 
 
 class UtcTime(TypeDecorator[datetime]):
-    """A moment, kept as microseconds since 1970: exact, ordered and without a time zone to lose."""
+    """Database column type for a time, stored as microseconds since 1970."""
 
     impl = BigInteger
     cache_ok = True
 
     def process_bind_param(self, value: datetime | None, dialect: Dialect) -> int | None:  # noqa: ARG002 - interface
-        """Turns a moment into microseconds."""
+        """Converts a time to microseconds since 1970, to store it."""
         return None if value is None else (value - _EPOCH) // _MICROSECOND
 
     def process_result_value(self, value: Any | None, dialect: Dialect) -> datetime | None:  # noqa: ARG002 - interface
-        """Turns microseconds into a moment in UTC."""
+        """Converts stored microseconds since 1970 to a time in UTC."""
         return None if value is None else _EPOCH + value * _MICROSECOND
 
 

@@ -30,7 +30,7 @@ _LARGEST = 1e100
 
 
 def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, difference: float | None = None) -> Comparison:
-    """Compares two runs, job by job and trial by trial.
+    """Compares two runs of a specification by a statistical test: did the robot get better, worse, or is it unclear?
 
     The answer is that of a test of the trials that were judged in both runs: the exact McNemar test, or where six
     worlds or more have several trials, the test that flips whole worlds. Trials that broke are not judged; where

@@ -27,7 +27,9 @@ FEWEST_WORLDS = 6
 
 
 def fewest_worlds(alpha: float) -> int:
-    """The fewest worlds of which all have to get worse for p = 2 / 2**worlds to be at most alpha; at least 6."""
+    """Returns the smallest number of worlds with which the sign-flip test can reach significance level alpha; at least
+    6.
+    """
     return max(FEWEST_WORLDS, math.ceil(1 - math.log2(alpha)))
 
 
@@ -37,7 +39,7 @@ _SEED = 20  # of simulated comparisons: the same runs get the same answer
 
 @dataclass(frozen=True)
 class JudgedTrials:
-    """Pairs of trials that were judged in both runs; arrays with one entry a pair."""
+    """Pairs of trials that were judged in both of two compared runs, as arrays with one entry for each pair."""
 
     before: NDArray[np.bool_]
     """Whether it passed in the first run."""
@@ -53,12 +55,12 @@ class JudgedTrials:
 
     @property
     def change(self) -> NDArray[np.int64]:
-        """The change of each pair: 1 where it became better, -1 where it became worse, else 0."""
+        """Change of each pair: 1 where the trial passes now, -1 where it fails now, else 0."""
         return self.after.astype(np.int64) - self.before.astype(np.int64)
 
     @property
     def world_count(self) -> int:
-        """How many worlds there are."""
+        """Number of different worlds in the pairs."""
         return len(np.unique(self.worlds))
 
     @property
@@ -68,28 +70,30 @@ class JudgedTrials:
 
     @property
     def changed_worlds(self) -> int:
-        """The number of worlds in which more trials became better than worse, or fewer."""
+        """Number of worlds in which the pass rate changed."""
         return int(np.count_nonzero(self.by_world(self.change)[0]))
 
     @property
     def flips_worlds(self) -> bool:
-        """Whether the test that flips whole worlds decides; the exact McNemar test does otherwise."""
+        """Whether the sign-flip test over whole worlds decides the comparison; otherwise the exact McNemar test
+        does.
+        """
         return self.has_repeated_worlds and self.world_count >= self.fewest_worlds
 
     @property
     def is_of_few_worlds(self) -> bool:
-        """Whether an answer holds in these worlds only, since there are too few of them to tell of others."""
+        """Whether the comparison holds only for the tested worlds, because they are too few to generalise."""
         return self.has_repeated_worlds and self.world_count < self.fewest_worlds
 
     def by_world(self, values: NDArray[Any]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Sums of values in each world, and how many pairs it has."""
+        """Returns the sum of a value over each world's pairs, and the number of pairs in each world."""
         _, numbers = np.unique(self.worlds, return_inverse=True)
         sums = np.bincount(numbers, weights=values.astype(np.float64))
         return sums.astype(np.float64), np.bincount(numbers).astype(np.float64)
 
 
 def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
-    """Pass rates of pairs, how they differ, and whether that may be chance.
+    """Computes both pass rates, their difference with its confidence interval, and the p-value.
 
     Args:
         trials: at least one pair.
@@ -118,7 +122,7 @@ def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
 
 
 def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None) -> NeededPairs:
-    """How many pairs would show the difference that was asked for, that was found, or one of 10 points.
+    """Computes how many pairs of trials would be needed to detect a difference of pass rates.
 
     Args:
         trials: at least one pair.
@@ -149,7 +153,7 @@ def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None) -> Nee
 
 
 def mean_change(trials: JudgedTrials, differences: NDArray[np.float64], alpha: float) -> Interval:
-    """The mean of paired differences with its interval, by worlds where whole worlds are flipped.
+    """Computes the mean of paired differences with a confidence interval, by worlds where that test decides.
 
     Args:
         trials: at least two pairs.

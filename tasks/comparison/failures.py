@@ -17,7 +17,7 @@ _STEADY_CHANGES = 3
 
 @dataclass(frozen=True)
 class Appearance:
-    """A job in one run."""
+    """A simulation job in one run of its specification: its record and outcome."""
 
     night: int
     """Number of the run, from 0 for the oldest."""
@@ -28,7 +28,9 @@ class Appearance:
 
 
 def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:
-    """The jobs of runs by cell, in each the oldest first; the runs themselves are the oldest first, too."""
+    """Groups the jobs of several runs: for each job of the specification, its records from the oldest run to the
+    newest.
+    """
     table = CellTable()
     cells: dict[int, list[Appearance]] = defaultdict(list)
     for night, run in enumerate(runs):
@@ -39,7 +41,7 @@ def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:
 
 
 def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
-    """Since when a job fails.
+    """Finds the run in which a job's present series of failures began.
 
     Runs in which it was canceled or had no verdict are passed over.
 
@@ -66,7 +68,7 @@ def failure_start(appearances: Sequence[Appearance]) -> FailureStart | None:
 
 
 def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
-    """Returns the inputs of a job that differ between two runs of it, as far as both are known."""
+    """Returns the inputs of a job that differ between two runs, as far as both are known."""
     changed = changed_runs(before.run, after.run)
     old, new = before.job.inputs, after.job.inputs
     if old is None or new is None:
@@ -78,14 +80,14 @@ def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
 
 
 def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
-    """Whether some jobs were judged by other requirements the second time, or else asked for something else."""
+    """Returns whether some jobs were judged by other requirements, or asked for something else, in the second run."""
     if not all(pair.has_same_requirements for pair in pairs):
         return [ChangedInput(what="requirements")]
     return [] if all(pair.has_same_request for pair in pairs) else [ChangedInput(what="request")]
 
 
 def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """Returns the differences between two runs as a whole: commit of the specification, versions of packages."""
+    """Returns the differences between two whole runs: commit of the specification, and package versions."""
     changed = []
     if before.source and after.source and before.source.commit != after.source.commit:
         changed.append(ChangedInput(what="commit", before=before.source.commit, after=after.source.commit))
@@ -93,7 +95,7 @@ def changed_runs(before: NightRun, after: NightRun) -> list[ChangedInput]:
 
 
 def applications_of(run: NightRun) -> dict[str, str]:
-    """The applications of all jobs of a run by name, with their digests; one that changed meanwhile has several."""
+    """Returns the applications of a run's jobs by name, each with the digests of its archives."""
     digests: dict[str, set[str]] = {}
     for job in run.jobs:
         for each in job.inputs.applications if job.inputs else ():
@@ -102,7 +104,7 @@ def applications_of(run: NightRun) -> dict[str, str]:
 
 
 def changed_nights(before: NightRun, after: NightRun) -> list[ChangedInput]:
-    """Returns the differences between two runs, with applications and requests of the jobs that both have."""
+    """Returns all input differences between two runs: commit, packages, applications and requests."""
     ours, theirs = applications_of(before), applications_of(after)
     both = ours.keys() & theirs.keys()
     applications = _differences(
@@ -112,13 +114,13 @@ def changed_nights(before: NightRun, after: NightRun) -> list[ChangedInput]:
 
 
 def results_changed(appearances: Sequence[Appearance]) -> int:
-    """How often a job passed and did not the next time, or the other way round; only verdicts count."""
+    """Counts how often a job's verdict changed between passed and failed from one run to the next."""
     passed = [each.outcome is Outcome.PASSED for each in appearances if each.outcome in TOLD]
     return sum(old != new for old, new in pairwise(passed))
 
 
 def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
-    """Whether a job passed and failed with the same applications, versions, request and seed.
+    """Whether a job both passed and failed with the same applications, versions, request and seed.
 
     Jobs whose applications are not known do not count.
     """
@@ -135,7 +137,7 @@ def differs_with_same_inputs(appearances: Sequence[Appearance]) -> bool:
 
 
 def is_unsteady(changes: int, same_inputs: bool) -> bool:
-    """Whether a job's results cannot be relied on."""
+    """Whether a job is flaky, so that its results cannot be relied on."""
     return same_inputs or changes >= _STEADY_CHANGES
 
 

@@ -24,7 +24,7 @@ from .requirement_changes import RequirementChanges, requirement_changes
 
 
 def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> History:
-    """The history of a specification.
+    """Computes the history of a specification over its runs: outcomes by job, requirement and world.
 
     Args:
         name: its name.
@@ -49,7 +49,7 @@ def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> Histor
 
 
 def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
-    """Returns the changes in the last of some runs of a specification.
+    """Returns the changes in the newest run of a specification against the runs before it.
 
     Each of its jobs is compared with the last earlier run that has a result of it.
 
@@ -60,7 +60,7 @@ def since_last_run(runs: Sequence[NightRun]) -> SinceLastRun:
 
 
 def since_last_good_run(runs: Sequence[NightRun]) -> SinceLastRun:
-    """The same, with all that was lost since the last run before that succeeded.
+    """Returns the changes in the newest run, with all jobs lost since the last successful run.
 
     A night after bad ones is good again only if what failed in them is still judged.
     """

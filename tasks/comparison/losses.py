@@ -24,7 +24,7 @@ _SEEN_TO = ("succeeded", "failed")
 
 @dataclass(frozen=True)
 class FoundLoss:
-    """Something that a run lacks."""
+    """A job or requirement that earlier runs of a specification had and the newest run lacks."""
 
     kind: LossKind
     night: int
@@ -39,7 +39,7 @@ class FoundLoss:
     """Trials that were counted before and now, where that are fewer."""
 
     def told(self) -> Loss:
-        """The loss as data."""
+        """Converts the loss to the model that reports contain."""
         now = self.appearances[-1].job
         return Loss(
             cell=name_of(now),
@@ -53,7 +53,7 @@ class FoundLoss:
 
 
 def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -> list[FoundLoss]:
-    """Finds jobs and requirements that earlier runs have and the last one lacks.
+    """Finds jobs and requirements that earlier runs had and the last run lacks.
 
     Args:
         runs: the runs, the oldest first.
@@ -65,7 +65,7 @@ def losses_of(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]]) -
 
 
 def told_losses(losses: Sequence[FoundLoss]) -> Losses:
-    """Losses as data, by their kind."""
+    """Converts losses to the model that reports contain, grouped by kind."""
     found: dict[str, list[Loss]] = defaultdict(list)
     for each in losses:
         found[each.kind].append(each.told())

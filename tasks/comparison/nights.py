@@ -29,7 +29,7 @@ GroupKey = tuple[str, str, int | None]
 
 @dataclass(frozen=True)
 class NightRun:
-    """A run of a specification, as far as it is compared with others."""
+    """A run of a specification, reduced to the data by which it is compared with other runs."""
 
     run_id: str
     name: str
@@ -46,7 +46,7 @@ class NightRun:
 
     @classmethod
     def of(cls, record: RunRecord) -> "NightRun":
-        """The same of a run's record."""
+        """Makes the comparison data of a run from its record."""
         return cls(
             run_id=record.run_id,
             name=record.name,
@@ -62,12 +62,12 @@ class NightRun:
 
     @property
     def results(self) -> ResultTable:
-        """The results of its trials; where they cannot be read, each job is one trial."""
+        """Table of the results of the run's trials; if it cannot be read, each job is one trial."""
         return self._read[0]
 
     @property
     def trouble(self) -> str:
-        """Why the results of its trials cannot be read, and the command that mends it; empty: they can."""
+        """Reason why the trial results cannot be read, with the command that repairs it; empty if they can."""
         return self._read[1]
 
     @cached_property
@@ -99,12 +99,12 @@ class NightRun:
 
     @property
     def has_inputs(self) -> bool:
-        """Whether its jobs can be told from each other; those that were deleted cannot."""
+        """Whether the inputs of the run's jobs are known, so that jobs can be matched with other runs."""
         return any(job.inputs is not None for job in self.jobs)
 
 
 class CellTable:
-    """Finds the cells of jobs: a cell is one job of the specification through all of its runs.
+    """Matches simulation jobs over several runs of a specification: the same job gets the same cell number.
 
     Jobs are the same when they are of the same step, drive in a world of the same content and have the same seed,
     where the request names one. Of several such jobs those with the same request are the same; what is left is taken
@@ -119,7 +119,7 @@ class CellTable:
         return len(self._requests)
 
     def place(self, jobs: Sequence[JobRecord]) -> list[int | None]:
-        """The numbers of the jobs' cells, from 0; new ones for jobs that no earlier run had.
+        """Returns the cell number of each job, from 0; jobs that no earlier run had get new numbers.
 
         None for jobs whose inputs are not known.
         """
@@ -168,12 +168,12 @@ def _request_of(job: JobRecord) -> str:
 
 
 def outcome_of(job: JobRecord) -> Outcome:
-    """How a job of a record ended."""
+    """Returns how a job of a run's record ended."""
     return classify(job.status, job.failure_code, job.verdict)
 
 
 def reason_of(job: JobRecord) -> str:
-    """Why a job did not pass, in one line; empty when it passed."""
+    """Returns the reason why a job did not pass, in one line; empty if it passed."""
     if outcome_of(job) is Outcome.PASSED:
         return ""
     missed = [f"{item.name}: {item.detail}" for item in job.requirements if item.counts and not item.satisfied]
@@ -183,7 +183,7 @@ def reason_of(job: JobRecord) -> str:
 
 
 def name_of(job: JobRecord) -> CellName:
-    """Returns the name of a job's cell."""
+    """Returns the name (step, world, robot, variables, seed) by which a job is matched over several runs."""
     seed = job.inputs.seed if job.inputs and job.inputs.seed_given else None
     return CellName(
         step=job.step or "", test=job.test or job.world or job.label, world=job.world, seed=seed, variant=job.variant

@@ -20,24 +20,24 @@ Asked = tuple[str, str | None]
 
 @dataclass(frozen=True)
 class Pair:
-    """A job of both runs."""
+    """A simulation job that both compared runs have."""
 
     before: JobRecord
     after: JobRecord
 
     @property
     def outcomes(self) -> tuple[Outcome, Outcome]:
-        """How it ended in either."""
+        """Outcome of the job in the first run and in the second run."""
         return outcome_of(self.before), outcome_of(self.after)
 
     @property
     def is_judged(self) -> bool:
-        """Whether both have a verdict about the robot."""
+        """Whether the job has a verdict (pass or fail) in both runs."""
         return all(outcome in JUDGED for outcome in self.outcomes)
 
     @property
     def has_same_requirements(self) -> bool:
-        """Whether both were judged by the same; one without any, because it broke, does not count as other."""
+        """Whether the job was judged by the same requirements in both runs; a job that broke counts as the same."""
         if not self.asks_for_the_same:
             return False
         before, after = _requirements(self.before), _requirements(self.after)
@@ -47,18 +47,18 @@ class Pair:
 
     @property
     def asks_for_the_same(self) -> bool:
-        """Whether both requests name the same requirements, with the same limits."""
+        """Whether both job requests contain the same requirements with the same limits."""
         before, after = self.before.inputs, self.after.inputs
         return before is None or after is None or before.requirements_sha256 == after.requirements_sha256
 
     @property
     def has_same_request(self) -> bool:
-        """Whether both requests asked for the same."""
+        """Whether both job requests are the same."""
         before, after = self.before.inputs, self.after.inputs
         return before is None or after is None or before.request_sha256 == after.request_sha256
 
     def told(self) -> PairedJob:
-        """The pair as data."""
+        """Converts the pair to the model that reports contain."""
         before, after = self.outcomes
         return PairedJob(
             cell=name_of(self.after),
@@ -72,7 +72,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Pairing:
-    """The jobs of two runs, paired."""
+    """The simulation jobs of two runs, matched in pairs, with those that only one run has."""
 
     pairs: list[Pair]
     only_before: list[JobRecord]
@@ -80,7 +80,7 @@ class Pairing:
 
 
 def pair_jobs(before: Sequence[JobRecord], after: Sequence[JobRecord]) -> Pairing:
-    """Finds the jobs that two runs have in common; see `CellTable`."""
+    """Matches the simulation jobs of two runs; see `CellTable`."""
     table = CellTable()
     earlier = dict(zip(table.place(before), before, strict=True))
     pairs, only_after = [], []
@@ -118,7 +118,7 @@ TrialKey = tuple[float, tuple[tuple[str, str], ...], int]
 
 @dataclass(frozen=True)
 class TrialPairs:
-    """Trials of both runs; all arrays have one entry a pair."""
+    """Trials that both compared runs have, as arrays with one entry for each pair."""
 
     before: ResultTable
     after: ResultTable
@@ -137,39 +137,41 @@ class TrialPairs:
 
     @cached_property
     def outcomes(self) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-        """How each trial ended in either run: `PASSED`, `FAILED`, `BROKEN`, `UNJUDGED` or `STOPPED`."""
+        """Outcome of each trial in the first and in the second run: `PASSED`, `FAILED`, `BROKEN`, `UNJUDGED` or
+        `STOPPED`.
+        """
         return _outcomes(self.before)[self.before_rows], _outcomes(self.after)[self.after_rows]
 
     @property
     def judged(self) -> NDArray[np.bool_]:
-        """The pairs that have a verdict about the robot in both runs."""
+        """Mask of the pairs that have a pass or fail verdict in both runs."""
         before, after = self.outcomes
         return (before <= FAILED) & (after <= FAILED)
 
     @property
     def told(self) -> NDArray[np.bool_]:
-        """The pairs that were judged or broke, in both runs."""
+        """Mask of the pairs that have a verdict or broke, in both runs."""
         before, after = self.outcomes
         return (before <= BROKEN) & (after <= BROKEN)
 
     def only(self, which: NDArray[np.bool_]) -> "TrialPairs":
-        """Some of the pairs."""
+        """Returns the pairs that a mask selects."""
         return TrialPairs(
             self.before, self.after, self.before_rows[which], self.after_rows[which], self.jobs[which],
             self.worlds[which], self.has_worlds,
         )  # fmt: skip
 
     def met(self, requirement: str) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-        """Whether a requirement was met in either run: 1 met, 0 missed, -1 not judged."""
+        """Returns whether each trial met a requirement, in the first and second run: 1 met, 0 missed, -1 not judged."""
         return self.before.met(requirement)[self.before_rows], self.after.met(requirement)[self.after_rows]
 
     def numbers(self, column: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The numbers of a column in either run, `metric.NAME` or `margin.NAME`; NaN where a trial has none."""
+        """Returns a numeric column (`metric.NAME` or `margin.NAME`) of both runs; NaN where a trial has none."""
         return self.before.numbers(column)[self.before_rows], self.after.numbers(column)[self.after_rows]
 
 
 def pair_trials(pairs: Sequence[Pair], before: NightRun, after: NightRun) -> TrialPairs:
-    """Finds the trials that two runs have in common.
+    """Matches the trials of two runs by job, seed and parameters.
 
     Two jobs without trials are one pair. Of others, trials with the same seed and parameters are; where several of one
     job have both, they are taken in their order.

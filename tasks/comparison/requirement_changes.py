@@ -19,7 +19,7 @@ _MOST_PLACES = 10
 
 @dataclass
 class RequirementChanges:
-    """Changes of requirements between runs."""
+    """Requirements that trials newly miss or newly meet in the second of two runs."""
 
     changes: list[RequirementChange] = field(default_factory=list)
     """The most frequently missed first; then those that some trial newly meets."""
@@ -27,7 +27,7 @@ class RequirementChanges:
     """Requirements that a job newly misses, by its step and its id."""
 
     def missed_by(self, job: JobRecord) -> list[str]:
-        """The requirements that a job newly misses."""
+        """Returns the names of the requirements that a job newly misses."""
         return self.jobs.get((job.step or "", job.label), [])
 
     def __add__(self, other: "RequirementChanges") -> "RequirementChanges":
@@ -38,7 +38,7 @@ class RequirementChanges:
 
 
 def requirement_changes(trials: TrialPairs, pairs: Sequence[Pair]) -> RequirementChanges:
-    """Compares what was missed, requirement by requirement.
+    """Compares which requirements were missed in two runs, requirement by requirement.
 
     Args:
         trials: the trials of both runs.
@@ -79,7 +79,7 @@ class _Asked:
         self._known: dict[int, tuple[dict[str, _Limit], dict[str, _Limit]]] = {}
 
     def same(self, name: str, which: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Finds the pairs that were asked the same under a name; one that is told when it is missed counts too."""
+        """Returns a mask of the pairs whose requirement of that name was the same in both runs."""
         found = np.zeros_like(which)
         for index in np.flatnonzero(which).tolist():
             job = int(self._trials.jobs[index])

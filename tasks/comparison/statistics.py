@@ -14,7 +14,7 @@ from ..results.rates import wilson_interval
 
 @dataclass(frozen=True)
 class Interval:
-    """An estimate with its interval."""
+    """An estimate with its confidence interval."""
 
     value: float
     low: float
@@ -22,12 +22,12 @@ class Interval:
 
     @property
     def leaves_out_zero(self) -> bool:
-        """Whether 0 is not in it."""
+        """Whether 0 is outside the confidence interval, so that the estimate is significant."""
         return self.low > 0 or self.high < 0
 
 
 def mcnemar_p_value(worse: int, better: int) -> float:
-    """The two-sided p-value of the exact McNemar test, which is a sign test of the pairs that differ.
+    """Computes the two-sided p-value of the exact McNemar test, a sign test of the pairs that differ.
 
     Args:
         worse: pairs that passed before and not after.
@@ -45,7 +45,7 @@ def mcnemar_p_value(worse: int, better: int) -> float:
 
 
 def paired_rate_difference(both: int, worse: int, better: int, neither: int, alpha: float = 0.05) -> Interval:
-    """The difference of two pass rates of the same jobs, after minus before, with its interval.
+    """Computes the difference of two paired pass rates (after minus before) with its confidence interval.
 
     The interval is method 10 of Newcombe, "Improved confidence intervals for the difference between binomial
     proportions based on paired data", Statistics in Medicine 17 (1998): Wilson's intervals of both rates, put together
@@ -93,7 +93,7 @@ def _correlation(both: int, worse: int, better: int, neither: int) -> float:
 
 
 def sign_flip_p_value(differences: Sequence[int]) -> float:
-    """The two-sided p-value of the test that flips the sign of whole worlds.
+    """Computes the two-sided p-value of the permutation test that flips the signs of whole worlds' differences.
 
     Where the runs do not differ, each world's difference is as likely with the other sign. All 2**worlds signs are
     counted, by the characteristic function of their sum, which is a product of cosines; right to 1e-12.
@@ -130,7 +130,7 @@ def _power(values: NDArray[np.float64], exponent: int) -> NDArray[np.float64]:
 
 
 def clustered_mean(sums: NDArray[np.float64], counts: NDArray[np.float64], alpha: float = 0.05) -> Interval:
-    """The mean of trials in several worlds, with an interval that knows that trials of one world are alike.
+    """Computes the mean over trials grouped in worlds, with a confidence interval for clustered data.
 
     The variance is that of a ratio estimator between worlds, with a t distribution of worlds - 1 degrees of freedom.
 
@@ -147,7 +147,7 @@ def clustered_mean(sums: NDArray[np.float64], counts: NDArray[np.float64], alpha
 
 
 def mean_difference(differences: Sequence[float], alpha: float = 0.05) -> Interval:
-    """The mean of paired differences with the interval of the paired t test.
+    """Computes the mean of paired differences with the confidence interval of the paired t test.
 
     Differences that are all the same have an interval without width.
 
@@ -179,7 +179,7 @@ _SIMULATED_WORLDS = 2000
 
 
 def mcnemar_power(pairs: int, discordant: float, difference: float, alpha: float) -> float:
-    """The probability with which the exact McNemar test shows a difference of pass rates, in either direction.
+    """Computes the power of the exact McNemar test: the probability that it detects a difference of pass rates.
 
     Args:
         pairs: number of pairs.
@@ -199,7 +199,7 @@ def mcnemar_power(pairs: int, discordant: float, difference: float, alpha: float
 
 
 def mcnemar_pairs_needed(discordant: float, difference: float, alpha: float = 0.05, power: float = 0.8) -> int:
-    """The number of pairs with which the exact McNemar test shows a difference of pass rates.
+    """Computes the number of pairs that the exact McNemar test needs to detect a difference of pass rates.
 
     Args:
         discordant: share of pairs whose verdicts differ; at least the difference.
@@ -227,7 +227,7 @@ def worlds_needed(
     alpha: float = 0.05,
     power: float = 0.8,
 ) -> int:
-    """The number of worlds with which flipping the signs of whole worlds shows a difference of pass rates.
+    """Computes the number of worlds that the sign-flip test needs to detect a difference of pass rates.
 
     Comparisons are simulated: worlds are drawn from those there are, moved so that their mean is the difference.
 

@@ -27,21 +27,21 @@ KINDS = (JOB, WORLD, EXPORT)
 
 @dataclass(frozen=True)
 class Folder:
-    """Files that were published together: a manifest names them."""
+    """A folder of the object store that should have the files listed in its manifest."""
 
     place: StoredPlace
 
 
 @dataclass(frozen=True)
 class Single:
-    """One object."""
+    """A single object that should be in the object store."""
 
     bucket: str
     key: str
 
 
 def stored_of(resource: Resource) -> Iterator[Folder | Single]:
-    """Yields the objects that a resource must have; for a run that did not finish, none."""
+    """Yields the stored folders and objects that a resource should have; none for an unfinished run."""
     if resource.kind == JOB:
         document = SimulationJobDocument.of(resource)
         if document.outputs is not None and document.finished:
@@ -56,7 +56,7 @@ def stored_of(resource: Resource) -> Iterator[Folder | Single]:
 
 @dataclass(frozen=True)
 class Flaw:
-    """Flaw of one object or of the folder."""
+    """A defect that a check of stored outputs found: an object, or a whole folder, is missing or damaged."""
 
     problem: Problem
     key: str
@@ -65,7 +65,7 @@ class Flaw:
 
 @dataclass(frozen=True)
 class Compared:
-    """Result of a comparison."""
+    """Result of comparing a stored folder with its manifest: the defects, and the numbers of objects checked."""
 
     objects: int
     size_bytes: int
@@ -73,7 +73,7 @@ class Compared:
 
 
 def compare_folder(place: StoredPlace, store: ObjectStore, *, read_content: bool) -> Compared:
-    """Compares what is there with what the manifest names; objects that it does not name do not count.
+    """Compares a stored folder with its manifest; objects that the manifest does not name are ignored.
 
     Args:
         place: where the folder is.
@@ -135,7 +135,7 @@ _AGAIN = {
 
 
 def check_consistency(service: Service, *, read_content: bool = False, mend: bool = False) -> ConsistencyReport:
-    """Compares what the catalog says is stored with what is.
+    """Compares the catalog with the object store, and repairs what it can (`robomaker fsck`).
 
     Jobs that go on are looked at when they have ended.
 
@@ -159,7 +159,7 @@ class _Check:
     buckets: set[str] = field(default_factory=set[str])
 
     def run(self) -> ConsistencyReport:
-        """Checks everything."""
+        """Runs all checks, and returns the report."""
         self.buckets.add(self.service.settings.bucket)
         checked = [each for page in self._pages() for each in run_all(self._checked, page)]
         findings = [finding for _, _, found in checked for finding in found]

@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def shown_progress(service: Service, description: str) -> Generator[Service]:
-    """Returns the service with its progress shown as a progress artifact of the running flow."""
+    """Returns the service with its progress shown as a Prefect progress artifact of the running flow."""
     bar = _Bar(description, service.report_progress)
     try:
         yield service.watched_by(bar)
@@ -44,36 +44,36 @@ def shown_progress(service: Service, description: str) -> Generator[Service]:
 
 
 def artifact_key(*words: str) -> str:
-    """Returns a key in Prefect's form: small letters, digits, single hyphens."""
+    """Makes a unique key for a Prefect artifact: small letters, digits, single hyphens."""
     return re.sub("[^a-z0-9]+", "-", "-".join(words).lower()).strip("-")
 
 
 def show_jobs(key: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Shows simulation jobs as a table; does nothing outside a flow run."""
+    """Shows simulation jobs as a table artifact in Prefect; does nothing outside a flow run."""
     show_table(key, rows, "Simulation jobs")
 
 
 def show_table(key: str, rows: Sequence[Mapping[str, Any]], description: str) -> None:
-    """Shows a table, of the task run that is under way if there is one; does nothing outside a flow run."""
+    """Shows rows as a table artifact in Prefect, of the current task run if any; does nothing outside a flow run."""
     if rows and FlowRunContext.get():
         with _logged(description):
             create_table_artifact(key=key, table=[dict(row) for row in rows], description=description)
 
 
 def show_summary(key: str, markdown: str) -> None:
-    """Shows how the run ended; does nothing outside a flow run."""
+    """Shows a run's result as a Markdown artifact in Prefect; does nothing outside a flow run."""
     show_text(key, markdown, "How the run ended")
 
 
 def show_text(key: str, markdown: str, description: str) -> None:
-    """Shows a text; does nothing outside a flow run."""
+    """Shows a text as a Markdown artifact in Prefect; does nothing outside a flow run."""
     if FlowRunContext.get():
         with _logged("text"):
             create_markdown_artifact(key=key, markdown=markdown, description=description)
 
 
 def show_picture(key: str, png: bytes, description: str) -> None:
-    """Shows a picture of at most 2 MB; does nothing outside a flow run."""
+    """Shows a PNG of at most 2 MB as an image artifact in Prefect; does nothing outside a flow run."""
     if png and len(png) <= _MAX_PICTURE_BYTES and FlowRunContext.get():
         url = "data:image/png;base64," + base64.b64encode(png).decode()
         with _logged("picture"):
@@ -111,7 +111,7 @@ class _Bar:
                 self._lock.release()
 
     def flush(self) -> None:
-        """Updates the artifact with the latest progress at once."""
+        """Writes the latest progress to the Prefect artifact at once."""
         if self._latest is not None:
             with self._lock:
                 self._show(self._latest)

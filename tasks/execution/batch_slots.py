@@ -37,12 +37,12 @@ _logger = logging.getLogger(__name__)
 
 
 def limit_name(batch_id: str) -> str:
-    """The name of the global concurrency limit of a batch."""
+    """Returns the name of the Prefect global concurrency limit for a batch."""
     return f"{_PREFIX}{batch_id}"
 
 
 def batches_with_limits(client: SyncPrefectClient) -> list[str]:
-    """Ids of the batches that have a limit on a server; some may be those of other homes, or of no batch at all."""
+    """Lists ids of the batches that have a concurrency limit on a Prefect server; some may belong to other homes."""
     names: list[str] = []
     while page := client.read_global_concurrency_limits(limit=_PAGE, offset=len(names)):
         names += [limit.name for limit in page]
@@ -50,7 +50,9 @@ def batches_with_limits(client: SyncPrefectClient) -> list[str]:
 
 
 class Slots:
-    """The slots that this worker holds of one batch; use as a context manager.
+    """Concurrency slots of a batch which this job worker holds, kept as a Prefect global concurrency limit.
+
+    Use it as a context manager.
 
     Args:
         name: name of the global concurrency limit, the batch's own.
@@ -95,7 +97,7 @@ class Slots:
 
     @contextmanager
     def hold(self, should_stop: Callable[[], bool], place: int | None = None) -> Generator[bool]:
-        """Holds one slot.
+        """Waits for a slot, so that a job of the batch may run, and holds it inside the `with` block.
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
@@ -120,12 +122,12 @@ class Slots:
 
     @property
     def count(self) -> int:
-        """How many slots this worker holds."""
+        """Number of slots this worker holds."""
         with self._changed:
             return len(self._free) + len(self._used)
 
     def remove(self) -> None:
-        """Deletes the limit; called once, after the batch has ended."""
+        """Deletes the batch's concurrency limit from the Prefect server; called once, after the batch has ended."""
         self._delete_limit()
         self._free.clear()
         self._used.clear()

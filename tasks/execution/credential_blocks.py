@@ -5,7 +5,7 @@ from typing import Any
 
 
 def read_credential_block(slug: str, name: str) -> Mapping[str, Any] | None:
-    """The content of a block on the Prefect server, with its secrets; `None`: there is none.
+    """Reads a Prefect block with credentials, including its secrets, from the server; `None` if it does not exist.
 
     It is read as it is stored, so its type need not be installed here: prefect-aws binds boto3 to old releases.
 

@@ -78,14 +78,14 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Swept:
-    """Numbers of the flow runs and task runs that a sweep has closed."""
+    """Numbers of the flow runs and task runs that a sweep (cleaning up after dead processes) has closed."""
 
     flow_runs: int
     task_runs: int
 
 
 def ensure_automation(client: SyncPrefectClient) -> UUID:
-    """Makes sure that the server has the automation, in today's form.
+    """Creates or updates the Prefect automation that marks flow runs as crashed when they send no heartbeats.
 
     Returns:
         Its id.
@@ -100,7 +100,7 @@ def ensure_automation(client: SyncPrefectClient) -> UUID:
 
 
 def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: datetime) -> bool:
-    """Whether a flow run of some flows is open or was lately: only such a one can die, or hold what is open in it.
+    """Whether a flow run of some flows is running or ended lately; only then there can be dead runs to clean up.
 
     Args:
         client: the server's client.
@@ -113,7 +113,7 @@ def has_open_runs(client: SyncPrefectClient, flow_names: Iterable[str], since: d
 
 
 def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | None = None) -> Swept:
-    """Closes task runs and subflow runs that are open in flow runs that have died or were cancelled.
+    """Closes task runs and subflow runs that are left open by flow runs which died or were cancelled.
 
     Args:
         client: the server's client.
@@ -142,7 +142,7 @@ def sweep(client: SyncPrefectClient, flow_names: Iterable[str], now: datetime | 
 
 
 def tell_ends(client: SyncPrefectClient, flow_names: Iterable[str], end_of: EndOf) -> list[UUID]:
-    """Gives flow runs that were closed in the last day, and had come to their end, the state in which they ended.
+    """Corrects flow runs that were marked crashed in the last day although they had ended: sets their real end state.
 
     What is open in flow runs that ended is closed, too, once no state of it is on its way any more.
 
@@ -198,7 +198,7 @@ def _end_of_task(flow: StateType) -> State[Any]:
 
 
 def was_silent(run: FlowRun) -> bool:
-    """Whether a flow run is only taken for dead: it, or the one that it is a part of, gave no sign of life."""
+    """Whether a flow run was marked dead only because it, or its parent flow run, sent no heartbeats."""
     state = run.state
     return state is not None and (not state.is_crashed() or state.message in (_NO_SIGN, _PART_OF_DEAD))
 
@@ -209,7 +209,7 @@ def close_unheard(
     now: datetime | None = None,
     end_of: EndOf = lambda _: None,
 ) -> list[UUID]:
-    """Closes flow runs that have run for `UNHEARD_S`, and gave no sign of life meanwhile.
+    """Marks flow runs as crashed that have run for `UNHEARD_S` seconds without sending a heartbeat.
 
     Where a server keeps no events, silence says nothing: only runs are closed of which it knows that they began.
 
@@ -250,7 +250,7 @@ def close_unheard(
 
 
 def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UUID]:
-    """Finds the flow runs that were closed because they gave no sign of life.
+    """Returns the flow runs that were marked crashed because they sent no heartbeats.
 
     Args:
         client: the server's client.
@@ -262,7 +262,7 @@ def closed_as_dead(client: SyncPrefectClient, runs: Collection[UUID]) -> list[UU
 
 
 def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
-    """Makes flow runs that were closed as dead `Running` again, with the task runs in them.
+    """Sets flow runs that were wrongly marked crashed back to `Running`, with their task runs.
 
     Args:
         client: the server's client.
@@ -279,7 +279,7 @@ def take_back(client: SyncPrefectClient, runs: Collection[UUID]) -> None:
 
 
 def tell_of_dead(flow_run: str, words: str, client: SyncPrefectClient | None = None) -> bool:
-    """Says at a flow run whose process has died what becomes of its work; a failure to do so is only logged.
+    """Writes into a dead flow run's state what happens to its work; a failure to do so is only logged.
 
     Args:
         flow_run: its id.

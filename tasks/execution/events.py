@@ -10,7 +10,7 @@ from pathlib import Path
 
 
 def tell_of_world(arn: str, uri: str, template: str) -> None:
-    """Sends `robomaker.world.generated`.
+    """Emits the Prefect event `robomaker.world.generated`.
 
     Args:
         arn: the world's ARN.
@@ -28,7 +28,7 @@ def tell_of_world(arn: str, uri: str, template: str) -> None:
 
 
 def tell_of_report(run_id: str, state: str, path: Path, verdicts: Mapping[str, int]) -> None:
-    """Sends `robomaker.report.written`.
+    """Emits the Prefect event `robomaker.report.written`.
 
     Args:
         run_id: the run that it is about.

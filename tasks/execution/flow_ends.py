@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 
 class RunNotSucceeded(RobomakerError):
-    """A run or job came to its end, and not to a good one; the message has the worst failures.
+    """Raised as the result of a flow whose run or job did not succeed; the message has the worst failures.
 
     Args:
         result: how it ended.
@@ -71,7 +71,7 @@ for _name in ("prefect.engine", "prefect.flow_runs", "prefect.task_runs"):
 
 
 def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_fails_run: bool) -> State[Any]:
-    """The state in which a flow ends; in a good one its result is what it returns, in others a `RunNotSucceeded`.
+    """Makes the Prefect state in which a flow ends, from the result of its run or job.
 
     Args:
         result: how the run or job ended.
@@ -91,7 +91,7 @@ def end_state(result: FlowResult, answer: Mapping[str, Any] | None, *, verdict_f
 
 
 def answer_of(state: State[Any]) -> tuple[dict[str, Any], FlowResult]:
-    """The job's description and the result of a flow that came to its end, to a good one or not.
+    """Returns a finished Prefect flow's response (the job's description) and result, also if the job failed.
 
     Raises:
         BaseException: what the flow raised instead.
@@ -108,7 +108,7 @@ def answer_of(state: State[Any]) -> tuple[dict[str, Any], FlowResult]:
 
 @contextmanager
 def ends_as_cancelled() -> Generator[None]:
-    """Ends the running flow as `Cancelled` in Prefect when Ctrl-C or SIGTERM interrupts the block, and lets it go on.
+    """Marks the running flow as `Cancelled` in Prefect if Ctrl-C or SIGTERM interrupts the `with` block.
 
     Prefect itself would say `Crashed`, which automations take for an accident. A Prefect worker sees to the states of
     the flow runs that it starts.

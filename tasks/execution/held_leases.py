@@ -22,16 +22,16 @@ from ..catalog import Catalog
 
 
 class WorkerStopping(RobomakerError):
-    """This process takes no more leases."""
+    """Raised when this process is shutting down and takes no more jobs."""
 
 
 def owners_of(pid: int) -> str:
-    """Returns the prefix of the owner names of a process of this machine."""
+    """Returns the common prefix of all lease owner names of a process on this machine."""
     return f"{socket.gethostname()}:{pid}:"
 
 
 def new_owner() -> str:
-    """Makes a name for the owner of a lease: machine, process, a part of its own, and the program's role."""
+    """Makes a unique owner name for a lease: machine, process, a unique part, and the program's role."""
     return f"{owners_of(os.getpid())}{uuid.uuid4().hex[:8]}:{_role()}"
 
 
@@ -42,7 +42,7 @@ def _role() -> str:
 
 
 def role_of(main: str, words: Sequence[str]) -> str:
-    """Names a program for people.
+    """Returns a program's name for people, from its main module and command line.
 
     Args:
         main: name of its main module; empty: it is a script.
@@ -77,7 +77,7 @@ def died_here(owner: str) -> bool:
 
 @dataclass
 class HeldLeases:
-    """The leases of one process; safe to use from several threads."""
+    """Leases (locks on jobs) that this process holds; safe to use from several threads."""
 
     _owners: dict[str, str] = field(default_factory=dict[str, str])
     _reserved: set[str] = field(default_factory=set[str])
@@ -86,7 +86,7 @@ class HeldLeases:
 
     @contextmanager
     def owner_of(self, arn: str) -> Generator[str]:
-        """Yields the owner name for a job's lease, valid inside the block.
+        """Yields an owner name for a job's lease, valid inside the `with` block.
 
         Raises:
             WorkerStopping: no more leases are taken.
@@ -107,7 +107,7 @@ class HeldLeases:
                     del self._owners[arn]
 
     def adopt(self, arn: str, owner: str) -> bool:
-        """Notes a lease that was taken when its job was stored.
+        """Registers a lease that was taken together with storing its job.
 
         Returns:
             Whether `cancel_reservation` has to follow; false: another thread of this process carries the job out, or
@@ -121,7 +121,7 @@ class HeldLeases:
             return True
 
     def reserve(self, arn: str, catalog: Catalog, lease_s: float) -> bool:
-        """Claims a job for the thread of this process that begins it; `cancel_reservation` has to follow.
+        """Takes a job's lease for the thread that will run it; `cancel_reservation` has to follow.
 
         Returns:
             Whether the lease was free.
@@ -140,7 +140,7 @@ class HeldLeases:
         return is_claimed
 
     def reserve_any(self, take: Callable[[str], str | None], catalog: Catalog) -> str | None:
-        """Claims a job that is chosen meanwhile, as `reserve` does; `cancel_reservation` has to follow.
+        """Takes the lease of a job that a callback chooses; `cancel_reservation` has to follow.
 
         Args:
             take: takes the lease of some job for the owner whose name it is given; returns the job's ARN, if any.
@@ -164,19 +164,19 @@ class HeldLeases:
         return None
 
     def renew_reservation(self, arn: str, catalog: Catalog, lease_s: float) -> None:
-        """Renews a job's lease until the job begins."""
+        """Renews a reserved lease until the job begins."""
         with self._lock:
             owner = self._owners.get(arn)
         if owner is not None:
             catalog.renew(arn, owner, lease_s)
 
     def cancel_reservation(self, arn: str, catalog: Catalog) -> None:
-        """Releases a reserved lease, unless that has happened."""
+        """Releases a reserved lease, unless that has happened already."""
         if (owner := self._forget(arn)) is not None:
             catalog.release(arn, owner)
 
     def are_ours(self, catalog: Catalog) -> bool:
-        """Whether no other owner has taken a lease that this process holds; one that only ran out is still ours.
+        """Whether no other owner has taken a lease that this process holds; an expired one is still its own.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -186,7 +186,7 @@ class HeldLeases:
         return all(catalog.lease_of(arn)[0] in (None, owner) for arn, owner in held.items())
 
     def give_back_all(self, catalog: Catalog) -> tuple[str, ...]:
-        """Releases every lease; this process takes no more.
+        """Releases every lease at shutdown; this process takes no more jobs.
 
         Returns:
             ARNs of the jobs that were held, those of batches after the jobs in them.

@@ -26,7 +26,7 @@ _MOST_REFUSALS = 3
 
 
 class Lease:
-    """The right to change one job, held by one job worker.
+    """A held lease: the right of one job worker to change one job in the catalog.
 
     Changes made through it fail with `LeaseLostError` once another worker has taken over.
 
@@ -45,12 +45,12 @@ class Lease:
 
     @property
     def lost(self) -> bool:
-        """Whether another worker has taken over, because this one was held up for too long."""
+        """Whether another job worker has taken over the job, because this one was stalled for too long."""
         return self._lost.is_set()
 
     @contextmanager
     def renewed(self) -> Generator[None]:
-        """Renews the lease inside the block, and releases it at its end; where that fails, it runs out by itself."""
+        """Renews the lease regularly inside the `with` block, and releases it at the end."""
         renewer = threading.Thread(target=self._renew, name=f"lease of {self.job.arn}", daemon=True)
         renewer.start()
         try:
@@ -66,7 +66,7 @@ class Lease:
     def transition(
         self, event: str, changes: Changes | None = None, labels: Mapping[str, Sequence[str]] | None = None
     ) -> Resource:
-        """Moves the job on, sets members of its document and labels; returns the job, which `job` is from then on."""
+        """Applies an event to the job's status and updates its document and labels; returns the updated job."""
         with self._noticing_loss():
             catalog, arn = self._service.catalog, self.job.arn
             self.job = catalog.transition(arn, event, document_changes=changes, owner=self._owner, labels=labels)
@@ -79,11 +79,11 @@ class Lease:
         return self.job
 
     def forget_lost_workers(self) -> None:
-        """Says that the job has come further than when its job workers died."""
+        """Resets the count of job workers that died while running this job, because it has made progress."""
         self._service.catalog.forget_lost_workers(self.job.arn, self._owner)
 
     def refreshed(self) -> Resource:
-        """The job as it is now."""
+        """Reads the job again from the catalog, and returns it."""
         self.job = self._service.catalog.get(self.job.arn)
         return self.job
 
@@ -117,7 +117,9 @@ class Lease:
 
 
 class CatalogWait:
-    """Waits for a catalog that is away; one that answers, and still refuses a change, is soon given up.
+    """Waits and retries while the catalog's database is unreachable.
+
+    A catalog that answers and still refuses a change is soon given up.
 
     Args:
         arn: what waits, for the log.
@@ -132,11 +134,11 @@ class CatalogWait:
 
     @classmethod
     def of(cls, lease: Lease, service: Service) -> "CatalogWait":
-        """For the work on a job, which it reads anew: the answer to a change may have been lost."""
+        """Makes the retry policy for work on a job, which reads the job again after an outage."""
         return cls(lease.job.arn, lease.refreshed, lambda: lease.lost, service.timing.after_outage_s)
 
     def outlasting(self, call: Callable[[], Result]) -> Result:
-        """Calls again until the catalog answers.
+        """Calls a function, and calls it again after an outage of the catalog's database.
 
         Args:
             call: does the same when it is called again, whether or not the catalog had done it.
@@ -151,7 +153,7 @@ class CatalogWait:
                 self.outlast(error)
 
     def outlast(self, failure: ServiceUnavailableException) -> None:
-        """Returns once the catalog answers again.
+        """Waits until the catalog's database answers again.
 
         Args:
             failure: how the outage was noticed.
@@ -187,7 +189,7 @@ _EVENTS = ("terminate", "fail", "canceled")
 
 @dataclass(frozen=True)
 class GivenUp:
-    """How a wing's kind of job is failed from outside; `KINDS` of its module `given_up` has one for each kind."""
+    """Defines how a kind of job is marked as failed from outside, when it cannot be run any more."""
 
     failure_code: str
     """Its failure code, in place of that of other jobs."""
@@ -201,7 +203,7 @@ def _given_up(kind: str) -> GivenUp | None:
 
 
 def why_not_retried(lease: Lease, service: Service) -> str | None:
-    """Returns why a job has reached its retry limit; `None` when it may run."""
+    """Returns the reason why a job has reached its retry limit; `None` if it may run."""
     most = _MOST_OF_BATCHES if lease.job.kind == "simulation-job-batch" else MAX_LOST_WORKERS
     lost = service.catalog.lost_workers(lease.job.arn)
     if lost < most:
@@ -210,7 +212,7 @@ def why_not_retried(lease: Lease, service: Service) -> str | None:
 
 
 def fail_job(lease: Lease, reason: str, service: Service) -> None:
-    """Ends a job as failed, or as canceled if that was requested; requests the cancellation of a batch's jobs."""
+    """Ends a job as failed (or canceled, if that was requested), and cancels a batch's jobs."""
     transitions = LIFECYCLES[lease.job.kind].transitions
     own = _given_up(lease.job.kind)
     changes = FailureChanges(failure_code=_CODE if own is None else own.failure_code, failure_reason=reason)
@@ -231,7 +233,7 @@ _WAIT_S = 0.5
 def run_under_lease(
     arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> None:
-    """Runs `work` on a job unless it has ended, holding its lease meanwhile.
+    """Runs a job's work while holding its lease, after waiting for it; does nothing if the job has ended.
 
     Args:
         arn: the job.
@@ -255,7 +257,7 @@ def run_under_lease(
 def run_if_unclaimed(
     arn: str, kind: str, service: Service, work: Callable[[Lease], object], held: HeldLeases = HELD
 ) -> bool:
-    """Runs `work` on a job if it has not ended and no other job worker holds it.
+    """Runs a job's work if the job has not ended and no other job worker holds its lease.
 
     Args:
         arn: the job.

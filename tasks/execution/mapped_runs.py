@@ -31,7 +31,7 @@ from ...schemas.wire.errors import ConfigurationError
 
 @dataclass(frozen=True)
 class Item:
-    """A call of a task for one item of a map.
+    """One call of a task inside a mapped Prefect task run (`task.map`).
 
     Args:
         task: what is mapped.
@@ -44,7 +44,7 @@ class Item:
     parameters: Mapping[str, Any]
 
     def run(self, sleep: Callable[[float], None] = time.sleep) -> State[Any]:
-        """Calls the task's function, as often as its retries allow.
+        """Calls the task's function, with the task's retries, and returns the final state.
 
         Args:
             sleep: waits before a retry, in seconds.
@@ -134,7 +134,7 @@ Summary: TypeAlias = Callable[[Sequence[State[Any]]], str]
 
 
 def in_words(states: Sequence[State[Any]]) -> str:
-    """How a map went: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ValueError: no`."""
+    """Summarises the failures of a map: `3 of 1000 items did not complete: 2 Failed, 1 TimedOut; item 17: ...`."""
     bad = [(index, state) for index, state in enumerate(states) if not state.is_completed()]
     if not bad:
         return f"all {len(states)} items completed"
@@ -144,11 +144,11 @@ def in_words(states: Sequence[State[Any]]) -> str:
 
 
 class ItemFuture(PrefectConcurrentFuture[Result]):
-    """One item of a map: its `task_run_id` is the map's, its state and its result are its own."""
+    """Prefect future of one item of a map: the task run is shared by the whole map, state and result are its own."""
 
     @property
     def state(self) -> State[Any]:
-        """The state of the item, whatever the others do."""
+        """State of this item, independent of the other items."""
         future = self.wrapped_future
         if future.done():
             return _state_of(future)
@@ -158,7 +158,7 @@ class ItemFuture(PrefectConcurrentFuture[Result]):
 
 
 class MapTaskRunner(ThreadPoolTaskRunner[Result]):
-    """Runs tasks in threads, like `ThreadPoolTaskRunner`, and makes one task run of each `map`.
+    """Prefect task runner in threads that makes a single task run for each `map`, instead of one for each item.
 
     Each item has its own future, with its own result, failure and retries. The task run is named after the task and
     the number of items, and its state says how many of them did not complete.
@@ -174,7 +174,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
         self._maps: ThreadPoolTaskRunner[Any] | None = None
 
     def duplicate(self) -> "MapTaskRunner[Result]":
-        """A runner like this one, for another flow run."""
+        """Returns a task runner with the same configuration, for another flow run."""
         return type(self)(max_workers=self._max_workers, summary=self._summary)
 
     def map(  # pyright: ignore[reportIncompatibleMethodOverride] - the same for async tasks
@@ -183,7 +183,7 @@ class MapTaskRunner(ThreadPoolTaskRunner[Result]):
         parameters: dict[str, Any],
         wait_for: Iterable[PrefectFuture[Any]] | None = None,
     ) -> PrefectFutureList[Any]:
-        """Runs a task for each item, as one task run.
+        """Runs a task once for each item, in threads, all as one Prefect task run.
 
         Args:
             task: what to run.
@@ -249,7 +249,7 @@ class _Calls(TaskRunner[PrefectFuture[Any]]):
         self._dependencies = dependencies or {}
 
     def inputs(self) -> set[RunInput]:
-        """The task runs that the calls use results of, for the arrows of Prefect's graph."""
+        """Returns the task runs whose results the calls use, for the arrows in Prefect's graph."""
         return set[RunInput](collect_task_run_inputs_sync(self.parameters)).union(*self._dependencies.values())
 
 
@@ -268,11 +268,11 @@ class _MapRun:
         self._begun = concurrent.futures.Future[contextvars.Context | State[Any]]()
 
     def begin(self, pool: concurrent.futures.Executor) -> None:
-        """Puts the items in the pool, where they wait for the task run to begin: nothing gets in before them."""
+        """Submits the items to the thread pool, where they wait until the task run begins."""
         self.ended = [pool.submit(self._run_item, item) for item in self._items]
 
     def as_task(self, task: Task[..., Any]) -> Task[..., Any]:
-        """The task whose run waits for the items."""
+        """Makes the Prefect task whose single run waits for all items."""
         name = f"{task.name} x {len(self._items)}"
         return Task(
             fn=self._wait,
@@ -291,7 +291,7 @@ class _MapRun:
         )
 
     def end_without_beginning(self, ended: Ended) -> None:
-        """Has the items end with a task run that never began, because what it waited for failed, or was cancelled."""
+        """Ends all items without running them, because the task run failed or was cancelled before it began."""
         if not self._begun.done():
             self._begun.set_result(_state_of(ended))
 

@@ -30,7 +30,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
-    """Watches, inside the block and in a thread, for the death of the process that started this one.
+    """Watches, in a thread, whether the parent process dies, and calls `orphaned` if it does.
 
     Args:
         orphaned: called when it has died; has to end this process.
@@ -44,7 +44,7 @@ def watching_parent(orphaned: Callable[[], None]) -> Generator[None]:
 
 
 def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
-    """Releases all leases of this process, tells Prefect that its flow run has crashed, and ends the process.
+    """Ends this process after its parent died: releases its jobs, and marks its flow run as crashed in Prefect.
 
     Args:
         catalog: where the jobs are.
@@ -57,7 +57,7 @@ def end_orphan(catalog: Catalog, flow_run: UUID) -> None:
 
 
 def end_job_worker(catalog: Catalog, flow_run: UUID) -> None:
-    """Ends the process of a job worker that its Prefect worker tells to end: cancelled in Prefect, or with its machine.
+    """Ends a job worker's process when its Prefect worker asks for it; its jobs are released.
 
     Args:
         catalog: where the jobs are; their leases are released, so that other job workers take them at once.
@@ -80,7 +80,7 @@ def _ended(exit_code: int) -> Generator[None]:
 
 
 def words_of_end(catalog: Catalog, arns: Sequence[str]) -> str:
-    """Says that an orphan has ended itself, and what a person types to go on with what it ran, as it was ordered.
+    """Makes the message of a process that ended because its parent died: how to continue the jobs it held.
 
     Args:
         catalog: where its jobs are.

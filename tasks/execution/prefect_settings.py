@@ -23,7 +23,7 @@ _OF_SERVER = (PREFECT_API_URL, PREFECT_API_KEY, PREFECT_API_AUTH_STRING)
 
 
 def on_same_server(work: Callable[[], None]) -> Callable[[], None]:
-    """Returns `work` as a thread's target that talks to the server of the caller."""
+    """Wraps a function for a new thread so that it uses the caller's Prefect server."""
     chosen: dict[Any, Any] = {setting: setting.value() for setting in _OF_SERVER}
 
     def run() -> None:
@@ -35,7 +35,7 @@ def on_same_server(work: Callable[[], None]) -> Callable[[], None]:
 
 @contextmanager
 def asking_once() -> Generator[SyncPrefectClient]:
-    """A client that asks once: a server that is busy is asked at the next look, a process that ends waits little."""
+    """Yields a Prefect client without retries, for callers that ask again later anyway."""
     with (
         temporary_settings({PREFECT_CLIENT_MAX_RETRIES: 0}),
         get_client(sync_client=True, httpx_settings={"timeout": _ANSWER_S}) as client,

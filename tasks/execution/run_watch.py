@@ -62,7 +62,7 @@ class _Watched:
 
 @dataclass
 class RunWatch:
-    """Watches flow runs of this process, in a thread that lives as long as there are any, and the main thread."""
+    """Thread that watches the flow runs of this process for cancellation in Prefect, and sends their heartbeats."""
 
     _runs: dict[UUID, _Watched] = field(default_factory=dict[UUID, _Watched])
     _changed: threading.Condition = field(default_factory=threading.Condition)
@@ -78,7 +78,7 @@ class RunWatch:
     def watching(
         self, run: UUID, name: str, cancel: Callable[[], None], goes_on: Callable[[], bool] = lambda: True
     ) -> Generator[None]:
-        """Watches a flow run inside the block.
+        """Watches a flow run inside the `with` block.
 
         Args:
             run: the flow run's id.
@@ -104,7 +104,7 @@ class RunWatch:
 
     @contextmanager
     def part(self, outer: UUID, run: UUID) -> Generator[None]:
-        """Counts a flow run as part of one that is watched, inside the block."""
+        """Counts a subflow run as part of a watched flow run, inside the `with` block."""
         parts = watched.parts if (watched := self._runs.get(outer)) else set[UUID]()
         parts.add(run)
         try:
@@ -204,7 +204,7 @@ WATCH = RunWatch()
 
 @contextmanager
 def beginning_run() -> Generator[None]:
-    """Gives signs of life of the running flow inside the block, where it waits for what it needs to begin.
+    """Sends heartbeats of the running flow inside the `with` block, while it waits before its start.
 
     Nothing is cancelled from here: what it will run is not known yet, and a Prefect worker ends the process.
     """
@@ -218,7 +218,7 @@ def beginning_run() -> Generator[None]:
 
 @contextmanager
 def watched_run(catalog: Catalog, cancel: Callable[[], None]) -> Generator[None]:
-    """Watches the running flow inside the block, unless one of ours around it is watched already.
+    """Watches the running flow inside the `with` block, unless its parent flow is watched already.
 
     Args:
         catalog: where the jobs are that it runs; their leases are released if the process has to end as an orphan.

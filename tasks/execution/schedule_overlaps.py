@@ -57,7 +57,7 @@ _logger = logging.getLogger(__name__)
 
 
 def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any] | None:
-    """The end of the current flow run, if a schedule made it and it begins too late; else None.
+    """Returns the end state for a scheduled flow run that starts too late and is skipped; `None` if it may run.
 
     Runs that somebody ordered are never too late.
 
@@ -79,7 +79,7 @@ def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any]
 
 
 def give_way_to_earlier(continues: str | None = None, now: datetime | None = None) -> None:
-    """Ends this process, and has the current flow run wait again, if a run that goes before it waits for its place.
+    """Reschedules the current flow run and ends this process if an earlier run of its deployment still waits.
 
     A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
 

@@ -39,7 +39,7 @@ def run_tasks(
     look: Callable[[], bool | None] = lambda: None,
     summary: Callable[[], str] | None = None,
 ) -> None:
-    """Runs a part of a job once for each call, as a task run each or as one for all, and waits for all of them.
+    """Runs part of a job once for each argument set, in threads, as Prefect task runs; waits for all of them.
 
     Args:
         name: what Prefect shows as the name of the task.
@@ -92,7 +92,7 @@ def _begin(runner: "MapTaskRunner[None]", part: Any, calls: Sequence[Mapping[str
 
 
 def run_alone(work: Callable[[], None], *, job_arn: str, service: Service) -> None:
-    """Runs a job that has one part only in a thread of its own, and waits for it; steps inside it may be tasks.
+    """Runs a job that has a single part in a thread, and waits for it.
 
     Args:
         work: watches for a cancel request of the job, and ends soon after one.
@@ -128,7 +128,7 @@ Result = TypeVar("Result")
 
 
 class RunStep(Protocol):
-    """Runs a step: `directly`, or `as_task`."""
+    """Interface of a function that runs a step: `directly` or `as_task`."""
 
     def __call__(self, name: str, part: Callable[[], Result], /) -> Result:
         """Runs a part of a job as the step `name` and returns what it returns."""
@@ -136,25 +136,25 @@ class RunStep(Protocol):
 
 
 def directly(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a plain call: in a batch, where each job is one light task run already."""
+    """Runs a step as a plain function call, for jobs of a batch, which have a task run each already."""
     with span(name):
         return part()
 
 
 def as_task(name: str, part: Callable[[], Result], /) -> Result:
-    """Runs a step as a task run of the flow run that is under way."""
+    """Runs a step as a Prefect task run of the current flow run."""
     with span(name):
         return _task(name)(part)
 
 
 def step_runner() -> RunStep:
-    """Returns how steps are run here: as tasks inside a flow run, directly elsewhere."""
+    """Returns the function that runs steps here: `as_task` inside a flow run, else `directly`."""
     return directly if _flow_run() is None else as_task
 
 
 @contextmanager
 def shown_as(name: str, message: str) -> Generator[None]:
-    """Gives the state of the running flow a name inside the block.
+    """Gives the running flow's Prefect state a name inside the `with` block, such as `AwaitingApproval`.
 
     Args:
         name: the name, such as `AwaitingApproval`.
@@ -172,7 +172,7 @@ def shown_as(name: str, message: str) -> Generator[None]:
 
 
 def show_note(key: str, markdown: str) -> None:
-    """Keeps a note as an artifact of the running flow; those of the same key are its history."""
+    """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history."""
     if _flow_run() is not None:
         from .artifacts import show_text
 

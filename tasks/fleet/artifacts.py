@@ -38,12 +38,12 @@ _CERTIFICATE = b"-----BEGIN CERTIFICATE-----"
 
 
 def certificate_path(service: Service) -> Path:
-    """Path of the certificate of `signing_key`, in PEM; robots verify signatures with it."""
+    """Returns the path of the signing certificate (PEM) with which robots verify installation files."""
     return service.folder("robots") / "certificate.pem"
 
 
 def signing_key(service: Service) -> SigningKey:
-    """The service's key; of several processes that need the first one at once, one makes it.
+    """Returns the service's key that signs installation files for robots; it is created on first use.
 
     Raises:
         ConfigurationError: what lies there is no key, or it cannot be read or written.
@@ -65,7 +65,7 @@ def signing_key(service: Service) -> SigningKey:
 
 
 def write_once(path: Path, content: bytes, mode: int) -> None:
-    """Writes a whole file, unless there is one: no key ever takes the place of another.
+    """Writes a whole key file unless one exists: no key is ever overwritten.
 
     Args:
         path: the file; its folder exists.
@@ -81,7 +81,7 @@ def write_once(path: Path, content: bytes, mode: int) -> None:
 
 @contextmanager
 def written(path: Path, content: bytes, mode: int) -> Iterator[Path]:
-    """A file beside another, whole and on the disk, to be given its name; gone when the block ends.
+    """Yields a temporary file with the content, ready to be renamed to its final path; it is deleted afterwards.
 
     Args:
         path: the other file; its folder exists.
@@ -111,7 +111,7 @@ _ANY_HARDWARE = ("#RE:.*",)  # an application names architectures, and no revisi
 
 
 def prepare(application: Resource, architectures: Iterable[str], service: Service) -> dict[str, Artifact]:
-    """Makes what robots download, and stores it; what is there already is left alone.
+    """Builds the installation files (`.swu`) that robots download for an application, and uploads them.
 
     Args:
         application: the application's version, as `find_application` finds it.

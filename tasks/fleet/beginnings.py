@@ -33,23 +33,23 @@ from .rollout.ledger import begin
 
 @dataclass(frozen=True)
 class Prepared:
-    """The files that were made for a deployment, by architecture."""
+    """Installation files that were made for a deployment, by processor architecture."""
 
     for_updaters: Mapping[str, Artifact]
     for_agents: Mapping[str, Artifact]
 
     def of(self, robot: Resource) -> Artifact | None:
-        """The file of a robot; `None`: there is none for it."""
+        """Returns the installation file for a robot; `None` if there is none for its architecture."""
         document = RobotDocument.of(robot)
         return (self.for_agents if document.has_agent else self.for_updaters).get(document.architecture)
 
     def has(self, robot: Resource) -> bool:
-        """Whether there is a file for a robot."""
+        """Whether there is an installation file for a robot's architecture."""
         return self.of(robot) is not None
 
 
 def plan_of(job: StoredResource, robots: Iterable[Resource], has_file: Callable[[Resource], bool]) -> RolloutPlan:
-    """The plan of a deployment.
+    """Makes the plan of a deployment: its robots in order and its limits.
 
     Args:
         job: its job.
@@ -104,7 +104,7 @@ def _canaries(config: DeploymentConfig, robots: Sequence[Resource], planned: Seq
 
 
 def delivery(job: Resource, robots: Iterable[Resource], prepared: Prepared) -> Delivery:
-    """Selects the files that each robot downloads."""
+    """Selects the installation files that each robot of a deployment downloads."""
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
     served = {robot.arn: RobotDocument.of(robot) for robot in robots if prepared.has(robot)}
     return Delivery(
@@ -117,7 +117,7 @@ def delivery(job: Resource, robots: Iterable[Resource], prepared: Prepared) -> D
 
 
 def begin_rollout(job: Resource, plan: RolloutPlan, gets: Delivery, service: Service) -> KeptRollout:
-    """Begins the rollout of a job, or finds it begun; it takes over what robots have not answered.
+    """Starts the rollout (deployment to robots) of a job, or finds it started; it takes over unanswered orders.
 
     Args:
         job: the deployment job.

@@ -25,7 +25,7 @@ _MOST_EVENTS = 1000
 
 @dataclass(frozen=True)
 class StoredRollout:
-    """A rollout as it is stored, in plain JSON."""
+    """A rollout (deployment to robots) as the catalog stores it, in plain JSON."""
 
     job: str
     revision: int
@@ -36,7 +36,7 @@ class StoredRollout:
 
 @dataclass(frozen=True)
 class StoredEvent:
-    """An event that is not part of its rollout yet, in plain JSON."""
+    """An event of a rollout that is stored but not yet applied to it, in plain JSON."""
 
     sequence: int
     at_s: float
@@ -44,7 +44,7 @@ class StoredEvent:
 
 
 class Rollouts:
-    """The rollouts of the deployment jobs of a catalog; each method is one transaction, as those of the catalog are.
+    """Database access to the rollouts of deployment jobs; each method is one transaction.
 
     Args:
         catalog: keeps them beside its resources.
@@ -54,7 +54,7 @@ class Rollouts:
         self._catalog = catalog
 
     def begin_rollout(self, job: str, delivery: Mapping[str, Any], rollout: Mapping[str, Any]) -> bool:
-        """Adds the rollout of a job.
+        """Stores the rollout of a deployment job, unless it has one.
 
         Returns:
             False if the job has one, which stays as it is.
@@ -73,18 +73,18 @@ class Rollouts:
         return True
 
     def rollout(self, job: str) -> StoredRollout | None:
-        """The rollout of a job; nothing: it has none yet, or there is no such job."""
+        """Reads the rollout of a deployment job; `None` if it has none or the job does not exist."""
         with self._catalog.reading() as connection:
             row = connection.execute(select(rollouts).where(rollouts.c.job == job)).mappings().one_or_none()
         return None if row is None else StoredRollout(**row)
 
     def rollout_revision(self, job: str) -> int | None:
-        """The revision of a job's rollout; nothing: it has none."""
+        """Returns the revision number of a job's rollout; `None` if the job has none."""
         with self._catalog.reading() as connection:
             return connection.scalar(select(rollouts.c.revision).where(rollouts.c.job == job))
 
     def open_rollouts(self, fleet: str | None = None) -> dict[str, int]:
-        """The rollouts whose robots may have orders: their revisions, by job, oldest first.
+        """Returns the revision of each rollout whose robots may have orders, by deployment job, oldest first.
 
         Args:
             fleet: whose; nothing: of all fleets.
@@ -99,7 +99,7 @@ class Rollouts:
     def replace_rollout(
         self, job: str, revision: int, rollout: Mapping[str, Any], *, is_open: bool, applied: Sequence[int] = ()
     ) -> bool:
-        """Stores a rollout after events, and removes these, unless others changed it since it was read.
+        """Stores a rollout after events, and removes these, unless another process changed it since it was read.
 
         Args:
             job: ARN of its deployment job.
@@ -121,7 +121,7 @@ class Rollouts:
         return True
 
     def number_orders(self, job: str, count: int) -> list[int]:
-        """Draws numbers for orders; none is ever drawn twice, and each is larger than those before.
+        """Reserves unique, increasing numbers for orders to robots.
 
         Raises:
             ResourceNotFoundException: there is no such job.
@@ -134,7 +134,7 @@ class Rollouts:
             raise not_found(job) from None
 
     def move_orders(self, numbers: Sequence[int], job: str) -> None:
-        """Has events about orders go to another job's rollout from now on, which waits for robots to give them up."""
+        """Redirects events about orders to another job's rollout, which waits for robots to give the orders up."""
         with self._catalog.writing() as connection:
             for start in range(0, len(numbers), 500):
                 chunk = numbers[start : start + 500]
@@ -142,7 +142,7 @@ class Rollouts:
                 connection.execute(moved)
 
     def add_event(self, job: str, event: Mapping[str, Any], at_s: float, *, order: int | None = None) -> str:
-        """Stores an event for the rollout of a job.
+        """Stores an event (such as a robot's report) for the rollout of a deployment job.
 
         Args:
             job: ARN of the deployment job.
@@ -166,13 +166,13 @@ class Rollouts:
             raise not_found(job) from None
 
     def jobs_with_events(self) -> list[str]:
-        """ARNs of the jobs with events that are not part of their rollouts yet."""
+        """Returns the ARNs of the deployment jobs that have events not yet applied to their rollouts."""
         query = select(rollout_events.c.job).distinct()
         with self._catalog.reading() as connection:
             return sorted(connection.scalars(query))
 
     def events(self, job: str) -> tuple[StoredEvent, ...]:
-        """Events that are not part of a job's rollout yet, in the order of storing; the first thousand."""
+        """Returns a job's events that are not yet applied to its rollout, in order; the first thousand."""
         columns = (rollout_events.c.sequence, rollout_events.c.at_s, rollout_events.c.event)
         query = select(*columns).where(rollout_events.c.job == job).order_by(rollout_events.c.sequence)
         with self._catalog.reading() as connection:

@@ -40,7 +40,7 @@ _logger = logging.getLogger(__name__)
 
 
 def show_wave(job: Resource, rollout: Rollout, number: int, robots: Sequence[str]) -> None:
-    """Shows the robots of a wave as a table of its task run; does nothing outside a flow run."""
+    """Shows the robots of a deployment's wave as a table in Prefect; does nothing outside a flow run."""
     if step_runner() is directly:
         return
     from ..execution.artifacts import artifact_key, show_table
@@ -50,7 +50,7 @@ def show_wave(job: Resource, rollout: Rollout, number: int, robots: Sequence[str
 
 
 def report_end(job: Resource, service: Service) -> None:
-    """Writes the report of a deployment that has ended, and shows in Prefect where it is."""
+    """Writes the HTML report of a finished deployment, and shows in Prefect where it is."""
     try:
         report = report_of(job, service)
         path = write_deployment(report, report_path(job, service))
@@ -93,7 +93,7 @@ _KEEP_ALIVE_S = 30.0
 
 
 class DeploymentRun:
-    """Carries a deployment job to its end.
+    """Runs a deployment job to its end.
 
     Args:
         lease: the right to change the job.
@@ -110,7 +110,7 @@ class DeploymentRun:
         self._told: tuple[str, ...] = ()
 
     def run(self) -> None:
-        """Prepares the deployment and rolls it out, from wherever it stands.
+        """Prepares the deployment and rolls it out to robots, from its current state.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer; run it again.
@@ -334,7 +334,7 @@ class DeploymentRun:
 
 
 def progress_of(rollout: Rollout) -> Progress:
-    """How many robots stand how."""
+    """Returns how many robots of a rollout are in which state."""
     return Progress(counts_of(rollout), len(rollout.robots))
 
 

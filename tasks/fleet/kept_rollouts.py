@@ -53,7 +53,7 @@ class _Read:
 
 
 class KeptRollout:
-    """The rollout of a deployment job, for one thread.
+    """The stored rollout of a deployment job, which applies events and saves the result. For one thread.
 
     Args:
         job: the deployment job; it has a rollout.
@@ -70,11 +70,11 @@ class KeptRollout:
 
     @property
     def rollout(self) -> Rollout:
-        """How it stands, as far as this object knows."""
+        """State of the rollout, as far as this object knows."""
         return self._read.rollout
 
     def fold(self, *events: RolloutEvent) -> bool:
-        """Takes in what waits in the catalog, these events, and time-outs; gives orders; stores it; ends the job.
+        """Applies waiting events and time-outs to the rollout, gives new orders, saves it, and ends its job if done.
 
         Returns:
             Whether anything happened.
@@ -89,21 +89,21 @@ class KeptRollout:
         return happened
 
     def refresh(self) -> None:
-        """Reads it again, since another process has changed it."""
+        """Reads the rollout again, because another process has changed it."""
         self._load()
 
     def keep_alive(self) -> None:
-        """Stores that the rollout was watched until now, so that a later gap is known to be an outage."""
+        """Records that the rollout was watched until now, so that a later gap counts as an outage of the service."""
         self._ledger.pass_time(self._now_s())
         if not self._store(self._ledger, ()):
             self._load()
 
     def is_outdated(self) -> bool:
-        """Whether another process has changed it since it was read here."""
+        """Whether another process has changed the rollout since it was read."""
         return Rollouts(self._service.catalog).rollout_revision(self.job.arn) != self._read.revision
 
     def note_rollback(self, rollback: Rollback) -> None:
-        """Stores how robots go back to the version before."""
+        """Stores the state of the rollback, in which robots return to their old version."""
         for _ in range(_MAX_ATTEMPTS):
             if self.rollout.rollback == rollback:
                 return
@@ -114,11 +114,11 @@ class KeptRollout:
         raise _changed_by_others(self.job.arn)
 
     def unanswered(self) -> dict[str, int]:
-        """Orders that were canceled and that robots may still carry out, by robot."""
+        """Returns cancelled orders that robots have not answered and may still carry out, by robot."""
         return self._ledger.unanswered()
 
     def give_away(self, orders: Mapping[str, int]) -> list[str]:
-        """Closes orders that another rollout waits for now.
+        """Closes orders that another rollout takes over and waits for.
 
         Args:
             orders: their numbers, by robot; those of others are left alone.
@@ -230,7 +230,7 @@ def _changed_by_others(job: str) -> ServiceUnavailableException:
 
 
 def has_orders(rollout: Rollout) -> bool:
-    """Whether robots may have orders to carry out, or to give up, or may get some, or are to go back.
+    """Whether robots of the rollout have orders or may still get some, or have to be rolled back.
 
     A robot that was deleted answers none.
     """
@@ -248,7 +248,7 @@ def has_orders(rollout: Rollout) -> bool:
 
 
 def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> None:
-    """Sets the status of a robot, unless it was deleted or is not in that fleet any more."""
+    """Sets the status of a robot, unless the robot was deleted or has left the fleet."""
 
     def unchanged(stored: Stored) -> RobotMembership:
         if RobotDocument.model_validate(stored).fleet != fleet:
@@ -261,7 +261,7 @@ def set_robot_status(robot: str, fleet: str, status: str, service: Service) -> N
 
 @dataclass(frozen=True)
 class OpenRollout:
-    """A rollout whose robots may have orders to carry out, or to give up."""
+    """A rollout whose robots may have open orders."""
 
     job: str
     """ARN of its deployment job."""
@@ -280,7 +280,7 @@ class OpenRollout:
 
 
 def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
-    """The same as `open_rollouts`, once what robots reported of deployments that have ended was taken in.
+    """Returns the open rollouts, after applying late reports about deployments that have ended.
 
     No run takes that in any more. It is done for all reports together, since each time the whole rollout is read.
     """
@@ -293,7 +293,7 @@ def served_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = 
 
 
 def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = None) -> list[OpenRollout]:
-    """The rollouts whose robots may have orders to carry out or to give up, also those of jobs that have ended.
+    """Returns the rollouts whose robots may have open orders, also of jobs that have ended.
 
     Args:
         service: where they are stored.
@@ -318,7 +318,7 @@ def open_rollouts(service: Service, known: Mapping[str, OpenRollout] | None = No
 
 
 def report(service: Service, job: str, event: Report, at_s: float) -> None:
-    """Takes in what a robot reported; once it returns, that is stored.
+    """Stores what a robot reported about an order, for its rollout.
 
     After the job's end, `served_rollouts` makes it part of the rollout.
 
@@ -336,14 +336,14 @@ def report(service: Service, job: str, event: Report, at_s: float) -> None:
 
 
 def note_departure(robot: str, fleet: str, how: Departure, service: Service) -> None:
-    """Tells the rollouts of a fleet that a robot left it or was deleted."""
+    """Tells the rollouts of a fleet that a robot left the fleet or was deleted."""
     event = RobotGone(robot=robot, how=how)
     for job in Rollouts(service.catalog).open_rollouts(fleet):
         _note(service, job, event, service.clock().timestamp())
 
 
 def stop(job: str, why: StopCause, service: Service) -> bool:
-    """Ends the rollout of a job, and the job with it, at once.
+    """Ends the rollout of a deployment job, and the job itself, at once.
 
     Returns:
         False if it has no rollout, so that nothing was done.

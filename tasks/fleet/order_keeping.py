@@ -43,7 +43,7 @@ _STEPS: frozenset[str] = frozenset(get_args(get_args(RobotDeploymentStep)[0]))
 
 @dataclass(frozen=True)
 class SaidBefore:
-    """Summary of earlier feedback on an order, as far as the next event depends on it."""
+    """Summary of a robot's earlier feedback on an order, as far as later feedback is judged by it."""
 
     proceeded: bool = False
     installed: bool = False
@@ -66,7 +66,7 @@ def heard(before: SaidBefore, feedback: Feedback) -> SaidBefore:
 
 
 def event_of(report: OrderReport, robot: str, known: SaidBefore) -> Report:
-    """Translates a report of a robot into an event of its rollout.
+    """Translates a robot's report into an event of its rollout.
 
     Args:
         report: what the robot said.
@@ -151,7 +151,9 @@ class _Wanted:
 
 
 class OrderKeeper:
-    """Keeps the table; `sync` is called by one thread, the rest by any.
+    """Keeps the in-memory table of robots' orders in step with the stored rollouts.
+
+    `sync` is called by one thread, the rest by any.
 
     Args:
         orders: the table.
@@ -172,7 +174,7 @@ class OrderKeeper:
         self._lock = threading.Lock()
 
     def sync(self, rollouts: Iterable[OpenRollout]) -> None:
-        """Brings the table up to date with the rollouts, those of older jobs first."""
+        """Updates the table of orders from the rollouts, those of older jobs first."""
         wishes = _Wishes(self._robots)
         for rollout in rollouts:
             wishes.add(rollout)
@@ -191,7 +193,7 @@ class OrderKeeper:
         self._orders.count_active()
 
     def job(self, key: OrderKey) -> str | None:
-        """ARN of the deployment job that an order belongs to; `None`: it was deleted."""
+        """Returns the ARN of the deployment job that an order belongs to; `None` if it was deleted."""
         return self._jobs.get(key)
 
     def said(self, key: OrderKey) -> SaidBefore:
@@ -199,20 +201,20 @@ class OrderKeeper:
         return self._said.get(key) or SaidBefore()
 
     def remember(self, key: OrderKey, said: SaidBefore) -> None:
-        """Notes what the robot said of an order so far."""
+        """Stores the summary of the robot's feedback on an order so far."""
         with self._lock:
             self._said[key] = said
 
     def ordered(self, key: OrderKey) -> Artifact | None:
-        """Returns the file that an order installs; `None`: the order exists only to be cancelled."""
+        """Returns the file that an order installs; `None` if the order exists only to be cancelled."""
         return self._ordered.get(key)
 
     def artifact(self, order: RobotOrder) -> Artifact | None:
-        """Returns the stored file of an order; `None`: no open rollout has it any more."""
+        """Returns the stored file that an order installs; `None` if no open rollout has it any more."""
         return self._artifacts.get(order.sha256)
 
     def files(self) -> frozenset[str]:
-        """The files that open rollouts have, by their SHA-256."""
+        """Returns the SHA-256 of each file that open rollouts install."""
         return frozenset(self._artifacts)
 
     def _put(self, robot: str, wanted: list[_Wanted]) -> None:

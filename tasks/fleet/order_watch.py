@@ -19,7 +19,7 @@ from .records import KnownRobots
 
 
 class BundleFiles:
-    """Finds files, from any thread.
+    """Local copies of installation files that robots download; usable from any thread.
 
     Args:
         service: where they are stored.
@@ -33,7 +33,7 @@ class BundleFiles:
         self._fetching: dict[str, threading.Lock] = {}
 
     def path_of(self, order: RobotOrder) -> Path:
-        """Returns the local path of an order's file; the first time, it may have to be fetched.
+        """Returns the local path of an order's installation file, after downloading it if necessary.
 
         Raises:
             ObjectNotFoundError: no rollout has it any more, or it is gone.
@@ -46,7 +46,7 @@ class BundleFiles:
         return here if here is not None else self._fetched(artifact)
 
     def remove_others(self) -> None:
-        """Removes the fetched files that no open rollout has."""
+        """Deletes local copies that no open rollout needs."""
         wanted = {f"{sha256}.swu" for sha256 in self._keeper.files()}
         for path in self._folder().glob("*.swu"):
             if path.name not in wanted:
@@ -88,7 +88,7 @@ ReadRollouts = Callable[[Service, Mapping[str, OpenRollout]], list[OpenRollout]]
 
 
 class OrderWatch:
-    """Looks, in a thread of its own.
+    """Thread that watches robots and rollouts in the catalog and updates the table of orders.
 
     Args:
         service: where robots and rollouts are stored.
@@ -123,27 +123,27 @@ class OrderWatch:
         self._thread = threading.Thread(target=self._watch, name="robot-orders", daemon=True)
 
     def start(self) -> None:
-        """Begins to look."""
+        """Starts the thread."""
         self._thread.start()
 
     def wake(self) -> None:
-        """Looks at once, and often for a while: a job was asked for."""
+        """Makes the thread look at once, and often for a while, because a deployment was ordered."""
         self._awake_until_s = time.monotonic() + AWAKE_S
         self._woken.set()
 
     def wake_for_robots(self) -> None:
-        """Looks at once, also who is enrolled: a robot has just been let in."""
+        """Makes the thread look at once, also for newly enrolled robots."""
         self._robots_due_s = 0.0
         self._woken.set()
 
     def stop(self) -> None:
-        """Ends; returns when the last look is over."""
+        """Stops the thread, after its current look."""
         self._is_stopped = True
         self._woken.set()
         self._thread.join()
 
     def look(self) -> bool:
-        """Looks once; returns whether a rollout is open.
+        """Updates the table of orders once; returns whether a rollout is open.
 
         Raises:
             RobomakerError: the catalog does not answer.

@@ -60,7 +60,7 @@ _PAGE = 500
 
 @contextmanager
 def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
-    """Lets one caller at a time change what belongs to a fleet, in this process or another.
+    """Locks a fleet for changes inside the `with` block: one caller at a time, over all processes.
 
     Args:
         arn: the fleet.
@@ -86,7 +86,7 @@ def fleet_held(arn: str, service: Service) -> Iterator[Resource]:
 
 
 def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]:
-    """The robots of a fleet, newest first.
+    """Lists the robots of a fleet, newest first.
 
     Args:
         fleet: the fleet's ARN.
@@ -104,19 +104,19 @@ def robots_of(fleet: str, service: Service, page: int = _PAGE) -> list[Resource]
 
 
 def last_deployment(fleet: str, service: Service) -> Resource | None:
-    """The newest deployment job of the fleet of an ARN; if one has not ended, it is this."""
+    """Returns the newest deployment job of a fleet; only this one may be unfinished."""
     page = service.catalog.list(DEPLOYMENT, filters={"parent": [fleet]}, limit=1)
     return page.resources[0] if page.resources else None
 
 
 def rollout_of(job: str, service: Service) -> Rollout | None:
-    """The rollout of the deployment job of an ARN; nothing: it has not begun."""
+    """Returns the rollout of a deployment job; `None` if it has not begun."""
     stored = Rollouts(service.catalog).rollout(job)
     return None if stored is None else Rollout.of_json(dict(stored.rollout))
 
 
 def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
-    """Registers a robot with a fleet, whose lease the caller holds; of no effect on one that is.
+    """Adds a robot to a fleet, which the caller has locked.
 
     Raises:
         ResourceNotFoundException: there is no such robot.
@@ -130,7 +130,7 @@ def put_into_fleet(robot: str, fleet: Resource, service: Service) -> None:
 
 
 def take_out_of_fleet(robot: str, service: Service) -> None:
-    """Deregisters a robot from the fleet it is in, whose lease the caller holds.
+    """Removes a robot from its fleet, which the caller has locked.
 
     Raises:
         ResourceNotFoundException: there is no such robot.
@@ -139,7 +139,7 @@ def take_out_of_fleet(robot: str, service: Service) -> None:
 
 
 def settle(fleet: Resource, service: Service) -> None:
-    """Brings a fleet and its robots up to date with its last deployment; the caller holds its lease."""
+    """Updates a fleet and its robots to the result of its last deployment; the caller has locked the fleet."""
     deployment = last_deployment(fleet.arn, service)
     if deployment is not None and FleetDocument.of(fleet).last_deployment_job != deployment.arn:
         service.catalog.update(fleet.arn, FleetChanges(last_deployment_job=deployment.arn))
@@ -150,7 +150,7 @@ def settle(fleet: Resource, service: Service) -> None:
 
 
 def end_deployment(job: Resource, why: StopCause, service: Service, changes: FailureChanges | None = None) -> None:
-    """Ends a deployment job unless it has ended; the caller holds the lease of its fleet.
+    """Ends a deployment job unless it has ended; the caller has locked its fleet.
 
     Args:
         job: the job.
@@ -165,7 +165,7 @@ def end_deployment(job: Resource, why: StopCause, service: Service, changes: Fai
 
 
 def is_meant(robot: Resource, deployment: Resource) -> bool:
-    """Whether a deployment that has not begun is meant for a robot of its fleet."""
+    """Whether a deployment that has not begun includes a robot of its fleet."""
     document = DeploymentJobDocument.of(deployment)
     if document.rolls_back is not None:
         return robot.arn in document.rolls_back.robots
@@ -219,7 +219,7 @@ class _Enrolled(NamedTuple):
 
 
 class KnownRobots:
-    """Keeps the table up to date; a robot's id there is its name, which is unlike that of all others.
+    """Keeps the enrolled robots in the table of orders up to date; robots are known by their unique names.
 
     Args:
         orders: the table.
@@ -231,7 +231,7 @@ class KnownRobots:
         self._ids: dict[str, str] = {}
 
     def refresh(self, service: Service) -> None:
-        """Lets in the robots that were enrolled since, and no longer those that were deleted, or have new tokens."""
+        """Adds newly enrolled robots to the table, and removes those that were deleted or have new tokens."""
         found = _enrolled(service)
         for robot in self._by_id.keys() - found.keys():
             self._orders.expel(robot)
@@ -245,27 +245,27 @@ class KnownRobots:
         self._ids = {enrolled.arn: robot for robot, enrolled in found.items()}
 
     def arn(self, robot: str) -> str | None:
-        """The ARN of a robot of that id; `None`: it is not enrolled any more."""
+        """Returns the ARN of the robot with that id; `None` if it is not enrolled."""
         enrolled = self._by_id.get(robot)
         return enrolled and enrolled.arn
 
     def id(self, arn: str) -> str | None:
-        """The id of the robot of that ARN; `None`: it is not enrolled."""
+        """Returns the id of the robot with that ARN; `None` if it is not enrolled."""
         return self._ids.get(arn)
 
     def has_agent(self, robot: str) -> bool:
-        """Whether the robot of that id runs our own agent."""
+        """Whether the robot of that id runs the project's own agent program."""
         enrolled = self._by_id.get(robot)
         return enrolled is not None and enrolled.has_agent
 
     def tags(self, robot: str) -> Mapping[str, str]:
-        """The tags of the robot of that id; none if it is not enrolled."""
+        """Returns the tags of the robot of that id; empty if it is not enrolled."""
         enrolled = self._by_id.get(robot)
         return enrolled.tags if enrolled is not None else {}
 
 
 def enrollable(name: str, service: Service) -> Resource:
-    """The robot of a name.
+    """Returns the robot of a name, after checking that its name can be part of a URL.
 
     Raises:
         InvalidParameterException: there is no such robot, or updaters cannot have its name in an address.
@@ -282,12 +282,12 @@ def enrollable(name: str, service: Service) -> Resource:
 
 
 def replace_enrolment(**members: str | float | None) -> RobotEnrolment:
-    """An enrolment that leaves nothing of the one before."""
+    """Makes a document update that clears a robot's earlier login data."""
     return RobotEnrolment.model_validate({**dict.fromkeys(RobotEnrolment.model_fields), **members})
 
 
 def enrol(name: str, service: Service, random_bytes: Callable[[int], bytes], *, rotate: bool) -> str:
-    """Gives a robot a token, of which the catalog keeps the hash.
+    """Gives a robot a login token; the catalog stores only its hash.
 
     Args:
         name: the robot's.

@@ -27,7 +27,7 @@ class _Needed:
 
 
 def needed_orders(service: Service) -> dict[str, str]:
-    """Says of batches that the last deployments of fleets require, by ARN, which deployment does.
+    """Returns the simulation batches that the fleets' last deployments require, each with the deployment's ARN.
 
     Repeating that deployment for robots that lack it needs them again.
     """
@@ -38,7 +38,7 @@ def needed_orders(service: Service) -> dict[str, str]:
 
 
 def collect(policy: RetentionPolicy, service: Service, *, act: bool) -> tuple[list[GcItem], list[str]]:
-    """Removes files that no robot needs, if the policy says how many deployments keep theirs.
+    """Deletes deployment files that no robot needs any more, according to the retention policy.
 
     Args:
         policy: says how many of the newest deployments of each fleet keep their files.

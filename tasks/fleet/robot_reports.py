@@ -26,7 +26,7 @@ ReportEvent = Callable[[Service, str, Report, float], None]
 
 
 class RobotReports:
-    """Takes reports, from any thread.
+    """Receives the reports of robots and stores them for their rollouts; usable from any thread.
 
     Args:
         service: where rollouts and robots are stored.
@@ -44,7 +44,7 @@ class RobotReports:
         self._lock = threading.Lock()
 
     def take(self, report: RobotReport) -> None:
-        """Takes a report; it is stored when this returns.
+        """Stores a robot's report; it is stored when this returns.
 
         Raises:
             ServiceError: it could not be stored; the robot has to say it again.
@@ -60,7 +60,7 @@ class RobotReports:
                 self._take_order_report(report)
 
     def note_sent(self, order: RobotOrder, sent_bytes: int, now_s: float) -> None:
-        """Notes how much of its file a robot was sent; not exactly, and not more often than is useful.
+        """Records how many bytes of its installation file a robot has downloaded, not more often than is useful.
 
         Args:
             order: whose file.
@@ -80,7 +80,7 @@ class RobotReports:
         self._pass_on(key, progress, now_s)
 
     def note_withheld(self, order: RobotOrder, error: RobomakerError) -> None:
-        """Notes why a robot could not be sent its file, for when it gives up."""
+        """Records why a robot could not be sent its file, as the reason if the robot gives up."""
         codes: dict[type[RobomakerError], ReportedCode] = {
             ObjectNotFoundError: "ResourceNotFound",
             StorageAccessDeniedError: "BadPermissionError",

@@ -20,7 +20,7 @@ _PART_BYTES = 1024 * 1024
 
 @dataclass(frozen=True)
 class FileHashes:
-    """Length and hashes of a file, in hexadecimal digits."""
+    """Length in bytes and hexadecimal hashes of a file."""
 
     size_bytes: int
     sha256: str
@@ -29,7 +29,7 @@ class FileHashes:
 
     @classmethod
     def of(cls, path: Path) -> "FileHashes":
-        """Reads a file."""
+        """Computes the length and hashes of a file."""
         # Updaters ask for the last two; neither protects anything, the signatures do.
         digests = [hashlib.sha256(), hashlib.sha1(usedforsecurity=False), hashlib.md5(usedforsecurity=False)]
         size_bytes = 0
@@ -42,7 +42,7 @@ class FileHashes:
 
 
 def sources_by_architecture(application: Resource, architectures: Iterable[str]) -> dict[str, StoredSource]:
-    """The archive of each architecture; those that there is none for are absent.
+    """Returns an application's archive for each processor architecture; missing ones are left out.
 
     Raises:
         DeploymentError: the application has no archives at all.
@@ -59,12 +59,12 @@ def sources_by_architecture(application: Resource, architectures: Iterable[str])
 
 
 def place_of(source: StoredSource) -> str:
-    """Address of an archive, `s3://bucket/key`, for people."""
+    """Returns the address of an archive, `s3://bucket/key`."""
     return f"s3://{source.s3_bucket}/{source.s3_key}"
 
 
 def fetch_source(source: StoredSource, version: str, path: Path, service: Service) -> None:
-    """Fetches an archive.
+    """Downloads an application archive, and checks that it is unchanged since the version was created.
 
     Args:
         source: the archive.
@@ -85,7 +85,7 @@ def fetch_source(source: StoredSource, version: str, path: Path, service: Servic
 
 
 def fetch_condition(bucket: str, key: str, etag: str | None, path: Path, service: Service) -> None:
-    """Fetches the program that robots ask before they download.
+    """Downloads a deployment's condition file, a program that robots run before they download.
 
     Args:
         bucket: where it lies.

@@ -29,29 +29,29 @@ _SERIAL_BYTES = 19
 
 @dataclass(frozen=True)
 class SigningKey:
-    """A private key and its certificate."""
+    """Private key and certificate that sign installation files for robots."""
 
     private: ec.EllipticCurvePrivateKey | rsa.RSAPrivateKey
     certificate: x509.Certificate
 
     @property
     def certificate_pem(self) -> bytes:
-        """The certificate, for robots."""
+        """The certificate in PEM, which robots need to verify signatures."""
         return self.certificate.public_bytes(Encoding.PEM)
 
     @property
     def private_pem(self) -> bytes:
-        """The private key, without a password; it belongs into a file that only its user reads."""
+        """The private key in PEM without a password; store it in a file that only its user can read."""
         return self.private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
 
     def sign(self, content: bytes) -> bytes:
-        """A detached signature of a content: CMS in DER, with SHA-256."""
+        """Returns a detached signature of a content: CMS in DER, with SHA-256."""
         builder = pkcs7.PKCS7SignatureBuilder().set_data(content)
         return builder.add_signer(self.certificate, self.private, hashes.SHA256()).sign(Encoding.DER, _OPTIONS)
 
 
 def new_signing_key(name: str, now: datetime, valid_days: int, random_bytes: Callable[[int], bytes]) -> SigningKey:
-    """Makes a key (P-256) and a certificate that it signs itself.
+    """Creates a signing key (P-256) with a self-signed certificate.
 
     Robots refuse everything that an expired certificate signed, so they need the next one before.
 
@@ -77,7 +77,7 @@ def new_signing_key(name: str, now: datetime, valid_days: int, random_bytes: Cal
 
 
 def load_signing_key(private_pem: bytes, certificate_pem: bytes) -> SigningKey:
-    """Reads a key and its certificate.
+    """Reads a signing key and its certificate from PEM.
 
     Raises:
         ConfigurationError: one of them is none, or they do not belong together.
@@ -106,7 +106,7 @@ _PATH = re.compile(r"/[^\x00-\x1f\x7f\ud800-\udfff]{1,1023}")
 
 @dataclass(frozen=True)
 class Release:
-    """Application version in a `.swu`, its folder on the robot, and the hardware revisions that it is for."""
+    """Application version in a `.swu` file (SWUpdate), with its folder on the robot and hardware revisions."""
 
     name: str
     version: str
@@ -118,7 +118,7 @@ class Release:
 
 
 def describe(release: Release, bundle_sha256: str) -> bytes:
-    """The text of `sw-description`.
+    """Makes the text of `sw-description`, the index file inside a `.swu` (SWUpdate) file.
 
     Args:
         release: what is installed.
@@ -175,7 +175,7 @@ _ALIGN = 4
 
 
 def write_member(target: BinaryIO, number: int, name: str, parts: Iterable[bytes], size_bytes: int) -> None:
-    """Appends a file.
+    """Appends a file to a cpio archive.
 
     Args:
         target: the archive.
@@ -198,7 +198,7 @@ def write_member(target: BinaryIO, number: int, name: str, parts: Iterable[bytes
 
 
 def write_end(target: BinaryIO) -> None:
-    """Ends an archive."""
+    """Writes the end marker of a cpio archive."""
     target.write(_head(0, 0, _END, 0))
 
 
@@ -213,7 +213,7 @@ _PART_BYTES = 1024 * 1024
 
 
 def wrap(bundle: BinaryIO, release: Release, key: SigningKey, target: BinaryIO) -> str:
-    """Wraps a bundle; it is read twice, and never lies in memory as a whole.
+    """Wraps an application archive in a signed `.swu` file (SWUpdate), streaming it.
 
     Args:
         bundle: an archive (`.tar.gz`), open for reading, which can be rewound.

@@ -60,7 +60,7 @@ TimeZoneName = Annotated[str, ShapeName("TimeZoneName"), text(1, 64), AfterValid
 
 
 class MaintenanceWindow(Shape):
-    """A time of the day, on some days of the week."""
+    """A time span of the day, on given weekdays, in which a deployment may begin on robots."""
 
     days: Weekdays | None = optional("Days on which it begins; absent: every day.")
     startTime: TimeOfDay = Field(description="When it begins, as `22:30`, by the clocks of its time zone.")
@@ -147,7 +147,7 @@ DeploymentWaitCause = Annotated[Literal["PAUSED", "APPROVAL", "MAINTENANCE_WINDO
 
 
 class S3Object(Shape):
-    """One object of the object store."""
+    """Bucket, key and ETag of one object in the object store."""
 
     bucket: S3Bucket = Field(description="Its bucket.")
     key: S3Key = Field(description="Its key.")
@@ -155,7 +155,7 @@ class S3Object(Shape):
 
 
 class DeploymentConfig(Shape):
-    """How careful a deployment is."""
+    """Safety limits of a deployment to robots: how many at once, and at how many failures it stops."""
 
     concurrentDeploymentPercentage: Percentage | None = optional(
         "Share of the robots that is deployed to at the same time, in percent; absent: 20."
@@ -199,7 +199,7 @@ class DeploymentConfig(Shape):
 
 
 class DeploymentLaunchConfig(Shape):
-    """How an application is started on a robot."""
+    """Launch settings of an application on a robot: package, launch file, environment variables and scripts."""
 
     packageName: Command = Field(description="Package that holds the launch file.")
     preLaunchFile: Path | None = optional("Program that runs before the launch file.")
@@ -211,7 +211,7 @@ class DeploymentLaunchConfig(Shape):
 
 
 class DeploymentApplicationConfig(Shape):
-    """A version of a robot application that is deployed."""
+    """The robot application version that a deployment installs, with its launch settings."""
 
     application: Arn = Field(description="ARN of the robot application.")
     applicationVersion: DeploymentVersion = Field(description="Number of its version; `$LATEST` is not possible.")
@@ -224,7 +224,7 @@ DeploymentApplicationConfigs = Annotated[
 
 
 class CreateDeploymentJobRequest(Shape):
-    """Request to deploy an application to the robots of a fleet."""
+    """Request of `CreateDeploymentJob`: deploys an application to the robots of a fleet."""
 
     deploymentConfig: DeploymentConfig | None = optional("How careful the deployment is.")
     clientRequestToken: ClientRequestToken = Field(
@@ -236,7 +236,7 @@ class CreateDeploymentJobRequest(Shape):
 
 
 class SyncDeploymentJobRequest(Shape):
-    """Request to repeat a fleet's latest deployment, for robots that lack it."""
+    """Request of `SyncDeploymentJob`: repeats a fleet's latest deployment for robots that have not received it."""
 
     clientRequestToken: ClientRequestToken = Field(
         description="Makes the call repeatable: the same token and request give the same job."
@@ -245,7 +245,7 @@ class SyncDeploymentJobRequest(Shape):
 
 
 class DeploymentJob(Shape):
-    """One deployment job in a list."""
+    """Summary of a deployment job, as a list of deployment jobs shows it."""
 
     arn: Arn | None = optional("ARN of the job.")
     fleet: Arn | None = optional("ARN of the fleet.")
@@ -258,17 +258,17 @@ class DeploymentJob(Shape):
 
 
 class SyncDeploymentJobResponse(DeploymentJob):
-    """The job as it was accepted."""
+    """Response of `SyncDeploymentJob`: the accepted deployment job."""
 
 
 class CreateDeploymentJobResponse(DeploymentJob):
-    """The job as it was accepted."""
+    """Response of `CreateDeploymentJob`: the accepted deployment job."""
 
     tags: TagMap | None = optional("The job's tags.")
 
 
 class ProgressDetail(Shape):
-    """How far a deployment to one robot is."""
+    """Progress of a deployment on one robot: the current step, and its percentage and time left."""
 
     currentProgress: RobotDeploymentStep | None = optional("Step that the deployment is at.")
     percentDone: PercentDone | None = optional("How much of the download is done, in percent.")
@@ -279,7 +279,7 @@ class ProgressDetail(Shape):
 
 
 class RobotDeployment(Shape):
-    """A deployment to one robot."""
+    """State of a deployment on one robot: status, times, progress and failure."""
 
     arn: Arn | None = optional("ARN of the robot.")
     deploymentStartTime: Timestamp | None = optional("When it began; absent: not yet.")
@@ -294,13 +294,16 @@ RobotDeploymentSummary = Annotated[list[RobotDeployment], ShapeName("RobotDeploy
 
 
 class DescribeDeploymentJobRequest(Shape):
-    """Asks for one job."""
+    """Request of `DescribeDeploymentJob`: names the deployment job to describe."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class DeploymentWait(Shape):
-    """Something that a deployment waits for; robots that have begun go on meanwhile."""
+    """The reason why a deployment waits before further robots, such as a missing approval.
+
+    Robots that have begun continue meanwhile.
+    """
 
     cause: DeploymentWaitCause | None = optional("Cause of the wait.")
     since: Timestamp | None = optional("When a person paused it; absent for others.")
@@ -313,7 +316,7 @@ ArnList = Annotated[list[Arn], ShapeName("ArnList")]
 
 
 class DeploymentRollback(Shape):
-    """How robots go back to the version that they had before a deployment."""
+    """State of a rollback, in which robots return to the version they had before a deployment."""
 
     jobs: ArnList | None = optional("ARNs of the deployment jobs that bring them back.")
     robotsLeft: ArnList | None = optional("ARNs of robots that keep the new version, since they had none before.")
@@ -321,7 +324,7 @@ class DeploymentRollback(Shape):
 
 
 class DescribeDeploymentJobResponse(CreateDeploymentJobResponse):
-    """One job."""
+    """Response of `DescribeDeploymentJob`: one deployment job with the state of each robot."""
 
     waitsFor: DeploymentWaits | None = optional("Extension: what it waits for besides robots; absent: nothing.")
     rollback: DeploymentRollback | None = optional(
@@ -334,7 +337,7 @@ class DescribeDeploymentJobResponse(CreateDeploymentJobResponse):
 
 
 class ListDeploymentJobsRequest(Shape):
-    """Asks for deployment jobs, newest first."""
+    """Request of `ListDeploymentJobs`: asks for a page of deployment jobs, newest first."""
 
     filters: Filters | None = optional("`status` or `fleetName`; absent: all jobs.")
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
@@ -345,20 +348,20 @@ DeploymentJobs = Annotated[list[DeploymentJob], ShapeName("DeploymentJobs", 0, 2
 
 
 class ListDeploymentJobsResponse(Shape):
-    """A page of deployment jobs."""
+    """Response of `ListDeploymentJobs`: one page of deployment jobs."""
 
     deploymentJobs: DeploymentJobs | None = optional("Jobs, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class CancelDeploymentJobRequest(Shape):
-    """Ends a job early."""
+    """Request of `CancelDeploymentJob`: names the deployment job to stop early."""
 
     job: Arn = Field(description="ARN of the job.")
 
 
 class CancelDeploymentJobResponse(Shape):
-    """The job is cancelled."""
+    """Response of `CancelDeploymentJob`: empty, the deployment job is cancelled."""
 
 
 _DEPLOYMENT_ERRORS: tuple[ErrorClass, ...] = (NOT_FOUND, INVALID, INTERNAL, THROTTLED, LIMIT, CONCURRENT, MISMATCH)

@@ -12,14 +12,14 @@ from .robots import FleetMaxResults, Robots
 
 
 class CreateFleetRequest(Shape):
-    """Makes a fleet without robots."""
+    """Request of `CreateFleet`: creates a fleet, a group of physical robots, without robots at first."""
 
     name: Name = Field(description="Its name; several fleets may have the same.")
     tags: TagMap | None = optional("Tags for the fleet.")
 
 
 class CreateFleetResponse(Shape):
-    """The fleet that was made."""
+    """Response of `CreateFleet`: the fleet that was created."""
 
     arn: Arn | None = optional("ARN of the fleet.")
     name: Name | None = optional("Its name.")
@@ -28,13 +28,13 @@ class CreateFleetResponse(Shape):
 
 
 class DescribeFleetRequest(Shape):
-    """Asks for one fleet."""
+    """Request of `DescribeFleet`: names the fleet to describe."""
 
     fleet: Arn = Field(description="ARN of the fleet.")
 
 
 class DescribeFleetResponse(Shape):
-    """One fleet, with its robots."""
+    """Response of `DescribeFleet`: one fleet with its robots."""
 
     name: Name | None = optional("Its name.")
     arn: Arn | None = optional("ARN of the fleet.")
@@ -47,7 +47,7 @@ class DescribeFleetResponse(Shape):
 
 
 class ListFleetsRequest(Shape):
-    """Asks for fleets, newest first."""
+    """Request of `ListFleets`: asks for a page of fleets, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
@@ -55,7 +55,7 @@ class ListFleetsRequest(Shape):
 
 
 class Fleet(Shape):
-    """One fleet in a list."""
+    """Summary of a fleet of robots, as the response of `ListFleets` shows it."""
 
     name: Name | None = optional("Its name.")
     arn: Arn | None = optional("ARN of the fleet.")
@@ -69,20 +69,20 @@ Fleets = Annotated[list[Fleet], ShapeName("Fleets", 0, 200)]
 
 
 class ListFleetsResponse(Shape):
-    """A page of fleets."""
+    """Response of `ListFleets`: one page of fleets."""
 
     fleetDetails: Fleets | None = optional("Fleets, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteFleetRequest(Shape):
-    """Removes a fleet; its robots stay, in no fleet."""
+    """Request of `DeleteFleet`: deletes a fleet; its robots stay registered and belong to no fleet."""
 
     fleet: Arn = Field(description="ARN of the fleet.")
 
 
 class DeleteFleetResponse(Shape):
-    """The fleet is gone."""
+    """Response of `DeleteFleet`: empty, the fleet is deleted."""
 
 
 OPERATIONS = deprecated(

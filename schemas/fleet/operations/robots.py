@@ -28,7 +28,7 @@ FleetMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=200)]
 
 
 class CreateRobotRequest(Shape):
-    """Makes a robot known."""
+    """Request of `CreateRobot`: registers a physical robot by name."""
 
     name: Name = Field(description="Its name, unlike that of any other robot.")
     architecture: Architecture = Field(description="Its processor; applications need a source for it.")
@@ -37,7 +37,7 @@ class CreateRobotRequest(Shape):
 
 
 class CreateRobotResponse(Shape):
-    """The robot that was made."""
+    """Response of `CreateRobot`: the robot that was registered."""
 
     arn: Arn | None = optional("ARN of the robot.")
     name: Name | None = optional("Its name.")
@@ -48,13 +48,13 @@ class CreateRobotResponse(Shape):
 
 
 class DescribeRobotRequest(Shape):
-    """Asks for one robot."""
+    """Request of `DescribeRobot`: names the robot to describe."""
 
     robot: Arn = Field(description="ARN of the robot.")
 
 
 class DescribeRobotResponse(Shape):
-    """One robot."""
+    """Response of `DescribeRobot`: one robot with its fleet, status and last deployment."""
 
     arn: Arn | None = optional("ARN of the robot.")
     name: Name | None = optional("Its name.")
@@ -69,7 +69,7 @@ class DescribeRobotResponse(Shape):
 
 
 class ListRobotsRequest(Shape):
-    """Asks for robots, newest first."""
+    """Request of `ListRobots`: asks for a page of robots, newest first."""
 
     nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
@@ -77,7 +77,7 @@ class ListRobotsRequest(Shape):
 
 
 class Robot(Shape):
-    """One robot in a list."""
+    """Summary of a physical robot, as the responses of `ListRobots` and `DescribeFleet` show it."""
 
     arn: Arn | None = optional("ARN of the robot.")
     name: Name | None = optional("Its name.")
@@ -94,45 +94,45 @@ Robots = Annotated[list[Robot], ShapeName("Robots", 0, 1000)]
 
 
 class ListRobotsResponse(Shape):
-    """A page of robots."""
+    """Response of `ListRobots`: one page of robots."""
 
     robots: Robots | None = optional("Robots, newest first.")
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
 class DeleteRobotRequest(Shape):
-    """Removes a robot."""
+    """Request of `DeleteRobot`: names the robot to delete."""
 
     robot: Arn = Field(description="ARN of the robot.")
 
 
 class DeleteRobotResponse(Shape):
-    """The robot is gone."""
+    """Response of `DeleteRobot`: empty, the robot is deleted."""
 
 
 class RegisterRobotRequest(Shape):
-    """Puts a robot into a fleet."""
+    """Request of `RegisterRobot`: adds a robot to a fleet."""
 
     fleet: Arn = Field(description="ARN of the fleet.")
     robot: Arn = Field(description="ARN of the robot; it must not be in another fleet.")
 
 
 class RegisterRobotResponse(Shape):
-    """The robot is in the fleet."""
+    """Response of `RegisterRobot`: the robot and the fleet that it was added to."""
 
     fleet: Arn | None = optional("ARN of the fleet.")
     robot: Arn | None = optional("ARN of the robot.")
 
 
 class DeregisterRobotRequest(Shape):
-    """Takes a robot out of its fleet."""
+    """Request of `DeregisterRobot`: removes a robot from its fleet."""
 
     fleet: Arn = Field(description="ARN of the fleet.")
     robot: Arn = Field(description="ARN of the robot.")
 
 
 class DeregisterRobotResponse(Shape):
-    """The robot is in no fleet."""
+    """Response of `DeregisterRobot`: the robot and the fleet that it was removed from."""
 
     fleet: Arn | None = optional("ARN of the fleet it was in.")
     robot: Arn | None = optional("ARN of the robot.")

@@ -27,7 +27,7 @@ TimeS = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 
 
 class StoredPart(BaseModel):
-    """A frozen object, stored under camelCase names; members that newer releases added are left alone.
+    """Immutable base class of the objects of a stored rollout; members added by newer releases are kept unread.
 
     `documents.base.Part` is the same for small documents: it makes its JSON in Python, which takes five times as long,
     and the rollout of a large fleet is written again and again.
@@ -43,12 +43,12 @@ class StoredPart(BaseModel):
     )
 
     def to_json(self) -> dict[str, Any]:
-        """The object as plain JSON values, without members that are absent."""
+        """Returns the object as plain JSON values; absent members are left out."""
         return self.model_dump(mode="json", by_alias=True, exclude_none=True)
 
     @classmethod
     def of_json(cls, stored: dict[str, Any]) -> Self:
-        """Reads what `to_json` made."""
+        """Reads an object from the JSON that `to_json` returned."""
         return cls.model_validate(stored)
 
 
@@ -71,7 +71,7 @@ UnfitCode = Literal[
 
 
 class PlannedRobot(StoredPart):
-    """A robot that a rollout is meant for."""
+    """A robot that a rollout (deployment to a fleet) includes, with its place in the plan."""
 
     arn: str = Field(description="ARN of the robot.")
     installed: str | None = optional("Application and version that it had before, such as `courier 1`; absent: none.")
@@ -86,7 +86,7 @@ class PlannedRobot(StoredPart):
 
 
 class RolloutPlan(StoredPart):
-    """Plan of a rollout: its robots in order, and its limits; it does not change."""
+    """Immutable plan of a rollout to a fleet: its robots in order, and its limits (concurrency, failures, time)."""
 
     robots: tuple[PlannedRobot, ...] = Field(description="The fleet's robots, in the order in which their turn comes.")
     concurrent_percentage: int = Field(
@@ -142,12 +142,12 @@ class RolloutPlan(StoredPart):
 
     @property
     def order(self) -> tuple[str, ...]:
-        """The robots' ARNs, in order."""
+        """ARNs of the robots, in the order in which they receive the deployment."""
         return tuple(robot.arn for robot in self.robots)
 
     @property
     def concurrency(self) -> int:
-        """How many robots may have an open order at the same time."""
+        """Number of robots that may install the deployment at the same time."""
         return max(1, len(self.robots) * self.concurrent_percentage // 100)
 
 
@@ -161,7 +161,7 @@ def _each_once(member: str, arns: tuple[str, ...]) -> set[str]:
 
 
 class Artifact(StoredPart):
-    """A file that robots install, as orders describe it; it lies in the object store."""
+    """An installation file in the object store, with the hash and size by which a robot checks its download."""
 
     bucket: str = Field(description="Its bucket.")
     key: str = Field(description="Its key.")
@@ -179,12 +179,12 @@ class Artifact(StoredPart):
 
     @property
     def delivers(self) -> str:
-        """SHA-256 of the application's archive that a robot gets by it, in hexadecimal digits."""
+        """SHA-256 (hexadecimal) of the application archive that a robot gets with this file."""
         return self.archive_sha256 or self.sha256
 
 
 class Delivery(StoredPart):
-    """Files and launch configuration that the robots of a rollout get; they do not change."""
+    """Installation files and launch configuration that a rollout gives to its robots; they do not change."""
 
     artifacts: dict[str, Artifact] = Field(description="The files of updaters of others, by architecture.")
     agent_artifacts: dict[str, Artifact] = Field(default={}, description="The files of agents, by architecture.")
@@ -193,7 +193,7 @@ class Delivery(StoredPart):
     launch: DeploymentLaunchConfig = Field(description="How the application is started.")
 
     def by_robot(self) -> dict[str, Artifact]:
-        """The file of each robot, by ARN."""
+        """Returns the installation file of each robot, by robot ARN."""
         return {robot: self._files(robot)[architecture] for robot, architecture in self.architectures.items()}
 
     def _files(self, robot: str) -> dict[str, Artifact]:

@@ -20,7 +20,7 @@ UNANSWERED: frozenset[OrderState] = frozenset({"canceling", "refused"})
 
 
 class RobotDeploymentState(StoredPart):
-    """How one robot of a rollout stands."""
+    """State of one robot in a rollout: its order, status, times and failure."""
 
     order: OrderState = Field(default="none", description="State of its latest order.")
     action_id: ActionId | None = optional("Number of its latest order; absent: it has had none.")
@@ -59,17 +59,17 @@ class RobotDeploymentState(StoredPart):
 
     @property
     def is_open(self) -> bool:
-        """Whether its order counts for the concurrency."""
+        """Whether the robot counts towards the concurrency limit: it has an order and has not finished it."""
         return self.order in OPEN
 
     @property
     def has_ended(self) -> bool:
-        """Whether the rollout has nothing to wait for with this robot."""
+        """Whether the robot has finished, so that the rollout no longer waits for it."""
         return self.outcome is not None or self.gone is not None
 
     @property
     def no_response(self) -> bool:
-        """Whether it failed since it never fetched its order, so that it gets another when it returns."""
+        """Whether the robot failed because it never fetched its order; it gets another order when it comes back."""
         return self.failure_code == "RobotDeploymentNoResponse"
 
 
@@ -78,14 +78,14 @@ RolloutStatus = Literal["InProgress", "Succeeded", "Failed", "Canceled"]
 
 
 class Pause(StoredPart):
-    """A time in which no robot got an order, since a person wanted it so."""
+    """A period in which a person had paused the rollout, so that no robot received an order."""
 
     from_s: TimeS = Field(description="When it began.")
     until_s: TimeS | None = optional("When the rollout was resumed; absent: not yet.")
 
 
 class Rollback(StoredPart):
-    """How robots go back to the version that they had before a rollout."""
+    """State of a rollback: robots return to the version that they had before the rollout."""
 
     jobs: tuple[str, ...] = Field(default=(), description="ARNs of the deployment jobs that bring them back.")
     left: tuple[str, ...] = Field(
@@ -96,7 +96,7 @@ class Rollback(StoredPart):
 
 
 class Rollout(StoredPart):
-    """A rollout as it is stored."""
+    """Stored state of a rollout, the installation of an application on the robots of a fleet."""
 
     plan: RolloutPlan = Field(description="Plan of the rollout.")
     robots: dict[str, RobotDeploymentState] = Field(description="How each robot stands, by ARN.")
@@ -124,7 +124,7 @@ class Rollout(StoredPart):
 
     @property
     def rollback_is_due(self) -> bool:
-        """Whether robots are to go back now: the threshold was reached, and those that had begun have ended."""
+        """Whether a rollback has to begin now: the failure threshold is reached and no robot is still installing."""
         if not self.plan.rolls_back or self.failure_code != "FailureThresholdBreached":
             return False
         is_complete = self.rollback is not None and self.rollback.is_complete
@@ -155,19 +155,19 @@ class _OfOrder(StoredPart):
 
 
 class Offered(_OfOrder):
-    """A robot whose turn it is was given an order; its number came from the catalog."""
+    """Rollout event: a robot whose turn it is was given an order, with an order number from the catalog."""
 
     kind: Literal["offered"] = Field(default="offered", description="Kind of event.")
 
 
 class Fetched(_OfOrder):
-    """The robot has read its order."""
+    """Rollout event: a robot has downloaded the text of its order."""
 
     kind: Literal["fetched"] = Field(default="fetched", description="Kind of event.")
 
 
 class Progressed(_OfOrder):
-    """The robot said how far it is."""
+    """Rollout event: a robot reported its progress with the installation."""
 
     kind: Literal["progressed"] = Field(default="progressed", description="Kind of event.")
     step: RobotDeploymentStep | None = optional("Step that the robot is at; absent: the same as before.")
@@ -177,13 +177,13 @@ class Progressed(_OfOrder):
 
 
 class Succeeded(_OfOrder):
-    """The robot runs the new version."""
+    """Rollout event: a robot runs the new application version."""
 
     kind: Literal["succeeded"] = Field(default="succeeded", description="Kind of event.")
 
 
 class Failed(_OfOrder):
-    """The robot could not carry out its order."""
+    """Rollout event: a robot could not install the deployment."""
 
     kind: Literal["failed"] = Field(default="failed", description="Kind of event.")
     code: ReportedCode = Field(description="Why.")
@@ -191,19 +191,19 @@ class Failed(_OfOrder):
 
 
 class Canceled(_OfOrder):
-    """The robot has given up its order, because it was told to or by itself."""
+    """Rollout event: a robot stopped its installation, because it was told to or by its own decision."""
 
     kind: Literal["canceled"] = Field(default="canceled", description="Kind of event.")
 
 
 class CancelRefused(_OfOrder):
-    """The robot cannot give up its order any more and carries it to its end."""
+    """Rollout event: a robot can no longer cancel its installation and finishes it."""
 
     kind: Literal["cancel_refused"] = Field(default="cancel_refused", description="Kind of event.")
 
 
 class RobotGone(StoredPart):
-    """A robot left the fleet or was deleted."""
+    """Rollout event: a robot left the fleet or was deleted."""
 
     kind: Literal["robot_gone"] = Field(default="robot_gone", description="Kind of event.")
     robot: str = Field(description="ARN of the robot.")
@@ -211,7 +211,7 @@ class RobotGone(StoredPart):
 
 
 class Stopped(StoredPart):
-    """The whole rollout was ended.
+    """Rollout event: the whole rollout was ended early.
 
     By a person who canceled it, or did not approve it; by the deletion of its fleet or of its application; or, after
     its end, by the fleet's next deployment, so that robots that return do not get this one any more.
@@ -223,27 +223,27 @@ class Stopped(StoredPart):
 
 
 class Paused(StoredPart):
-    """A person wants no robot to begin until the rollout is resumed; robots that have begun go on."""
+    """Rollout event: a person paused the rollout; no further robot begins, robots that have begun continue."""
 
     kind: Literal["paused"] = Field(default="paused", description="Kind of event.")
     by: str | None = optional("Person who paused it; absent: not said.")
 
 
 class Resumed(StoredPart):
-    """A person lets a paused rollout go on."""
+    """Rollout event: a person resumed a paused rollout."""
 
     kind: Literal["resumed"] = Field(default="resumed", description="Kind of event.")
 
 
 class Approved(StoredPart):
-    """A person lets a rollout that waits for approval go on; of no effect on one that does not wait for it."""
+    """Rollout event: a person approved a rollout that waits for approval; it has no effect on any other rollout."""
 
     kind: Literal["approved"] = Field(default="approved", description="Kind of event.")
     by: str | None = optional("Person who approved it; absent: not said.")
 
 
 class Outage(StoredPart):
-    """Robots could not reach the service until now; time-outs of robots stand still for so long."""
+    """Rollout event: the service was unreachable for robots; their time limits are extended by that time."""
 
     kind: Literal["outage"] = Field(default="outage", description="Kind of event.")
     since_s: TimeS = Field(description="When it began.")
@@ -259,7 +259,7 @@ RolloutEvent = Annotated[
 
 
 class DeploymentReport(StoredPart):
-    """A deployment as it stands, or stood at its end."""
+    """Summary of a deployment to a fleet, current or final, with the state of each robot."""
 
     job: str = Field(description="ARN of the deployment job.")
     fleet: str = Field(description="Name of its fleet.")

@@ -24,7 +24,7 @@ class _Standing(BaseModel):
 
 
 class OrderStanding(_Standing):
-    """The order that a robot carries out, or is to give up."""
+    """A robot's open order to install or to cancel, as `robomaker fleet status` reports it."""
 
     number: int = Field(description="Its number, as the robot knows it.")
     state: str = Field(description="offered, fetched, canceling or refused.")
@@ -33,7 +33,7 @@ class OrderStanding(_Standing):
 
 
 class RobotStanding(_Standing):
-    """A robot of a fleet."""
+    """Status of one robot of a fleet, as `robomaker fleet status` reports it."""
 
     robot: str = Field(description="Its name.")
     kind: RobotKind | None = optional("Kind of program that updates it; absent: it is not enrolled.")
@@ -46,7 +46,7 @@ class RobotStanding(_Standing):
 
 
 class DeploymentStanding(_Standing):
-    """A deployment."""
+    """Status of a deployment to a fleet, as `robomaker fleet status` reports it."""
 
     job: str = Field(description="ARN of the deployment job.")
     status: DeploymentStatus = Field(description="Its status.")
@@ -77,7 +77,7 @@ class DeploymentStanding(_Standing):
 
 
 class FleetStanding(_Standing):
-    """A fleet."""
+    """Status of a fleet of robots with its deployment, as `robomaker fleet status` reports it."""
 
     fleet: str = Field(description="Its name.")
     arn: str = Field(description="Its ARN.")

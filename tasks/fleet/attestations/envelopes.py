@@ -35,12 +35,12 @@ PublicKey: TypeAlias = SSlibKey
 
 
 def public_key_path(service: Service) -> Path:
-    """Path of the public key, in PEM."""
+    """Returns the path of the public key (PEM) that verifies attestations."""
     return service.folder("robots") / "attestation-key.pub"
 
 
 def attestation_key(service: Service) -> AttestationKey:
-    """The service's key; of several processes that need the first one at once, one makes it.
+    """Returns the service's private key that signs attestations; it is created on first use.
 
     Raises:
         ConfigurationError: what lies there is no such key, or it cannot be read or written.
@@ -59,7 +59,7 @@ def attestation_key(service: Service) -> AttestationKey:
 
 
 def known_public_key(service: Service) -> PublicKey:
-    """The public key of the service's key; this makes none.
+    """Reads the public key that verifies this service's attestations; none is created.
 
     Raises:
         ConfigurationError: there is none, or what lies there is none.
@@ -76,7 +76,7 @@ def known_public_key(service: Service) -> PublicKey:
 
 
 def read_public_key(path: Path) -> PublicKey:
-    """Reads a public key, as `attestation-key.pub` is.
+    """Reads a public key for attestations (ed25519, PEM) from a file.
 
     Raises:
         ConfigurationError: the file cannot be read, or is no public key of ed25519 in PEM.
@@ -125,14 +125,14 @@ class _Envelope(BaseModel):
 
 
 def sign(statement: Statement, key: AttestationKey) -> bytes:
-    """Signs a statement."""
+    """Signs an attestation's statement (that tests have passed) and returns the envelope with the signature."""
     envelope = Envelope(statement.to_bytes(), PAYLOAD_TYPE, {})
     envelope.sign(key)
     return _bytes_of(envelope)
 
 
 def verified(content: bytes, key: PublicKey) -> Statement:
-    """The statement of an envelope, which the key has signed.
+    """Verifies the signature of an attestation, and returns its statement.
 
     Args:
         content: the envelope.

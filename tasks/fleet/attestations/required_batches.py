@@ -40,7 +40,7 @@ _FOLDER = "robots/attestations"
 
 
 def attest(job: Resource, application: Resource, service: Service) -> RunningBatch | None:
-    """Attests that a deployment's required batch has passed with its version, and stores that.
+    """Attests, with a signature, that a deployment's required simulation batch passed with the version to deploy.
 
     Args:
         job: the deployment job, which requires a batch.
@@ -71,7 +71,7 @@ def attest(job: Resource, application: Resource, service: Service) -> RunningBat
 
 
 def signed(batch: PassedBatch, application: Resource, service: Service) -> bytes:
-    """The envelope that says that a batch passed with a version.
+    """Makes the signed attestation that a simulation batch passed with an application version.
 
     Raises:
         DeploymentError: an archive of the version is not what it was when the version was made.
@@ -82,7 +82,7 @@ def signed(batch: PassedBatch, application: Resource, service: Service) -> bytes
 
 
 def attestations_of(job: Resource, service: Service) -> tuple[bytes, ...]:
-    """The envelopes of a deployment that has been attested; none if it requires no batch.
+    """Returns the signed attestations of a deployment; none if it requires no simulation batch.
 
     A job that brings robots back requires none, and has the envelope of the job that had brought the version.
 
@@ -104,7 +104,7 @@ def attestations_of(job: Resource, service: Service) -> tuple[bytes, ...]:
 
 
 def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
-    """Checks that what robots would get is what the attestation is about.
+    """Checks that the files robots would get are those that the deployment's attestation covers.
 
     Args:
         job: the deployment job; one that requires no batch is not checked.
@@ -123,7 +123,7 @@ def check_delivered(job: Resource, gets: Delivery, service: Service) -> None:
 
 
 def unattested(statement: Statement, gets: Delivery) -> str | None:
-    """Says which archive a robot would get that a statement is not about; `None`: there is none."""
+    """Names an archive that robots would get but the attestation does not cover; `None` if there is none."""
     for robot, artifact in sorted(gets.by_robot().items()):
         if artifact.delivers not in statement.archives:
             return f"{robot} gets an archive with the SHA-256 {artifact.delivers}"
@@ -131,7 +131,7 @@ def unattested(statement: Statement, gets: Delivery) -> str | None:
 
 
 def envelope_key(job: Resource) -> str:
-    """Key of a deployment job's envelope in the service's bucket."""
+    """Returns the object-store key of a deployment job's attestation."""
     return f"{_FOLDER}/{job.id}.json"
 
 
@@ -165,7 +165,7 @@ EXIT_CODES: dict[Answer, int] = {"verified": OK, "refuted": VERDICT_FAILED, "not
 
 
 class DeploymentCheck(Model):
-    """Whether a deployment delivered what had passed."""
+    """Result of verifying that a deployment delivered the same files that had passed the simulations."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this form.")
     deployment: str = Field(description="ARN of the deployment job.")
@@ -200,7 +200,7 @@ class DeploymentCheck(Model):
 
 
 def check_deployment(job: Resource, key: PublicKey, service: Service) -> DeploymentCheck:
-    """Verifies a deployment.
+    """Verifies that a deployment delivered the files that its attestation covers.
 
     Args:
         job: the deployment job.

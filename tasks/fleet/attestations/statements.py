@@ -31,7 +31,7 @@ _LATEST = "$LATEST"
 
 @dataclass(frozen=True)
 class PassedJob:
-    """A job that passed."""
+    """A simulation job that passed, as an attestation names it."""
 
     id: str
     etag: str
@@ -47,7 +47,7 @@ class PassedJob:
 
 @dataclass(frozen=True)
 class PassedBatch:
-    """A batch of which each job passed."""
+    """A simulation job batch in which every job passed."""
 
     arn: str
     request_sha256: str
@@ -56,7 +56,7 @@ class PassedBatch:
 
 @dataclass(frozen=True)
 class RunningBatch:
-    """A batch that may pass yet."""
+    """A simulation job batch that is still running and may pass."""
 
     why: str
     """Reason why the batch has no result yet, in words: itself or its jobs still run."""
@@ -64,14 +64,14 @@ class RunningBatch:
 
 @dataclass(frozen=True)
 class StoredBatch:
-    """A batch with its jobs in the order of their requests, as they were when they were read."""
+    """A simulation job batch with its jobs in request order, as read from the catalog."""
 
     batch: Resource
     jobs: tuple[Resource, ...]
 
     @classmethod
     def of(cls, arn: str, service: Service) -> "StoredBatch":
-        """Reads a batch.
+        """Reads a simulation job batch and its jobs from the catalog.
 
         Raises:
             DeploymentError: there is none.
@@ -85,7 +85,7 @@ class StoredBatch:
 
 
 def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBatch:
-    """Finds out whether a batch has passed with a version.
+    """Determines whether a simulation batch has passed with an application version, or is still running.
 
     Args:
         stored: the batch.
@@ -120,7 +120,7 @@ def judge(stored: StoredBatch, application: Resource) -> PassedBatch | RunningBa
 
 
 def application_of(stored: StoredBatch) -> tuple[str, str]:
-    """The robot application that a batch's first job ran: ARN or name, and its version.
+    """Returns the robot application (ARN or name, and version) that a batch's first job ran.
 
     Raises:
         DeploymentError: the batch has no jobs, or none with a robot application.
@@ -199,13 +199,13 @@ class _Attested(BaseModel):
 
 
 class Digest(_Attested):
-    """SHA-256 digest that identifies a content."""
+    """SHA-256 digest that identifies a file in an attestation."""
 
     sha256: str = Field(pattern="^[0-9a-f]{64}$", description="SHA-256, in hexadecimal digits.")
 
 
 class ArchiveFacts(_Attested):
-    """Application, version and architecture of an archive, and whether simulations ran it."""
+    """Application, version and architecture of an archive in an attestation, and whether simulations ran it."""
 
     application: str = Field(description="ARN of its application.")
     version: str = Field(description="Number of its version.")
@@ -214,7 +214,7 @@ class ArchiveFacts(_Attested):
 
 
 class Archive(_Attested):
-    """An archive of the version that was tested: a subject of the statement."""
+    """An application archive that was tested, as the subject of an attestation."""
 
     name: str = Field(description="Application, version and architecture; no two are the same.")
     uri: str = Field(description="Address of the archive when it was tested.")
@@ -223,7 +223,7 @@ class Archive(_Attested):
 
 
 class BatchFacts(_Attested):
-    """Numbers of jobs, seeds, trials and worlds of a batch, and its requirements."""
+    """Numbers of jobs, seeds, trials and worlds of a tested batch, and its requirements, in an attestation."""
 
     jobs: int = Field(description="How many jobs it had.")
     seeds: int = Field(description="How many different seeds these had.")
@@ -233,7 +233,7 @@ class BatchFacts(_Attested):
 
 
 class Configuration(_Attested):
-    """How was tested: by which batch."""
+    """Configuration of the tests in an attestation: the simulation batch."""
 
     name: Literal["simulation job batch"] = Field(default="simulation job batch", description="Kind of test: a batch.")
     uri: str = Field(description="ARN of the batch.")
@@ -242,7 +242,7 @@ class Configuration(_Attested):
 
 
 class Predicate(_Attested):
-    """The predicate: what came out."""
+    """Result of the tests in an attestation, as an in-toto predicate."""
 
     result: Literal["PASSED"] = Field(default="PASSED", description="Result; only passed batches are attested.")
     configuration: tuple[Configuration] = Field(description="How was tested.")
@@ -252,7 +252,7 @@ class Predicate(_Attested):
 
 
 class Statement(_Attested):
-    """An in-toto statement."""
+    """Statement (in-toto format) that an application version has passed a simulation batch."""
 
     type: Literal["https://in-toto.io/Statement/v1"] = Field(
         default=STATEMENT_TYPE, alias="_type", description="Its form."
@@ -265,22 +265,22 @@ class Statement(_Attested):
 
     @property
     def batch(self) -> Configuration:
-        """The batch that tested it."""
+        """The simulation batch by which the version was tested."""
         (configuration,) = self.predicate.configuration
         return configuration
 
     @property
     def archives(self) -> frozenset[str]:
-        """SHA-256 of each archive, in hexadecimal digits."""
+        """SHA-256 digests (hexadecimal) of the archives that the statement covers."""
         return frozenset(archive.digest.sha256 for archive in self.subject)
 
     def to_bytes(self) -> bytes:
-        """The statement as canonical JSON: the same statement gives the same bytes."""
+        """Returns the statement as canonical JSON: equal statements give equal bytes, which are signed."""
         return json.dumps(self.model_dump(by_alias=True), sort_keys=True, separators=(",", ":")).encode()
 
     @classmethod
     def of_bytes(cls, payload: bytes) -> "Statement":
-        """Reads what `to_bytes` made.
+        """Parses a statement from its JSON.
 
         Raises:
             AttestationError: it is no such statement.
@@ -296,7 +296,7 @@ class Statement(_Attested):
 
 
 def statement_of(batch: PassedBatch, application: Resource, digests: Mapping[str, str]) -> Statement:
-    """Builds the statement that attests a version.
+    """Makes the statement that an application version has passed a simulation batch.
 
     Args:
         batch: the batch that passed with it.

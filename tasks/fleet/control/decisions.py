@@ -23,7 +23,7 @@ from ..rollout.ledger import Ledger
 
 
 def pause(job: str, by: str, service: Service) -> None:
-    """Lets no robot of a deployment begin until it is resumed; robots that have begun go on.
+    """Pauses a deployment: no further robot begins; robots that have begun continue.
 
     Args:
         job: ARN of the deployment job.
@@ -38,7 +38,7 @@ def pause(job: str, by: str, service: Service) -> None:
 
 
 def resume(job: str, service: Service) -> None:
-    """Lets a paused deployment go on; of no effect on one that is not paused.
+    """Resumes a paused deployment; does nothing if it is not paused.
 
     Raises:
         ResourceNotFoundException: there is no such job.
@@ -48,7 +48,7 @@ def resume(job: str, service: Service) -> None:
 
 
 def approve(job: str, by: str, service: Service) -> None:
-    """Lets a deployment that waits for approval go on.
+    """Approves a deployment that waits for a person's approval.
 
     Args:
         job: ARN of the deployment job.
@@ -65,7 +65,7 @@ def approve(job: str, by: str, service: Service) -> None:
 
 
 def reject(job: str, by: str, service: Service) -> None:
-    """Cancels a deployment that waits for approval.
+    """Rejects, and so cancels, a deployment that waits for a person's approval.
 
     Args:
         job: ARN of the deployment job.
@@ -84,7 +84,7 @@ def reject(job: str, by: str, service: Service) -> None:
 
 
 def pause_that_waits(job: str, service: Service) -> DeploymentWait | None:
-    """The pause of a deployment that has not begun; nothing: it will begin.
+    """Returns the pause that keeps a deployment from beginning; `None` if nothing does.
 
     Args:
         job: ARN of the deployment job.
@@ -138,7 +138,7 @@ def _tell(job: Resource, event: RolloutEvent, service: Service) -> None:
 def check_robots(
     document: DeploymentJobDocument, application: Resource, fleet: str, robots: Sequence[Resource]
 ) -> None:
-    """Refuses a deployment that cannot reach a single robot, or whose canaries are not in its fleet.
+    """Raises an error for a deployment that cannot reach any robot, or whose canary robots are not in its fleet.
 
     Args:
         document: the deployment.
@@ -171,7 +171,7 @@ def check_robots(
 
 
 def served_architectures(application: Resource) -> set[str] | None:
-    """The architectures that a version of an application has an archive for; nothing: it has one for any."""
+    """Returns the processor architectures that an application version supports; `None` means any."""
     served = {source.architecture for source in ApplicationDocument.of(application).sources or []}
     return None if None in served or not served else {each for each in served if each is not None}
 

@@ -23,7 +23,7 @@ AWAY_S = 300.0
 
 @dataclass(frozen=True)
 class PlannedChange:
-    """Change that a deployment would make to one robot."""
+    """The change that a deployment would make to one robot."""
 
     robot: str
     """Its name."""
@@ -44,7 +44,7 @@ class PlannedChange:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Forecast of a deployment: its changes to robots, and when it may begin."""
+    """Forecast of a deployment to a fleet: its changes to robots, and when it may begin."""
 
     changes: tuple[PlannedChange, ...]
     """Changes by robot, in the order in which robots get their orders; those that cannot get the application last."""
@@ -63,7 +63,7 @@ class DryRun:
 
 
 def dry_run(document: DeploymentJobDocument, application: Resource, fleet: Resource, service: Service) -> DryRun:
-    """Forecasts a deployment without starting it.
+    """Forecasts a deployment to a fleet without starting it.
 
     Args:
         document: the deployment, as it would be stored.

@@ -42,7 +42,7 @@ class _Return:
 
 
 def roll_back(job: str, service: Service) -> bool:
-    """Does what comes next of a rollback: makes the next job that brings robots back, if there is one to make now.
+    """Continues the rollback of a failed deployment: creates the next job that returns robots to their old version.
 
     Args:
         job: ARN of a deployment job.
@@ -142,7 +142,7 @@ _LOGGER = logging.getLogger("robomaker.robots")
 
 
 class EndedRollouts:
-    """Tends them, for one thread.
+    """Completes work after deployments have ended, such as rollbacks. For one thread.
 
     Args:
         service: where they are stored.
@@ -154,7 +154,7 @@ class EndedRollouts:
         self._alive_s: dict[str, float] = {}
 
     def tend(self, rollouts: Iterable[OpenRollout]) -> None:
-        """Does what is due.
+        """Does the work that is due for rollouts whose jobs have ended.
 
         Args:
             rollouts: those that are open; of jobs that have not ended, their runs take care.

@@ -31,7 +31,7 @@ _NO_HASH = bytes(32)
 
 @dataclass(frozen=True)
 class RobotState:
-    """State of one robot: its token, its open order, and its last feedback."""
+    """State of one robot in the update server: its token, its open order, and its last feedback."""
 
     token_hash: bytes
     order: RobotOrder | None = None
@@ -59,12 +59,12 @@ class RobotState:
     """Feedback that closed the last order."""
 
     def has(self, action_id: int) -> bool:
-        """Whether that order is open."""
+        """Whether the robot has an open order of this action id."""
         return self.order is not None and self.order.action_id == action_id
 
 
 class OpenOrders:
-    """The table; its methods may be called from any thread.
+    """In-memory table of all robots and their open update orders; its methods may be called from any thread.
 
     Each robot's state is one frozen value, which changes replace, so a poll reads it without waiting for a lock.
     """
@@ -76,18 +76,18 @@ class OpenOrders:
         """How many robots had an order, or were to expect one, when they were counted last."""
 
     def enrol(self, robot: str, token_hash: bytes) -> None:
-        """Lets a robot in, by the hash of its token (`hash_token`); a robot that is in gets a new token."""
+        """Adds a robot to the table, by the hash of its token (`hash_token`); a known robot gets the new token."""
         with self._lock:
             known = self._robots.get(robot)
             self._robots[robot] = replace(known, token_hash=token_hash) if known else RobotState(token_hash)
 
     def expel(self, robot: str) -> None:
-        """Forgets a robot, its token and its order; of no effect on one that is not in."""
+        """Removes a robot, its token and its order; does nothing if it is unknown."""
         with self._lock:
             self._robots.pop(robot, None)
 
     def check_token(self, robot: str, token: bytes | None) -> RobotState | None:
-        """The state of a robot that shows its own token; `None`: it is unknown, or the token is not its own."""
+        """Returns the state of the robot if the token is right; `None` if robot or token is wrong."""
         state = self._robots.get(robot)
         is_right = is_token(token or b"", state.token_hash if state else _NO_HASH)
         return state if is_right and token else None
@@ -104,17 +104,17 @@ class OpenOrders:
             raise ResourceNotFoundException(f"robot {robot} is not enrolled") from None
 
     def open(self) -> dict[str, RobotOrder]:
-        """All open orders by robot."""
+        """Returns all open update orders, by robot."""
         with self._lock:
             return {robot: state.order for robot, state in self._robots.items() if state.order is not None}
 
     def count_active(self) -> None:
-        """Counts the robots that have an order, or are to expect one, into `active`."""
+        """Counts the robots that have an order, or expect one soon, and sets `active`."""
         with self._lock:
             self.active = sum(state.order is not None or state.is_expected for state in self._robots.values())
 
     def offer(self, order: RobotOrder) -> None:
-        """Opens an order; of no effect if the same one is open.
+        """Gives a robot an update order; does nothing if the robot has the same order already.
 
         Raises:
             ResourceNotFoundException: the robot is not in.
@@ -144,15 +144,17 @@ class OpenOrders:
             )
 
     def cancel(self, robot: str, action_id: int) -> bool:
-        """Asks a robot to give an order up; `False`: it is not open."""
+        """Asks a robot to cancel its order; returns false if the order is not open."""
         return self._change(robot, action_id, is_cancelling=True)
 
     def carry_on(self, robot: str, action_id: int) -> bool:
-        """Asks a robot no more to give an order up, since it refused; `False`: it is not open."""
+        """Stops asking a robot to cancel its order, because the robot refused; returns false if the order is not
+        open.
+        """
         return self._change(robot, action_id, is_cancelling=False)
 
     def close(self, robot: str, action_id: int, feedback: Feedback | None = None) -> bool:
-        """Takes an order away; `False`: it is not open.
+        """Removes a robot's finished order; returns false if it is not open.
 
         Args:
             robot: whose order.
@@ -162,7 +164,9 @@ class OpenOrders:
         return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
 
     def withhold(self, robot: str, action_id: int) -> bool:
-        """Takes away an order that may be offered again later; `False`: it is not open, or the robot has read it."""
+        """Withdraws an order that may be offered again later; returns false if the robot has read it or it is not
+        open.
+        """
         with self._lock:
             state = self._robots.get(robot)
             if state is None or not state.has(action_id) or state.is_fetched or state.is_cancelling:
@@ -171,11 +175,11 @@ class OpenOrders:
             return True
 
     def mark_fetched(self, robot: str, action_id: int) -> bool:
-        """Notes that the robot read its order; `False`: it is not open."""
+        """Records that a robot has read its order; returns false if the order is not open."""
         return self._change(robot, action_id, is_fetched=True)
 
     def count_feedback(self, robot: str, action_id: int) -> int:
-        """Counts a feedback about an open order; returns how many there were, 0: it is not open."""
+        """Counts one more feedback about an open order and returns the count; 0 if the order is not open."""
         with self._lock:
             state = self._robots.get(robot)
             if state is None or not state.has(action_id):
@@ -184,14 +188,14 @@ class OpenOrders:
             return state.feedbacks + 1
 
     def expect(self, robots: Iterable[str], *, is_expected: bool = True) -> None:
-        """Says of robots that an order will follow soon, or does not any more; robots that are not in are ignored."""
+        """Marks robots that will get an order soon, so that they poll more often, or unmarks them."""
         with self._lock:
             for robot in robots:
                 if (state := self._robots.get(robot)) is not None:
                     self._robots[robot] = replace(state, is_expected=is_expected)
 
     def ask_attributes(self, robot: str, *, wants_attributes: bool = True) -> None:
-        """Asks a robot to say what it is, or does not any more; a robot that is not in is ignored."""
+        """Marks whether a robot is asked to report its attributes; an unknown robot is ignored."""
         with self._lock:
             if (state := self._robots.get(robot)) is not None:
                 self._robots[robot] = replace(state, wants_attributes=wants_attributes)
@@ -218,7 +222,7 @@ _MAX_SLEEP_S = 24 * 3600 - 1
 
 
 def base_document(robot_url: str, state: RobotState, sleep_s: int) -> bytes:
-    """The answer to a poll: when to poll again, and at most one thing to do.
+    """Makes the JSON answer to a robot's poll: when to poll again, and at most one action to take.
 
     Args:
         robot_url: absolute address of the robot's base, without a slash at the end.
@@ -235,7 +239,7 @@ def base_document(robot_url: str, state: RobotState, sleep_s: int) -> bytes:
 
 
 def order_document(robot_url: str, order: RobotOrder) -> bytes:
-    """An order, for the one robot it is for.
+    """Makes the JSON of an update order for one robot.
 
     Both steps are forced: SWUpdate takes `skip` for success without installing, and knows no maintenance windows.
 
@@ -275,7 +279,7 @@ def _metadata(order: RobotOrder) -> dict[str, str]:
 
 
 def cancel_document(action_id: int) -> bytes:
-    """The cancellation of an order; both have the same id."""
+    """Makes the JSON that asks a robot to cancel an order; both have the same id."""
     return _json({"id": str(action_id), "cancelAction": {"stopId": str(action_id)}})
 
 

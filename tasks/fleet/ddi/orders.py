@@ -21,12 +21,12 @@ FileName = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,254}$")]
 
 
 def is_robot_id(text: str) -> bool:
-    """Whether updaters can have it as a robot's id."""
+    """Whether a text can be a robot's id in the URLs of robot updaters."""
     return re.fullmatch(ROBOT_ID, text) is not None
 
 
 class RobotOrder(BaseModel):
-    """Order for one robot: the file to install, and how to launch it."""
+    """Update order for one robot: the file to install, and how to launch it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -54,7 +54,7 @@ _SCHEME = b"targettoken"
 
 
 def new_token(random_bytes: Callable[[int], bytes]) -> str:
-    """Makes a token for one robot: 64 hexadecimal digits.
+    """Makes a secret token with which one robot logs in: 64 hexadecimal digits.
 
     Args:
         random_bytes: gives that many bytes that others cannot guess, such as `secrets.token_bytes`.
@@ -63,17 +63,17 @@ def new_token(random_bytes: Callable[[int], bytes]) -> str:
 
 
 def hash_token(token: str) -> bytes:
-    """The hash under which a token is kept: 32 bytes."""
+    """Returns the hash under which a robot's token is stored: 32 bytes."""
     return hashlib.sha256(token.encode()).digest()
 
 
 def is_token(token: bytes, expected: bytes) -> bool:
-    """Whether a token has the expected hash, in a time that does not depend on the hash."""
+    """Whether a token has the expected hash, compared in constant time."""
     return hmac.compare_digest(hashlib.sha256(token).digest(), expected)
 
 
 def token_in(authorization: bytes | None) -> bytes | None:
-    """The token in a request's header `Authorization: TargetToken …`; `None`: there is none, or it is too long."""
+    """Returns the token in a request header `Authorization: TargetToken …`; `None` if it has none or it is too long."""
     scheme, _, token = (authorization or b"").partition(b" ")
     token = token.strip()
     if scheme.lower() != _SCHEME or not token or len(token) > _MAX_CHARACTERS:

@@ -26,7 +26,7 @@ _SHOWN = 60
 
 
 class Execution(StrEnum):
-    """State of an order, as the robot reports it."""
+    """State of an update order, as the robot reports it."""
 
     CLOSED = "closed"
     PROCEEDING = "proceeding"
@@ -39,7 +39,7 @@ class Execution(StrEnum):
 
 
 class Finished(StrEnum):
-    """Result of an order, once `Execution` is closed."""
+    """Result of an update order, which the robot reports once `Execution` is closed."""
 
     SUCCESS = "success"
     FAILURE = "failure"
@@ -47,7 +47,7 @@ class Finished(StrEnum):
 
 
 class OrderEnd(StrEnum):
-    """How an order ended."""
+    """How an update order to a robot ended."""
 
     FINISHED = "finished"
     FAILED = "failed"
@@ -56,7 +56,7 @@ class OrderEnd(StrEnum):
 
 @dataclass(frozen=True)
 class Feedback:
-    """One message of a robot about one order."""
+    """A message of a robot about one update order."""
 
     action_id: int
     execution: Execution
@@ -74,7 +74,7 @@ class Feedback:
 
     @property
     def order_end(self) -> OrderEnd | None:
-        """How the order ended by this message about it; `None`: it goes on."""
+        """How the order ended, according to this message about the order; `None` if it has not ended."""
         if self.execution is Execution.CANCELED:
             return OrderEnd.CANCELED
         if self.execution is not Execution.CLOSED:
@@ -83,7 +83,7 @@ class Feedback:
 
     @property
     def cancel_end(self) -> OrderEnd | None:
-        """How the order ended by this message about its cancellation; `None`: it goes on."""
+        """How the order ended, according to this message about its cancellation; `None` if it has not ended."""
         if self.execution not in (Execution.CLOSED, Execution.CANCELED):
             return None
         return OrderEnd.FAILED if self.finished is Finished.FAILURE else OrderEnd.CANCELED
@@ -91,14 +91,14 @@ class Feedback:
 
 @dataclass(frozen=True)
 class Attributes:
-    """Attributes that a robot reports, and how they change the earlier ones."""
+    """Attributes that a robot reports about itself, and how they change earlier ones."""
 
     mode: Literal["merge", "replace", "remove"]
     values: dict[str, str]
 
 
 def parse_feedback(action_id: int, body: bytes) -> Feedback:
-    """Reads the body of a feedback.
+    """Parses a robot's feedback about an update order.
 
     Args:
         action_id: the order that the address names; the body's own `id` is ignored.
@@ -122,7 +122,7 @@ def parse_feedback(action_id: int, body: bytes) -> Feedback:
 
 
 def parse_attributes(body: bytes) -> Attributes:
-    """Reads the body of a robot's attributes (`configData`).
+    """Parses the attributes that a robot reports about itself (`configData`).
 
     Args:
         body: JSON in UTF-8.
@@ -224,7 +224,7 @@ def _wrong(where: str, value: object, right: str) -> InvalidParameterException:
 
 @dataclass(frozen=True)
 class OrderFetched:
-    """A robot read its order for the first time."""
+    """Report: a robot read its update order for the first time."""
 
     robot: str
     action_id: int
@@ -234,7 +234,7 @@ class OrderFetched:
 
 @dataclass(frozen=True)
 class OrderFeedback:
-    """A robot said how far it is with its order, or how it ended (`Feedback.order_end`)."""
+    """Report: a robot's progress with its update order, or how the order ended (`Feedback.order_end`)."""
 
     robot: str
     feedback: Feedback
@@ -243,7 +243,9 @@ class OrderFeedback:
 
 @dataclass(frozen=True)
 class CancelFeedback:
-    """A robot answered that its order is cancelled: it is (`Feedback.cancel_end`), or the order goes on."""
+    """Report: a robot's answer to the cancellation of its order: it is cancelled (`Feedback.cancel_end`) or
+    continues.
+    """
 
     robot: str
     feedback: Feedback
@@ -252,7 +254,7 @@ class CancelFeedback:
 
 @dataclass(frozen=True)
 class AttributesSent:
-    """A robot said what it is."""
+    """Report: a robot sent its attributes."""
 
     robot: str
     attributes: Attributes
@@ -261,7 +263,7 @@ class AttributesSent:
 
 @dataclass(frozen=True)
 class RobotsSeen:
-    """When robots polled last, gathered over some seconds: seconds since 1970 by robot."""
+    """Report: the last poll times of robots, gathered over some seconds (seconds since 1970, by robot)."""
 
     last_seen_s: Mapping[str, float]
 

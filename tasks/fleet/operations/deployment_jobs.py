@@ -58,13 +58,13 @@ _DEFAULTS = {
 
 
 def perform_deployment_job(arn: str, service: Service) -> None:
-    """Prepares what robots download, and brings it to them."""
+    """Runs a deployment job: prepares the files for robots, and rolls them out."""
     run_under_lease(arn, DEPLOYMENT, service, lambda lease: DeploymentRun(lease, service).run())
 
 
 @operation("CreateDeploymentJob", perform=perform_deployment_job)
 def create_deployment_job(request: CreateDeploymentJobRequest, service: Service) -> Answer:
-    """Stores a deployment to the robots of a fleet.
+    """Handles `CreateDeploymentJob`: stores a new deployment to the robots of a fleet.
 
     Refused are fleets without robots, and applications that none of the robots can run. A robot that
     cannot run it beside others that can is left to the deployment, which fails for that robot only.
@@ -79,7 +79,7 @@ def create_deployment_job(request: CreateDeploymentJobRequest, service: Service)
 
 
 def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
-    """Says what a deployment would do; stores nothing.
+    """Forecasts what a deployment would do (`robomaker fleet deploy --dry-run`); stores nothing.
 
     Args:
         members: those of a request of CreateDeploymentJob.
@@ -98,7 +98,7 @@ def plan_deployment(members: Mapping[str, Any], service: Service) -> DryRun:
 
 @operation("SyncDeploymentJob", perform=perform_deployment_job)
 def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> Answer:
-    """Stores the fleet's latest deployment once more, however it ended, for its robots that are not in sync with it."""
+    """Handles `SyncDeploymentJob`: repeats the fleet's latest deployment for robots that have not received it."""
     token = ClientToken.of("SyncDeploymentJob", request)
     job = service.find_by_client_token(token)
     if job is None:
@@ -109,7 +109,7 @@ def sync_deployment_job(request: SyncDeploymentJobRequest, service: Service) -> 
 
 @operation("DescribeDeploymentJob")
 def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Service) -> Answer:
-    """Tells how a deployment and each of its robots stand; one that waits names the robots it is meant for."""
+    """Handles `DescribeDeploymentJob`: returns the state of a deployment and of each of its robots."""
     job = _job(request.job, service)
     rollout = rollout_of(job.arn, service)
     robots = _robots(job, rollout, service)
@@ -123,14 +123,14 @@ def describe_deployment_job(request: DescribeDeploymentJobRequest, service: Serv
 
 @operation("ListDeploymentJobs")
 def list_deployment_jobs(request: ListDeploymentJobsRequest, service: Service) -> Answer:
-    """Lists deployment jobs, newest first."""
+    """Handles `ListDeploymentJobs`: lists deployment jobs, newest first."""
     page = page_of(request, DEPLOYMENT, service, "status", "fleetName", most=_PAGE)
     return {"deploymentJobs": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelDeploymentJob")
 def cancel_deployment_job(request: CancelDeploymentJobRequest, service: Service) -> Answer:
-    """Ends a deployment early; one that has ended stays as it is."""
+    """Handles `CancelDeploymentJob`: ends a deployment early; one that has ended stays as it is."""
     job = _job(request.job, service)
     if not is_terminal(DEPLOYMENT, job.status):
         # The fleet may be deleted meanwhile, which ends its deployment.

@@ -28,14 +28,14 @@ _NAMESAKES = 1000  # how many fleets of one name a millisecond may bring before 
 
 @operation("CreateFleet")
 def create_fleet(request: CreateFleetRequest, service: Service) -> CreateFleetResponse:
-    """Stores a fleet; names may repeat, since the ARN has the moment of creation besides."""
+    """Handles `CreateFleet`: stores a fleet. Names may repeat, as the ARN contains the creation time."""
     fleet = _stored(request, service)
     return CreateFleetResponse(arn=fleet.arn, name=fleet.name, createdAt=fleet.created_at, tags=dict(fleet.tags))
 
 
 @operation("DescribeFleet")
 def describe_fleet(request: DescribeFleetRequest, service: Service) -> Answer:
-    """Tells which robots a fleet has, and how its last deployment stands."""
+    """Handles `DescribeFleet`: returns the fleet's robots and the state of its last deployment."""
     fleet = service.catalog.get(_checked(request.fleet), kind=FLEET)
     (summary,) = _summaries([fleet], service)
     robots = robot_summaries(robots_of(fleet.arn, service), service)
@@ -44,14 +44,14 @@ def describe_fleet(request: DescribeFleetRequest, service: Service) -> Answer:
 
 @operation("ListFleets")
 def list_fleets(request: ListFleetsRequest, service: Service) -> Answer:
-    """Lists fleets, newest first."""
+    """Handles `ListFleets`: lists fleets, newest first."""
     page = page_of(request, FLEET, service, "name", most=_PAGE)
     return {"fleetDetails": _summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteFleet")
 def delete_fleet(request: DeleteFleetRequest, service: Service) -> Answer:
-    """Removes a fleet, deregisters its robots, and fails its deployment if one has not ended.
+    """Handles `DeleteFleet`: deletes a fleet, deregisters its robots, and fails an unfinished deployment.
 
     A fleet that is not there is gone already.
     """

@@ -29,7 +29,7 @@ _PAGE = 200
 
 @operation("CreateRobot")
 def create_robot(request: CreateRobotRequest, service: Service) -> CreateRobotResponse:
-    """Stores a robot under a name of its own."""
+    """Handles `CreateRobot`: stores a robot under a unique name."""
     settings = service.settings
     arn = application_arn(settings.region, settings.account, ROBOT, request.name, service.clock())
     robot = service.catalog.create(
@@ -59,7 +59,7 @@ def create_robot(request: CreateRobotRequest, service: Service) -> CreateRobotRe
 
 @operation("DescribeRobot")
 def describe_robot(request: DescribeRobotRequest, service: Service) -> Answer:
-    """Tells what a robot is and where it belongs."""
+    """Handles `DescribeRobot`: returns the robot's data, fleet and last deployment."""
     robot = service.catalog.get(_checked(request.robot), kind=ROBOT)
     (summary,) = robot_summaries([robot], service)
     group = summary.pop("greenGrassGroupId")
@@ -68,14 +68,14 @@ def describe_robot(request: DescribeRobotRequest, service: Service) -> Answer:
 
 @operation("ListRobots")
 def list_robots(request: ListRobotsRequest, service: Service) -> Answer:
-    """Lists robots, newest first."""
+    """Handles `ListRobots`: lists robots, newest first."""
     page = page_of(request, ROBOT, service, "status", "fleetName", most=_PAGE)
     return {"robots": robot_summaries(page.resources, service), "nextToken": page.next_token}
 
 
 @operation("DeleteRobot")
 def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
-    """Removes a robot; one that is not there is gone already."""
+    """Handles `DeleteRobot`: deletes a robot; does nothing if it is deleted already."""
     robot = _checked(request.robot)
     with suppress(ResourceNotFoundException):
         fleet = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
@@ -87,7 +87,7 @@ def delete_robot(request: DeleteRobotRequest, service: Service) -> Answer:
 
 @operation("RegisterRobot")
 def register_robot(request: RegisterRobotRequest, service: Service) -> RegisterRobotResponse:
-    """Puts a robot into a fleet; one that is in it stays there."""
+    """Handles `RegisterRobot`: adds a robot to a fleet; does nothing if it is in that fleet."""
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
         put_into_fleet(robot, fleet, service)
@@ -96,7 +96,7 @@ def register_robot(request: RegisterRobotRequest, service: Service) -> RegisterR
 
 @operation("DeregisterRobot")
 def deregister_robot(request: DeregisterRobotRequest, service: Service) -> DeregisterRobotResponse:
-    """Takes a robot out of a fleet; one that is in no fleet stays as it is."""
+    """Handles `DeregisterRobot`: removes a robot from its fleet; does nothing if it is in no fleet."""
     robot = _checked(request.robot)
     with fleet_held(request.fleet, service) as fleet:
         there = RobotDocument.of(service.catalog.get(robot, kind=ROBOT)).fleet
@@ -109,7 +109,7 @@ def deregister_robot(request: DeregisterRobotRequest, service: Service) -> Dereg
 
 
 def robot_summaries(robots: Sequence[Resource], service: Service) -> list[dict[str, Any]]:
-    """The entries of robots in a list, in the same order."""
+    """Makes the entries of robots for a list response, in the same order."""
     meant = {last for robot in robots if (last := RobotDocument.of(robot).last_deployment_job) is not None}
     jobs = service.catalog.get_many(meant)
     return [_summary(robot, jobs) for robot in robots]

@@ -19,30 +19,30 @@ _MOST_TICKS = 6
 
 @dataclass(frozen=True)
 class Scale:
-    """From when to when the chart reaches, in seconds since the epoch."""
+    """Time axis of a deployment's chart: its start and end in seconds since the epoch."""
 
     from_s: float
     until_s: float
 
     @property
     def length_s(self) -> float:
-        """How long that is; never nothing, so that a rollout that ended at once can be drawn."""
+        """Length of the time axis in seconds; always above 0."""
         return max(self.until_s - self.from_s, 0.1)
 
     def part(self, at_s: float) -> float:
-        """Position of a moment, from 0 at the left to 1 at the right."""
+        """Returns the position of a time on the axis, from 0 at the left to 1 at the right."""
         return min(1.0, max(0.0, (at_s - self.from_s) / self.length_s))
 
     def at(self, at_s: float) -> str:
-        """Position of a moment, as a coordinate of SVG, in percent of the width."""
+        """Returns the position of a time as an SVG coordinate, in percent of the width."""
         return percent(self.part(at_s))
 
     def width(self, from_s: float, until_s: float) -> str:
-        """How wide a time is, as a length."""
+        """Returns the width of a time span as an SVG length, in percent."""
         return percent(self.part(until_s) - self.part(from_s))
 
     def ticks(self) -> list[tuple[float, str]]:
-        """Round times since the beginning, at most seven: where, from 0 to 1, and in words."""
+        """Returns at most seven axis ticks at round times: position from 0 to 1, and label."""
         step_s = next((step for step in _STEPS_S if self.length_s / step <= _MOST_TICKS), self.length_s / _MOST_TICKS)
         times = [number * step_s for number in range(int(self.length_s / step_s) + 1)]
         return [(min(1.0, time_s / self.length_s), _in_words(time_s)) for time_s in times]
@@ -53,7 +53,7 @@ def _in_words(time_s: float) -> str:
 
 
 def percent(part: float) -> str:
-    """A part of the width as SVG has it, to a hundredth of a percent."""
+    """Formats a fraction of the width for SVG, in percent with two decimals."""
     return f"{100 * part:.2f}".rstrip("0").rstrip(".") + "%"
 
 
@@ -63,7 +63,7 @@ COLUMNS = 120
 
 @dataclass(frozen=True)
 class Block:
-    """Robots that did the same for some columns; neighbours with as many are one block."""
+    """A rectangle in a deployment's chart: robots that are in the same phase for some columns."""
 
     phase: Phase
     column: int
@@ -76,7 +76,7 @@ class Block:
 
 
 def blocks_of(robots: Sequence[Iterable[Span]], scale: Scale) -> list[Block]:
-    """Phases of the robots of a wave, as blocks on top of one another.
+    """Converts the phases of a wave's robots to stacked rectangles for the chart.
 
     Args:
         robots: the spans of each.
@@ -131,7 +131,9 @@ _CELLS = 200
 
 
 def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
-    """Marks that all rows share: pauses, times without an open window, the moment of the threshold."""
+    """Draws the marks common to all rows of the chart: pauses, closed maintenance windows, and the failure
+    threshold.
+    """
     parts = [
         element("rect", class_=kind, x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
         for kind, pauses in (("closed", closed), ("pause", rollout.pauses))
@@ -144,27 +146,27 @@ def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
 
 
 def breach_of(rollout: Rollout) -> float | None:
-    """When the threshold was reached, in seconds since the epoch; nothing: it was not."""
+    """Returns when the failure threshold was reached, in seconds since the epoch; `None` if it was not."""
     return rollout.ended_s if rollout.failure_code == "FailureThresholdBreached" else None
 
 
 def pauses_of(pauses: Iterable[Pause], scale: Scale) -> list[tuple[float, float]]:
-    """From when to when no robot got an order; a pause that goes on reaches up to the end of the chart."""
+    """Returns start and end of each pause on the chart; an open pause reaches to the end."""
     return [(pause.from_s, scale.until_s if pause.until_s is None else pause.until_s) for pause in pauses]
 
 
 def robot_bar(spans: Sequence[Span], scale: Scale, label: str) -> Markup:
-    """The row of a robot."""
+    """Draws a robot's row in the chart."""
     return _row([_bar(span, scale) for span in spans], BAR, label)
 
 
 def wave_blocks(blocks: Iterable[Block], label: str) -> Markup:
-    """The row of a wave: how many of its robots did what."""
+    """Draws a wave's row in the chart: how many of its robots are in which phase."""
     return _row([_block(block) for block in blocks], WAVE, label)
 
 
 def axis(scale: Scale) -> Markup:
-    """The times above the rows; narrow screens show every other."""
+    """Draws the time labels above the chart; narrow screens show every second one."""
     last = len(scale.ticks()) - 1
     words = []
     for number, (part, text) in enumerate(scale.ticks()):
@@ -175,7 +177,7 @@ def axis(scale: Scale) -> Markup:
 
 
 def failures(times_s: Sequence[float], robots: int, threshold_percentage: int, scale: Scale) -> Markup:
-    """The share of robots that have failed, and the threshold.
+    """Draws the curve of the share of failed robots, and the failure threshold.
 
     Args:
         times_s: when each robot failed, in seconds since the epoch.

@@ -9,7 +9,7 @@ from .view import view_rollout
 
 
 def render_deployment(report: DeploymentReport) -> str:
-    """Renders the report of a deployment as one HTML document that loads nothing from anywhere.
+    """Renders the report of a deployment as one self-contained HTML document.
 
     Args:
         report: what to show.
@@ -18,7 +18,7 @@ def render_deployment(report: DeploymentReport) -> str:
 
 
 def write_deployment(report: DeploymentReport, path: Path) -> Path:
-    """Renders the report of a deployment into a file, which appears only when it is whole.
+    """Writes the HTML report of a deployment to a file, atomically.
 
     Args:
         report: what to show.

@@ -32,7 +32,7 @@ _LONGEST_AFTER = 0.5
 
 @dataclass(frozen=True)
 class Span:
-    """A phase of one robot; times are seconds since the epoch."""
+    """A phase of one robot in a deployment, with start and end in seconds since the epoch."""
 
     phase: Phase
     from_s: float
@@ -41,7 +41,7 @@ class Span:
 
 @dataclass(frozen=True)
 class RobotEnd:
-    """How the deployment stands with a robot."""
+    """Result of a deployment for one robot, for the report."""
 
     outcome: Outcome
     """Sign and colour."""
@@ -50,7 +50,7 @@ class RobotEnd:
 
 
 def last_moment(report: DeploymentReport, rollout: Rollout) -> float:
-    """Up to when the chart reaches, in seconds since the epoch."""
+    """Returns the end of the chart's time axis, in seconds since the epoch."""
     if rollout.ended_s is None:
         return max(report.now_s, rollout.began_s)
     latest_s = rollout.ended_s + _LONGEST_AFTER * (rollout.ended_s - rollout.began_s)
@@ -59,7 +59,7 @@ def last_moment(report: DeploymentReport, rollout: Rollout) -> float:
 
 
 def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
-    """Phases of a robot, in order.
+    """Returns the phases of a robot in a deployment, in order.
 
     Args:
         state: the robot; of its orders, the latest is known.
@@ -81,7 +81,7 @@ def spans_of(state: RobotDeploymentState, until_s: float) -> list[Span]:
 
 
 def end_of(state: RobotDeploymentState, *, active: bool) -> RobotEnd:
-    """How the deployment stands with a robot.
+    """Returns the result of a deployment for one robot, for the report.
 
     Args:
         state: the robot.

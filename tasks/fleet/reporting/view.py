@@ -33,7 +33,7 @@ _STATES: dict[str, tuple[Outcome, str]] = {
 
 @dataclass(frozen=True)
 class RobotView:
-    """A robot's row in the chart and in the table."""
+    """A robot's row in the chart and table of a deployment's report."""
 
     name: str
     wave: int | None
@@ -53,7 +53,7 @@ class RobotView:
 
 @dataclass(frozen=True)
 class WaveView:
-    """A wave in the chart."""
+    """A wave (group of robots) in the chart of a deployment's report."""
 
     number: int
     count: int
@@ -66,7 +66,7 @@ class WaveView:
 
 @dataclass(frozen=True)
 class Fact:
-    """A line of what was deployed."""
+    """A labelled value in a deployment's report, such as the application's version."""
 
     name: str
     value: str
@@ -75,7 +75,7 @@ class Fact:
 
 @dataclass(frozen=True)
 class RolloutPage:
-    """Everything the template needs."""
+    """All values that the HTML template of a deployment's report needs."""
 
     report: DeploymentReport
     outcome: Outcome
@@ -105,12 +105,12 @@ class RolloutPage:
 
     @property
     def is_large(self) -> bool:
-        """Whether the chart shows shares of waves in place of robots."""
+        """Whether the chart shows shares of waves instead of single robots."""
         return any(wave.count and not wave.robots for wave in self.waves)
 
 
 def view_rollout(report: DeploymentReport) -> RolloutPage:
-    """Computes the page."""
+    """Computes the values for the HTML template of a deployment's report."""
     outcome, state = _STATES.get(report.status, (Outcome.UNFINISHED, _state_in_words(report)))
     began_s = report.created_s if report.rollout is None else report.rollout.began_s
     page = RolloutPage(

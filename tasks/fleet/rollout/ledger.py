@@ -66,7 +66,7 @@ _STOPS: dict[StopCause, tuple[Verdict, DeploymentJobErrorCode]] = {
 
 
 def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = None) -> Rollout:
-    """A rollout that begins.
+    """Creates the initial state of a rollout.
 
     Args:
         plan: what it will do.
@@ -87,7 +87,7 @@ def begin(plan: RolloutPlan, now_s: float, earlier: Mapping[str, int] | None = N
 
 
 class Ledger:
-    """A rollout that takes in events; not for several threads at once."""
+    """State machine of a rollout (deployment to robots), which applies events. Not for several threads at once."""
 
     def __init__(self, rollout: Rollout) -> None:
         """Reads a rollout, which itself stays as it is."""
@@ -103,7 +103,7 @@ class Ledger:
         self._change_s = next_change_s(self._plan.windows, self._now_s)
 
     def rollout(self) -> Rollout:
-        """The rollout as it stands, to be stored."""
+        """Returns the current state of the rollout, to be stored."""
         return self._rollout.model_copy(update={"robots": dict(self._robots), "now_s": self._now_s})
 
     @property
@@ -113,25 +113,25 @@ class Ledger:
 
     @property
     def waits_for_approval(self) -> bool:
-        """Whether robots wait until a person has approved."""
+        """Whether robots wait until a person has approved the deployment."""
         is_asked = self._plan.requires_approval and self._rollout.approved_s is None
         return is_asked and self._is_active and self._tally.canaries.has_ended
 
     @property
     def open_orders(self) -> int:
-        """How many robots have an open order."""
+        """Number of robots that have an open order."""
         return self._tally.open
 
     def robot(self, arn: str) -> RobotDeploymentState:
-        """How a robot of the rollout stands."""
+        """Returns the state of a robot in the rollout."""
         return self._robots[arn]
 
     def note_rollback(self, rollback: Rollback) -> None:
-        """Notes how robots go back to the version before, once the rollout has failed."""
+        """Records the rollback of a failed rollout: how robots return to their old version."""
         self._set(rollback=rollback)
 
     def unanswered(self) -> dict[str, int]:
-        """Orders that were canceled and that robots may still carry out, by robot."""
+        """Returns cancelled orders that robots have not answered and may still carry out, by robot."""
         orders: dict[str, int] = {}
         for robot, state in self._robots.items():
             number = state.earlier_action_id or (state.action_id if state.order in UNANSWERED else None)
@@ -140,7 +140,7 @@ class Ledger:
         return orders
 
     def offers(self) -> tuple[str, ...]:
-        """Robots that each get an order now, with a number of its own, which the ledger is told by `Offered`.
+        """Returns the robots that should each get an order now; each order is confirmed with an `Offered` event.
 
         Ask again after each event, and at `wake_s`.
         """
@@ -150,14 +150,17 @@ class Ledger:
         return self._line.next(free, first=self._is_active, others=self._is_released)
 
     def wake_s(self) -> float | None:
-        """When the next time-out comes, or a maintenance window may open or close, in seconds since the epoch.
+        """Returns when to check again: the next time-out, or change of a maintenance window, in seconds since the
+        epoch.
+
+        `None`: only events change the rollout.
 
         Nothing: only events change the rollout.
         """
         return self._wake_s() if self._is_active or self._tally.open or self._line.has_returns else None
 
     def apply(self, event: RolloutEvent, now_s: float) -> None:
-        """Takes in an event, after the time-outs that came before it.
+        """Applies an event to the rollout, after the time-outs that came before it.
 
         Args:
             event: what happened. Robots that are not of this rollout are left alone.
@@ -187,7 +190,7 @@ class Ledger:
         self._judge()
 
     def pass_time(self, now_s: float) -> None:
-        """Lets time pass: orders and the rollout time out, windows open and close, at their own moments."""
+        """Applies all time-outs and maintenance windows up to a time."""
         self._judge()
         now_s = max(now_s, self._now_s)
         while (wake_s := self._wake_s()) is not None and wake_s <= now_s:

@@ -12,7 +12,7 @@ _DOWNLOAD = "DownloadingExtracting"
 
 
 def with_progress(state: State, event: Progressed, now_s: float) -> State:
-    """The robot after it said how far it is.
+    """Returns a robot's rollout state after a progress report.
 
     A download that begins, or begins again after a loss of power, is measured from there.
     """
@@ -29,7 +29,7 @@ def with_progress(state: State, event: Progressed, now_s: float) -> State:
 
 
 def remaining_s(state: State, now_s: float) -> int | None:
-    """How long a download will still take, in whole seconds.
+    """Estimates how long a robot's download will still take, in whole seconds.
 
     The speed is that between its first and its last report; since the last report, the time left runs down.
 
@@ -55,12 +55,12 @@ _CLOSING = Succeeded | Failed | Canceled
 
 
 def changed(state: State, **members: Any) -> State:
-    """The state with other members."""
+    """Returns a copy of a robot's rollout state with some members changed."""
     return state.model_copy(update=members)
 
 
 def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> State:
-    """The robot with a new order, which it has to fetch in time."""
+    """Returns a robot's rollout state with a new order, which it has to fetch in time."""
     return changed(
         state,
         order="offered",
@@ -81,19 +81,19 @@ def offered(state: State, action_id: int, now_s: float, timeout_s: float) -> Sta
 
 
 def held_back(state: State, now_s: float) -> State:
-    """The robot whose order, which it has not fetched, is held back; its time stands still."""
+    """Returns a robot's rollout state with its unfetched order held back; its time limit stops."""
     if state.order != "offered" or state.deadline_s is None:
         return state
     return changed(state, deadline_s=None, left_s=max(0.0, state.deadline_s - now_s))
 
 
 def let_go(state: State, now_s: float) -> State:
-    """The robot whose order was held back and can be fetched again, in the time that is left."""
+    """Returns a robot's rollout state with its held-back order open again, for the time that was left."""
     return state if state.left_s is None else changed(state, deadline_s=now_s + state.left_s, left_s=None)
 
 
 def reported(state: State, event: Report, now_s: float, timeout_s: float) -> State:
-    """The robot after a report; the same object if the report changes nothing.
+    """Returns a robot's rollout state after a report; the same object if nothing changes.
 
     Args:
         state: the robot before it.
@@ -122,7 +122,7 @@ def reported(state: State, event: Report, now_s: float, timeout_s: float) -> Sta
 
 
 def timed_out(state: State, timeout_s: float) -> State:
-    """The robot whose open order is not waited for any longer: it has failed, and is told to give up the order."""
+    """Returns a robot's rollout state after its order timed out: it failed, and the order is cancelled."""
     at_s = state.deadline_s or 0.0
     if state.started_s is None:
         code: DeploymentJobErrorCode = "RobotDeploymentNoResponse"
@@ -139,13 +139,15 @@ def timed_out(state: State, timeout_s: float) -> State:
 
 
 def revoked(state: State, now_s: float, code: DeploymentJobErrorCode, reason: str) -> State:
-    """The robot whose open order is canceled: it has failed if it had begun, otherwise it is as if never asked."""
+    """Returns a robot's rollout state after its order was cancelled: failed if it had begun, else as before the
+    order.
+    """
     begun = state.started_s is not None and not state.has_ended
     return _failed(withdrawn(state), code, reason, now_s) if begun else withdrawn(state)
 
 
 def withdrawn(state: State) -> State:
-    """The robot whose open order is canceled, which is no failure."""
+    """Returns a robot's rollout state after its order was cancelled without counting as a failure."""
     return changed(state, order="canceling", deadline_s=None, left_s=None)
 
 

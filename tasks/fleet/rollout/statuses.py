@@ -18,12 +18,12 @@ from .windows import is_open, opens_s
 
 
 def counts_of(rollout: Rollout) -> Counter[str]:
-    """How many robots have succeeded, failed, were canceled, are deploying, or wait."""
+    """Counts the robots of a rollout that succeeded, failed, were canceled, are deploying, or wait."""
     return Counter(_word(state) for state in rollout.robots.values())
 
 
 def current_wave(rollout: Rollout, waves: Sequence[Sequence[str]]) -> int:
-    """The number, from 1, of the first wave that has robots which have not ended; of the last if there is none."""
+    """Returns the number, from 1, of the first wave (group of robots) that has not finished."""
     for number, robots in enumerate(waves, 1):
         if not all(rollout.robots[robot].has_ended for robot in robots):
             return number
@@ -37,7 +37,7 @@ def _word(state: RobotDeploymentState) -> str:
 
 
 def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
-    """Lists what the next orders wait for; empty: nothing, or the rollout has ended.
+    """Lists the reasons why no further robots get orders now; empty if there is none, or the rollout has ended.
 
     Args:
         rollout: the rollout.
@@ -58,7 +58,7 @@ def waits_for(rollout: Rollout, now_s: float) -> list[DeploymentWait]:
 
 
 def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
-    """How robots go back, as DescribeDeploymentJob shows it; nothing: they do not, or not yet."""
+    """Returns the state of the rollback for `DescribeDeploymentJob`; `None` if there is no rollback."""
     back = rollout.rollback
     if back is None:
         return None
@@ -66,7 +66,7 @@ def shown_rollback(rollout: Rollout) -> DeploymentRollback | None:
 
 
 def in_words(wait: DeploymentWait, job: str) -> str:
-    """Describes a wait of a deployment, and how a person can end it.
+    """Describes why a deployment waits, and how a person can end the wait.
 
     Args:
         wait: one of `waits_for`.
@@ -82,12 +82,12 @@ def in_words(wait: DeploymentWait, job: str) -> str:
 
 
 def moment_of(time_s: float | None) -> datetime | None:
-    """A time in seconds since the epoch, as answers show it."""
+    """Converts seconds since the epoch to a time in UTC, as responses show it."""
     return None if time_s is None else datetime.fromtimestamp(time_s, UTC)
 
 
 def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | None:
-    """The status of a robot.
+    """Returns a robot's status (such as InSync or Failed) from its state in the latest rollout.
 
     Args:
         state: how it stands in the latest rollout of its fleet.
@@ -110,7 +110,7 @@ def robot_status(state: RobotDeploymentState, *, active: bool) -> RobotStatus | 
 
 
 def robot_deployments(rollout: Rollout, job: str, now_s: float) -> list[RobotDeployment]:
-    """The deployments to single robots, in the plan's order.
+    """Returns the deployment's state on each robot for a response, in the plan's order.
 
     Args:
         rollout: the rollout.

@@ -14,7 +14,7 @@ _MOST_WAVES = 100  # each is a task run
 
 
 def waves_of(plan: RolloutPlan) -> list[tuple[str, ...]]:
-    """The robots that can get the application, in groups.
+    """Divides the robots of a rollout into waves, which get their orders one after the other.
 
     A group is as large as the number of robots that may have orders at the same time. The next group's first robots get
     theirs as soon as some of the group have ended; but those behind the canaries wait until all canaries have.
@@ -42,12 +42,12 @@ def waits(state: RobotDeploymentState) -> bool:
 
 
 def waits_again(state: RobotDeploymentState) -> bool:
-    """Whether a robot that was away waits for another order."""
+    """Whether a robot that did not answer before waits for another order."""
     return state.returned and state.gone is None
 
 
 class Line:
-    """The robots that wait, in order; robots that do not wait any more drop out when their turn comes."""
+    """Queue of the robots that wait for an order in a rollout."""
 
     def __init__(self, plan: RolloutPlan, robots: Mapping[str, RobotDeploymentState]) -> None:
         """Lines up the robots of a rollout.
@@ -63,7 +63,7 @@ class Line:
         self._place = {robot: place for place, robot in enumerate(plan.order)}
 
     def update(self, robot: str) -> None:
-        """Lines up a robot that was away and is back, or takes it out of the line again."""
+        """Puts a robot that came back into the queue, or removes it."""
         if waits_again(self._robots[robot]):
             self._returned.add(robot)
         else:
@@ -71,11 +71,11 @@ class Line:
 
     @property
     def has_returns(self) -> bool:
-        """Whether robots that were away wait for another order."""
+        """Whether robots that came back wait for another order."""
         return bool(self._returned)
 
     def next(self, count: int, *, first: bool, others: bool) -> tuple[str, ...]:
-        """The robots whose turn it is.
+        """Returns the robots that are next to get an order.
 
         Args:
             count: how many at most.
@@ -99,7 +99,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Verdict:
-    """How a rollout ends."""
+    """Final result of a rollout."""
 
     status: RolloutStatus
     code: DeploymentJobErrorCode | None = None
@@ -108,7 +108,7 @@ class Verdict:
 
 @dataclass
 class Group:
-    """Counts of the robots of a fleet, or of its canaries, that take part.
+    """Counts of robots by outcome, for a whole fleet or its canary robots.
 
     Robots that cannot get the application, and robots that left before they ended, do not take part.
     """
@@ -119,7 +119,7 @@ class Group:
     failed: int = 0
 
     def count(self, state: RobotDeploymentState, sign: int) -> None:
-        """Counts a robot in, or out again."""
+        """Adds a robot to the counts, or removes it (`sign` -1)."""
         if state.gone is not None and state.outcome is None:
             return
         self.robots += sign
@@ -128,11 +128,11 @@ class Group:
 
     @property
     def has_ended(self) -> bool:
-        """Whether each robot has."""
+        """Whether every robot of the group has ended."""
         return self.ended == self.robots
 
     def breach(self, threshold_percentage: int) -> str | None:
-        """How many robots failed if these are too many, in words."""
+        """Returns a text with the number of failed robots if they reach the threshold, else `None`."""
         if not self.failed or self.failed * 100 < threshold_percentage * self.robots:
             return None
         share = 100 * self.failed / self.robots
@@ -144,7 +144,7 @@ class Group:
 
 @dataclass
 class Tally:
-    """Counts of a rollout's robots."""
+    """Counts of a rollout's robots by outcome: all of them, and the canary robots."""
 
     plan: RolloutPlan
     fleet: Group = field(default_factory=lambda: Group("robots"))
@@ -156,7 +156,7 @@ class Tally:
         self._canaries = frozenset(self.plan.canaries)
 
     def count(self, robot: str, state: RobotDeploymentState, sign: int) -> None:
-        """Counts a robot in (`sign` 1), or out again (-1)."""
+        """Adds a robot to the counts (`sign` 1), or removes it (-1)."""
         self.open += sign * state.is_open
         if robot in self._unfit:
             return
@@ -165,7 +165,7 @@ class Tally:
             self.canaries.count(state, sign)
 
     def verdict(self) -> Verdict | None:
-        """How the rollout ends now; nothing: it goes on."""
+        """Returns the rollout's final result; `None` if it has not ended."""
         for group in (self.canaries, self.fleet):
             if reason := group.breach(self.plan.threshold_percentage):
                 return Verdict("Failed", "FailureThresholdBreached", reason)

@@ -18,7 +18,7 @@ _AHEAD_DAYS = 8
 
 
 def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
-    """Whether robots may be changed at a time.
+    """Whether a time is inside a maintenance window, so that robots may be updated.
 
     Args:
         windows: the windows; without any, robots may be changed at all times.
@@ -28,7 +28,7 @@ def is_open(windows: Sequence[MaintenanceWindow], now_s: float) -> bool:
 
 
 def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float | None:
-    """Up to when `is_open` is certain to stay as it is, in seconds since the epoch, after the given time.
+    """Returns until when `is_open` keeps its value, in seconds since the epoch; `None` means forever.
 
     Usually it changes then; where it does not for a week, this is a moment to ask again. Nothing: it never changes.
     """
@@ -43,7 +43,7 @@ def next_change_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float |
 
 
 def opens_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float:
-    """When robots may be changed next, in seconds since the epoch; now, if they may be now."""
+    """Returns when a maintenance window is open next, in seconds since the epoch; now, if one is open."""
     moment: float | None = now_s
     while moment is not None and not is_open(windows, moment):
         moment = next_change_s(windows, moment)
@@ -51,7 +51,7 @@ def opens_s(windows: Sequence[MaintenanceWindow], now_s: float) -> float:
 
 
 def closed_spans(windows: Sequence[MaintenanceWindow], from_s: float, until_s: float) -> Iterator[tuple[float, float]]:
-    """From when to when no window was open between two times, in seconds since the epoch."""
+    """Yields the time spans without an open maintenance window, in seconds since the epoch."""
     moment: float | None = from_s
     since_s: float | None = None
     while moment is not None and moment < until_s:
@@ -90,7 +90,7 @@ MOST_PAUSES = 100
 
 
 def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float) -> tuple[Pause, ...]:
-    """The pauses after one has begun or ended; a repetition changes nothing.
+    """Returns a rollout's pauses after one begins or ends; a repetition changes nothing.
 
     Args:
         pauses: those before, oldest first.
@@ -105,7 +105,7 @@ def with_pause(pauses: tuple[Pause, ...], event: Paused | Resumed, now_s: float)
 
 
 class Deadlines:
-    """The moments at which open orders time out."""
+    """Queue of the times at which robots' open orders time out."""
 
     def __init__(self, robots: Mapping[str, RobotDeploymentState]) -> None:
         """Reads the deadlines of robots.
@@ -120,12 +120,12 @@ class Deadlines:
             self.add(robot, state)
 
     def add(self, robot: str, state: RobotDeploymentState) -> None:
-        """Takes in the deadline of a robot, if it has one; its earlier ones do not hold any more."""
+        """Adds a robot's deadline, if it has one; its earlier deadlines are void."""
         if state.deadline_s is not None:
             heapq.heappush(self._heap, (state.deadline_s, self._place[robot], robot))
 
     def next(self) -> tuple[float, str] | None:
-        """The earliest deadline that holds, and whose it is."""
+        """Returns the earliest valid deadline (seconds since the epoch) and its robot; `None` if there is none."""
         while self._heap:
             deadline_s, _, robot = self._heap[0]
             if self._robots[robot].deadline_s == deadline_s:

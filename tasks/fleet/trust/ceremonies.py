@@ -30,7 +30,7 @@ ROOT = "root"
 
 
 class AttestedChange(NamedTuple):
-    """Changes of a new root to the attestation rules of the root before it."""
+    """Changes that a new TUF root makes to the rules which applications need attestations."""
 
     keys: Sequence[Key] = ()
     """Those that agents believe from now on; none: the same as before."""
@@ -48,7 +48,7 @@ NO_CHANGE = AttestedChange()
 def begin_apart(
     publisher: Publisher, root_keys: int, threshold: int, folder: Path, change: AttestedChange = NO_CHANGE
 ) -> Metadata[Root]:
-    """Makes the repository's first root, with root keys that lie elsewhere.
+    """Creates the update repository's first TUF root, with root keys stored apart (such as on a USB stick).
 
     Args:
         publisher: of this machine; it gets the keys of the other roles.
@@ -81,7 +81,7 @@ def begin_apart(
 
 
 def rotate_applications(publisher: Publisher) -> None:
-    """Replaces the key that signs for all applications; it needs no root.
+    """Replaces the key that signs all applications' updates; no root signature is needed.
 
     Raises:
         ConfigurationError: a key is missing.
@@ -99,7 +99,7 @@ def rotate_applications(publisher: Publisher) -> None:
 
 
 class RenewedRoot(NamedTuple):
-    """Result of a root ceremony."""
+    """Result of a root ceremony, in which key holders sign a new TUF root."""
 
     version: int
     expires: datetime
@@ -117,7 +117,7 @@ def renew_root(
     folder: Path | None,
     change: AttestedChange = NO_CHANGE,
 ) -> RenewedRoot:
-    """Makes the root that follows, or goes on with the one that waits, and adds signatures.
+    """Creates the next TUF root, or continues with the draft that waits, and adds signatures.
 
     Args:
         publisher: of this machine.
@@ -143,7 +143,7 @@ def renew_root(
 def draft_root(
     publisher: Publisher, rotate: Sequence[str], folder: Path | None, change: AttestedChange = NO_CHANGE
 ) -> tuple[Metadata[Root], list[Path]]:
-    """The root that waits for signatures; a new one, where none does.
+    """Returns the draft of the next TUF root that waits for signatures; creates one if there is none.
 
     Args:
         publisher: of this machine.
@@ -181,7 +181,7 @@ def draft_root(
 
 
 def sign_draft(publisher: Publisher, draft: Metadata[Root], key_files: Sequence[Path]) -> int:
-    """Adds signatures to a root, and publishes it once there are enough.
+    """Adds signatures to the draft of a TUF root, and publishes it once it has enough.
 
     Args:
         publisher: of this machine.

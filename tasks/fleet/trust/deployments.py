@@ -33,14 +33,14 @@ from .roles import TIMESTAMP_S, application_role, target_folder, target_key
 
 @dataclass
 class TargetStep:
-    """Targets of one application that are published together."""
+    """Files of one application that become visible to robots together in the update repository."""
 
     publisher: Publisher
     application: str
     _targets: dict[str, TargetFile] = field(default_factory=dict[str, TargetFile])
 
     def add_file(self, target: str, path: Path, hashes: FileHashes) -> str:
-        """Puts a file into the object store, unless it is there.
+        """Uploads a file for the update repository unless it exists; returns its object-store key.
 
         Args:
             target: its path as a target.
@@ -59,7 +59,7 @@ class TargetStep:
         return key
 
     def add_bytes(self, target: str, content: bytes) -> str:
-        """Puts a small file into the object store; returns its path as a target."""
+        """Uploads a small content for the update repository; returns its target path."""
         files = self.publisher.files
         described = TargetFile.from_data(target, content, ["sha256"])
         files.store.ensure_bucket(files.bucket)
@@ -68,7 +68,7 @@ class TargetStep:
         return target
 
     def publish(self) -> None:
-        """Makes all of them visible at once; of no effect if they are.
+        """Makes all added files visible to robots at once; does nothing if they are visible.
 
         Raises:
             ConfigurationError: a key is missing, or the store has what the keys have not signed.
@@ -91,7 +91,7 @@ _GZIP, _ZIP = b"\x1f\x8b", b"PK"
 
 
 class DeploymentTargets(BaseModel):
-    """Content of a deployment document; all paths are target paths."""
+    """Content of a deployment document, by which robots' agents find the files to install."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -109,33 +109,33 @@ class DeploymentTargets(BaseModel):
     tags: dict[str, str] = Field(default={}, description="Tags of the deployment job.")
 
     def to_bytes(self) -> bytes:
-        """The document as it is published."""
+        """Returns the document as the bytes that are published."""
         launch = self.launch.model_dump(mode="json", by_alias=True, exclude_none=True)
         return self.model_copy(update={"launch": launch}).model_dump_json(warnings=False).encode()
 
 
 def document_path(application: str, job_id: str) -> str:
-    """Path of the document of a deployment job."""
+    """Returns the repository path of a deployment job's document."""
     return f"{target_folder(application)}/deployments/{job_id}.json"
 
 
 def bundle_path(application: str, sha256: str, suffix: BundleSuffix) -> str:
-    """Path of an archive."""
+    """Returns the repository path of an application archive."""
     return f"{target_folder(application)}/bundles/{sha256}.{suffix}"
 
 
 def condition_path(application: str, sha256: str) -> str:
-    """Path of a program that is asked before a download."""
+    """Returns the repository path of a condition program, which robots run before a download."""
     return f"{target_folder(application)}/conditions/{sha256}"
 
 
 def attestation_path(application: str, sha256: str) -> str:
-    """Path of an attestation."""
+    """Returns the repository path of an attestation."""
     return f"{target_folder(application)}/attestations/{sha256}.json"
 
 
 def suffix_of(beginning: bytes) -> BundleSuffix:
-    """How the name of an archive ends, by its first bytes."""
+    """Returns the file name suffix of an archive, recognised by its first bytes."""
     if beginning.startswith(_GZIP):
         return "tar.gz"
     return "zip" if beginning.startswith(_ZIP) else "tar"
@@ -158,7 +158,7 @@ def publish(
     service: Service,
     attestations: Sequence[bytes] = (),
 ) -> dict[str, Artifact]:
-    """Publishes a deployment for agents; all of it becomes visible at once.
+    """Publishes a deployment's files to the agents on robots, all at once.
 
     Args:
         job: the deployment job.

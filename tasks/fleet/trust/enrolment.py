@@ -26,7 +26,7 @@ _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 class OneTimeToken(NamedTuple):
-    """One-time token with which a person enrols a robot."""
+    """One-time token with which a person enrols a robot (lets it log in for the first time)."""
 
     text: str
     """The whole token."""
@@ -36,7 +36,9 @@ class OneTimeToken(NamedTuple):
 
 
 def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotate: bool) -> OneTimeToken:
-    """Makes a one-time token, of which the catalog keeps the hash; one that the robot had before is worth nothing more.
+    """Makes a one-time token for a robot's enrolment; the catalog stores only its hash.
+
+    An earlier token of the robot becomes invalid.
 
     Args:
         robot: the robot.
@@ -71,7 +73,7 @@ def offer(robot: Resource, service: Service, random_bytes: RandomBytes, *, rotat
 
 
 def take(name: str, secret: str, token_sha256: str, service: Service) -> str | None:
-    """Lets an agent in.
+    """Enrols an agent that shows its robot's one-time token, and returns the TUF root it has to trust.
 
     Args:
         name: the robot's.

@@ -26,13 +26,13 @@ from .roles import FOLDER, NEWEST_TIMESTAMP_KEY, TIMESTAMPS, metadata_key, times
 
 @dataclass(frozen=True)
 class RepositoryFiles:
-    """The files."""
+    """Files of the signed update repository (TUF metadata) in the object store."""
 
     store: ObjectStore
     bucket: str
 
     def newest_timestamp(self) -> tuple[int, bytes] | None:
-        """The number and content of the newest timestamp; `None`: nothing has been published.
+        """Returns number and content of the newest TUF timestamp; `None` if nothing has been published.
 
         Raises:
             StorageError: the store does not answer.
@@ -46,7 +46,7 @@ class RepositoryFiles:
         return max(numbers), self.store.get_bytes(self.bucket, timestamp_key(max(numbers)))
 
     def metadata(self, role: str, version: int) -> bytes:
-        """A version of a role's metadata, as it is stored.
+        """Reads a version of a TUF role's metadata, as it is stored.
 
         Raises:
             ObjectNotFoundError: it is not there.
@@ -54,7 +54,7 @@ class RepositoryFiles:
         return self.store.get_bytes(self.bucket, metadata_key(role, version))
 
     def newer_roots(self, known: Metadata[Root]) -> list[bytes]:
-        """The roots that follow one that is known, each signed as the one before it demands.
+        """Reads the TUF roots that follow a known one, each verified with the root before it.
 
         Raises:
             ConfigurationError: one is not.
@@ -79,7 +79,7 @@ class RepositoryFiles:
             newest = following
 
     def read(self, root: Metadata[Root], number: int, newest: bytes, applications: Iterable[str]) -> Repository:
-        """Reads what the repository says, and checks all of it but whether it has expired.
+        """Reads the update repository's metadata, and verifies all signatures; expiry is not checked.
 
         Args:
             root: the root.
@@ -104,11 +104,11 @@ class RepositoryFiles:
         return Repository(root, timestamp, snapshot, targets, known)
 
     def write(self, role: str, version: int, content: bytes) -> bool:
-        """Writes a version of a role's metadata, durably; `False`: that version exists and is another."""
+        """Stores a version of a TUF role's metadata; returns false if that version exists with another content."""
         return self._create(metadata_key(role, version), content)
 
     def commit(self, number: int, timestamp: bytes) -> bool:
-        """Makes what was written visible, by one write; `False`: another publisher was quicker.
+        """Makes the stored metadata visible by writing the timestamp; returns false if another publisher was first.
 
         The copy for those who read plain files is brought up to date after it.
         """
@@ -118,7 +118,7 @@ class RepositoryFiles:
         return True
 
     def copy_timestamp(self) -> None:
-        """Brings the copy up to date; again, if another publisher was quicker and this one late."""
+        """Updates the unnumbered copy of the timestamp, for clients that read plain files."""
         copied = 0
         while (newest := self.newest_timestamp()) is not None and newest[0] != copied:
             copied, content = newest

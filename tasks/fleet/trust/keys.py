@@ -35,7 +35,7 @@ _SHOWN = 16
 
 
 def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
-    """Makes a key, and writes it into a folder.
+    """Creates a signing key for a TUF role, and writes it into a folder.
 
     Args:
         role: what it is for.
@@ -53,7 +53,7 @@ def new_key(role: str, folder: Path, random_bytes: RandomBytes) -> CryptoSigner:
 
 
 def read_key(path: Path) -> CryptoSigner:
-    """Reads a key.
+    """Reads a signing key of a TUF role from a file.
 
     Raises:
         ConfigurationError: it is not there, may not be read, or is no such key.
@@ -70,7 +70,7 @@ def read_key(path: Path) -> CryptoSigner:
 
 
 class KeyFolder:
-    """The keys that lie in a folder.
+    """A folder with signing keys of the update repository.
 
     Args:
         path: the folder; it is made when the first key is.
@@ -82,7 +82,7 @@ class KeyFolder:
 
     @contextmanager
     def held(self) -> Iterator[None]:
-        """Lets one process of this machine at a time make keys or a root; creates the folder."""
+        """Locks the folder inside the `with` block, so that one process at a time creates keys or a root."""
         try:
             self.path.mkdir(mode=0o700, parents=True, exist_ok=True)
             lock = (self.path / "lock").open("w")
@@ -93,11 +93,11 @@ class KeyFolder:
             yield
 
     def of_role(self, role: str) -> list[CryptoSigner]:
-        """The keys that lie there for a role, by the names of their files."""
+        """Returns the keys in the folder that are for a TUF role, ordered by file name."""
         return [read_key(path) for path in sorted(self.path.glob(f"{role}-*.pem"))]
 
     def among(self, role: str, keyids: Collection[str]) -> list[CryptoSigner]:
-        """The keys of a role that are among some.
+        """Returns the keys of a TUF role whose ids are among the given ones.
 
         Raises:
             ConfigurationError: there are none, so that nothing can be signed for it here.
@@ -111,14 +111,14 @@ class KeyFolder:
         return found
 
     def remove_others(self, role: str, keyids: Collection[str]) -> None:
-        """Removes the keys of a role that no robot takes any more."""
+        """Deletes keys of a TUF role that are not among the given ids, as robots no longer accept them."""
         for path in self.path.glob(f"{role}-*.pem"):
             if read_key(path).public_key.keyid not in keyids:
                 path.unlink(missing_ok=True)
 
 
 def write_private(path: Path, content: bytes, *, replace: bool = False) -> None:
-    """Writes a whole file that only its user reads.
+    """Writes a whole file that only its user can read.
 
     Args:
         path: the file.
@@ -143,7 +143,7 @@ _TIMESTAMP = "timestamp"
 
 
 class Machine:
-    """Keys and repository state in the folder `robots/trust` of a data home.
+    """Keys and last known repository state of this machine, in the folder `robots/trust` of a data home.
 
     Args:
         folder: that folder.
@@ -155,11 +155,11 @@ class Machine:
 
     @property
     def folder(self) -> Path:
-        """The folder."""
+        """The folder with the keys and state."""
         return self.keys.path
 
     def root(self) -> Metadata[Root] | None:
-        """The newest root that it has seen; `None`: it has seen none.
+        """Returns the newest TUF root that this machine has seen; `None` if it has seen none.
 
         Raises:
             ConfigurationError: the file is no root.
@@ -173,11 +173,11 @@ class Machine:
             raise ConfigurationError(f"{path} is no root of a repository: {error}") from error
 
     def note_root(self, content: bytes) -> None:
-        """Notes a newer root."""
+        """Stores a newer TUF root as seen."""
         write_private(self.folder / _ROOT, content, replace=True)
 
     def seen(self) -> int:
-        """The number of the newest timestamp that it has seen or made; 0: none.
+        """Returns the number of the newest timestamp that this machine has seen or made; 0 if none.
 
         Raises:
             ConfigurationError: the file cannot be read.
@@ -191,7 +191,7 @@ class Machine:
             raise ConfigurationError(f"{path} cannot be read: {error}; remove it if the store is whole") from error
 
     def note_seen(self, number: int) -> None:
-        """Notes the number of a timestamp; smaller ones than before change nothing."""
+        """Stores the number of a timestamp as seen; smaller numbers than before change nothing."""
         if number > self.seen():
             with self.keys.held():
                 if number > self.seen():
@@ -199,7 +199,7 @@ class Machine:
                     write_private(self.folder / _SEEN, content, replace=True)
 
     def check_seen(self, number: int, seen: int) -> None:
-        """Refuses a store that has only older timestamps than were seen.
+        """Raises an error if the object store has only older timestamps than were seen, which means it was set back.
 
         Args:
             number: of the newest in the store.
@@ -216,5 +216,5 @@ class Machine:
 
     @property
     def draft_path(self) -> Path:
-        """Path of a root that waits for the signatures of other key holders."""
+        """Path of a TUF root that waits for the signatures of other key holders."""
         return self.folder / "next-root.json"

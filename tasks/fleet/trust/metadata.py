@@ -40,7 +40,7 @@ _HASH = ["sha256"]
 
 @dataclass(frozen=True)
 class Repository:
-    """Signed metadata of the repository."""
+    """Signed metadata (TUF) of the update repository for robots."""
 
     root: Metadata[Root]
     timestamp: Metadata[Timestamp]
@@ -52,7 +52,7 @@ class Repository:
 
 @dataclass(frozen=True)
 class Changes:
-    """Changes to the repository: targets to add and to remove, roles to sign again."""
+    """Changes to make to the update repository: files to add and remove, roles to sign again."""
 
     add: Mapping[str, Mapping[str, TargetFile]] = field(default_factory=dict)
     """Targets that come, by application and path."""
@@ -66,7 +66,7 @@ class Changes:
 
 @dataclass(frozen=True)
 class Next:
-    """Metadata files to write: `files` in this order, and then the timestamp."""
+    """New metadata files of the update repository to write: `files` in this order, then the timestamp."""
 
     repository: Repository
     files: tuple[tuple[str, int, bytes], ...]
@@ -80,12 +80,12 @@ Taken = Mapping[str, int]
 
 
 def to_bytes(metadata: Metadata) -> bytes:
-    """Metadata as it is written."""
+    """Serialises TUF metadata to the bytes that are stored."""
     return metadata.to_bytes(JSONSerializer(compact=True))
 
 
 def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
-    """Reads metadata; nothing of it is checked.
+    """Parses TUF metadata; signatures are not checked.
 
     Raises:
         DeserializationError: it is none, or of another kind.
@@ -97,7 +97,7 @@ def to_metadata(content: bytes, kind: type[Content]) -> Metadata[Content]:
 
 
 def signed(content: Content, signers: Sequence[Signer]) -> Metadata[Content]:
-    """Metadata with a content, and the signatures of some keys."""
+    """Makes TUF metadata of a content, signed with the given keys."""
     metadata = Metadata(content)
     for signer in signers:
         metadata.sign(signer, append=True)
@@ -112,7 +112,7 @@ def next_repository(
     now: datetime,
     taken: Taken,
 ) -> Next:
-    """Makes the metadata of the repository with some changes.
+    """Makes the update repository's new metadata with some changes.
 
     Args:
         root: the root that robots have, or are about to get.
@@ -217,7 +217,7 @@ _ATTESTED = "robomaker-attested"
 
 @dataclass(frozen=True)
 class Attested:
-    """Attestation rules that a root of the repository sets."""
+    """Rules in a TUF root: which applications need attestations, and by which keys."""
 
     keys: Mapping[str, Key] = field(default_factory=dict[str, Key])
     """Those that agents believe, by id; none: agents do not look at attestations."""
@@ -227,13 +227,13 @@ class Attested:
 
     @classmethod
     def of(cls, root: Root) -> "Attested":
-        """Reads it from a root."""
+        """Reads the attestation rules from a TUF root."""
         content = root.unrecognized_fields.get(_ATTESTED) or {"keys": {}, "applications": []}
         keys = {keyid: Key.from_dict(keyid, dict(key)) for keyid, key in content["keys"].items()}
         return cls(keys, frozenset(content["applications"]))
 
     def changed(self, keys: Collection[Key], add: Collection[str], remove: Collection[str]) -> "Attested":
-        """With other keys, if any are given, and with more or fewer applications."""
+        """Returns the rules with other keys (if given), and with applications added or removed."""
         named = {key.keyid: key for key in keys} or self.keys
         return Attested(named, (self.applications | frozenset(add)) - frozenset(remove))
 
@@ -242,13 +242,13 @@ class Attested:
         return not self.applications.isdisjoint((application, EVERY_APPLICATION))
 
     def write_to(self, root: Root) -> None:
-        """Makes a root say it."""
+        """Writes the attestation rules into a TUF root."""
         keys = {keyid: key.to_dict() for keyid, key in self.keys.items()}
         root.unrecognized_fields[_ATTESTED] = {"keys": keys, "applications": sorted(self.applications)}
 
 
 def check_ceremony(root_keys: int, threshold: int) -> None:
-    """Refuses numbers of keys that make no sense.
+    """Raises an error for senseless numbers of root keys and required signatures.
 
     Raises:
         ConfigurationError: names the number and what would be right.
@@ -262,7 +262,7 @@ def check_ceremony(root_keys: int, threshold: int) -> None:
 def first_root(
     root_keys: Sequence[Signer], threshold: int, online: Mapping[str, Key], now: datetime, attested: Attested
 ) -> Metadata[Root]:
-    """The first root, signed by all root keys.
+    """Makes the first TUF root, signed by all root keys.
 
     Args:
         root_keys: whose signatures make the next root.
@@ -284,7 +284,7 @@ def first_root(
 def following_root(
     known: Metadata[Root], now: datetime, replaced: Mapping[str, Sequence[Key]], attested: Attested | None = None
 ) -> Metadata[Root]:
-    """The root that follows one, without signatures.
+    """Makes the TUF root that follows the newest, still without signatures.
 
     Args:
         known: the newest.
@@ -306,7 +306,7 @@ def following_root(
 
 
 def sign_root(draft: Metadata[Root], known: Metadata[Root], signers: Sequence[Signer]) -> None:
-    """Adds signatures to a root.
+    """Adds signatures to the draft of a TUF root.
 
     Args:
         draft: the root; signatures of others stay.
@@ -327,7 +327,7 @@ def sign_root(draft: Metadata[Root], known: Metadata[Root], signers: Sequence[Si
 
 
 def missing_signatures(draft: Metadata[Root], known: Metadata[Root]) -> int:
-    """How many signatures a root still needs: as many as the one before demands, and as it demands itself."""
+    """Returns how many signatures a TUF root still needs, by its own rules and those of the root before it."""
     return max(_missing(above, draft) for above in (known.signed, draft.signed))
 
 

@@ -34,7 +34,7 @@ Decide = Callable[[Repository | None], Changes | None]
 
 @dataclass(frozen=True)
 class Coming:
-    """Keys that are about to count."""
+    """Keys that will be valid once the next TUF root is published."""
 
     root: Metadata[Root] | None = None
     """The root that follows; its keys sign as well, so that robots which have it already are served, too."""
@@ -45,7 +45,7 @@ class Coming:
 
 @dataclass(frozen=True)
 class Publisher:
-    """Publishes for one machine; several may do so at once, in this process and others."""
+    """Publishes signed updates for robots from one machine; several may do so concurrently."""
 
     files: RepositoryFiles
     """Storage of the repository's files."""
@@ -63,11 +63,11 @@ class Publisher:
     """The public key of this machine's attestations, made on first use; absent: roots made here name none."""
 
     def attested(self) -> Attested:
-        """Returns the attestation rules of a first root."""
+        """Returns the attestation rules for a first TUF root."""
         return Attested().changed([self.attestation_key()] if self.attestation_key else [], (), ())
 
     def root(self) -> Metadata[Root]:
-        """The newest root; the first time, keys and a root are made.
+        """Returns the newest TUF root; the first time, keys and a root are created.
 
         Raises:
             ConfigurationError: the object store has another repository's root.
@@ -81,7 +81,7 @@ class Publisher:
         return to_metadata(roots[-1], Root) if roots else known
 
     def begin(self, root: Metadata[Root]) -> None:
-        """Puts the first root into the object store.
+        """Stores the first TUF root in the object store.
 
         Raises:
             ConfigurationError: it has another one.
@@ -94,7 +94,7 @@ class Publisher:
             )
 
     def read(self, root: Metadata[Root], applications: Sequence[str] | None = ()) -> Repository | None:
-        """Reads and verifies the repository's metadata.
+        """Reads and verifies the update repository's metadata.
 
         Args:
             root: the newest root.
@@ -121,7 +121,7 @@ class Publisher:
     def publish(
         self, decide: Decide, applications: Sequence[str] | None = (), coming: Coming | None = None
     ) -> Repository | None:
-        """Publishes what is decided, with all signatures in order.
+        """Publishes changes to the update repository, with all signatures in order.
 
         Args:
             decide: says what is to be different.
@@ -154,7 +154,7 @@ class Publisher:
         raise StorageError(f"others kept publishing to the robots' repository; {_TRIES} tries were too late")
 
     def keep_up(self) -> Repository | None:
-        """Signs again what would expire: the timestamp every six hours, the rest long before its time.
+        """Renews signatures that would expire: the timestamp every six hours, others long before their time.
 
         Returns:
             What the repository says then; `None`: there is none, or this machine has no keys.
@@ -224,7 +224,7 @@ class Publisher:
 
 
 def publisher_of(service: Service) -> Publisher:
-    """The publisher of a service on this machine."""
+    """Returns the update publisher of a service on this machine."""
     files = RepositoryFiles(service.store, service.settings.bucket)
     machine = Machine(service.settings.home / "robots" / "trust")
     return Publisher(
@@ -233,13 +233,13 @@ def publisher_of(service: Service) -> Publisher:
 
 
 def delegated_roles(repository: Repository) -> list[str]:
-    """The delegated roles that the repository names."""
+    """Returns the names of the TUF roles delegated to single applications."""
     delegations = repository.targets.signed.delegations
     return sorted((delegations.roles if delegations else None) or {})
 
 
 def roles_signed(repository: Repository | None) -> list[str]:
-    """All roles whose metadata may be signed again, but the timestamp, which always is."""
+    """Returns all TUF roles that this machine may re-sign, without the timestamp, which always is."""
     return [] if repository is None else ["targets", "snapshot", *delegated_roles(repository)]
 
 

@@ -29,7 +29,7 @@ _APPLICATION_ROLE = "application-"
 
 @dataclass(frozen=True)
 class Lifetime:
-    """How long what a role signs is valid."""
+    """How long a TUF role's signatures are valid, and when they are renewed."""
 
     valid: timedelta
     """From its signature on."""
@@ -38,7 +38,7 @@ class Lifetime:
     """It is signed again once less than that is left; for the root, people are warned."""
 
     def is_due(self, expires: datetime, now: datetime) -> bool:
-        """Whether it is to be signed again."""
+        """Whether metadata that expires then should be signed again now."""
         return expires - now < self.renew_before
 
 
@@ -53,27 +53,27 @@ LIFETIMES = {
 
 
 def lifetime_of(role: str) -> Lifetime:
-    """How long what a role signs is valid; `role` may be a delegated one."""
+    """Returns how long signatures of a TUF role are valid; delegated roles included."""
     return LIFETIMES.get(role) or LIFETIMES["targets"]
 
 
 def application_role(application: str) -> str:
-    """The delegated role of an application."""
+    """Returns the name of the TUF role that signs an application's updates."""
     return _APPLICATION_ROLE + application
 
 
 def application_of(role: str) -> str | None:
-    """The application of a delegated role; `None`: it is none."""
+    """Returns the application whose updates a TUF role signs; `None` if it is no such role."""
     return role.removeprefix(_APPLICATION_ROLE) if role.startswith(_APPLICATION_ROLE) else None
 
 
 def target_folder(application: str) -> str:
-    """Folder of an application's targets: the prefix of their paths."""
+    """Returns the path prefix of an application's files in the update repository."""
     return f"applications/{application}"
 
 
 def metadata_key(role: str, version: int) -> str:
-    """Key of a version of a role's metadata in the bucket; its content never changes."""
+    """Returns the object-store key of a version of a TUF role's metadata; its content never changes."""
     return f"{FOLDER}/metadata/{version}.{role}.json"
 
 
@@ -85,12 +85,12 @@ TIMESTAMPS = f"{FOLDER}/timestamps/"
 
 
 def timestamp_key(version: int) -> str:
-    """Key of a numbered timestamp in the bucket."""
+    """Returns the object-store key of a numbered TUF timestamp."""
     return f"{TIMESTAMPS}{version}.json"
 
 
 def target_key(path: str, sha256: str) -> str:
-    """Key of a target's content in the bucket: TUF puts the hash before the name.
+    """Returns the object-store key of a file in the update repository: TUF puts the hash before the name.
 
     Args:
         path: of the target.
@@ -110,7 +110,7 @@ _TARGET = re.compile(r"applications/[A-Za-z0-9_-]{1,255}/[a-z]{1,32}/[A-Za-z0-9]
 
 
 class RepositoryReader:
-    """Reads files, from any thread.
+    """Reads files of the update repository for robots that ask for them; usable from any thread.
 
     Args:
         service: where the repository is stored.
@@ -125,7 +125,7 @@ class RepositoryReader:
         self._fetching: dict[str, threading.Lock] = {}
 
     def metadata(self, name: str) -> bytes:
-        """A file of metadata, such as `timestamp.json` or `3.snapshot.json`.
+        """Reads a TUF metadata file, such as `timestamp.json` or `3.snapshot.json`.
 
         Raises:
             ObjectNotFoundError: there is none of that name.
@@ -147,7 +147,7 @@ class RepositoryReader:
         return content
 
     def target(self, path: str) -> Path:
-        """Returns the local path of a target; the first time, it may have to be fetched.
+        """Returns the local path of a file in the update repository, after downloading it if necessary.
 
         Args:
             path: its path, with the hash before the name.

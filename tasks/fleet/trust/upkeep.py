@@ -23,7 +23,7 @@ _WARN_SHARE = 2  # the service signs again long before: half of what it waits fo
 
 
 class RoleStanding(NamedTuple):
-    """How one role stands."""
+    """Status of one TUF role: version, expiry and keys."""
 
     role: str
     version: int
@@ -35,7 +35,7 @@ class RoleStanding(NamedTuple):
 
 
 def standing_of(service: Service) -> list[RoleStanding]:
-    """How each role of a service's repository stands; nothing where there are no keys.
+    """Returns the status of each TUF role of a service's update repository; empty where there are no keys.
 
     Raises:
         ConfigurationError: the store has what the keys have not signed.
@@ -49,7 +49,7 @@ def standing_of(service: Service) -> list[RoleStanding]:
 
 
 def attested_of(service: Service) -> Attested:
-    """Reads the attestation rules of the newest root; empty where there are no keys.
+    """Reads the attestation rules of the newest TUF root; empty where there are no keys.
 
     Raises:
         ConfigurationError: the object store has another repository's root.
@@ -60,7 +60,7 @@ def attested_of(service: Service) -> Attested:
 
 
 def standings(repository: Repository, now: datetime) -> list[RoleStanding]:
-    """How each role stands.
+    """Returns the status of each TUF role in verified metadata.
 
     Args:
         repository: all of it.
@@ -84,7 +84,7 @@ def standings(repository: Repository, now: datetime) -> list[RoleStanding]:
 
 
 def warning_of(role: str, expires: datetime, now: datetime) -> str:
-    """Advises how to renew a role that expires soon; empty: it needs no renewal.
+    """Advises how to renew a TUF role's signature that expires soon; empty if no renewal is needed.
 
     Args:
         role: the role.
@@ -114,7 +114,7 @@ _KEPT_AFTER = timedelta(days=7)
 
 @dataclass(frozen=True)
 class Unneeded:
-    """Targets and objects of the repository that can be removed."""
+    """Files of the update repository that no deployment needs and that can be deleted."""
 
     targets: Mapping[str, frozenset[str]]
     """Paths of targets, by application."""
@@ -124,7 +124,7 @@ class Unneeded:
 
 
 def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
-    """Finds what no deployment needs.
+    """Finds files of the update repository that no deployment needs.
 
     Args:
         publisher: of this machine; no deployment may be published meanwhile.
@@ -153,7 +153,7 @@ def find_unneeded(publisher: Publisher, documents: Set[str]) -> Unneeded:
 
 
 def remove_unneeded(publisher: Publisher, unneeded: Unneeded) -> None:
-    """Removes what `find_unneeded` found.
+    """Deletes the files that `find_unneeded` found.
 
     Raises:
         ConfigurationError: a key is missing.

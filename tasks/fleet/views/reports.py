@@ -21,12 +21,12 @@ _FOLDER = "deployments"
 
 
 def report_path(job: Resource, service: Service) -> Path:
-    """Path of a deployment job's report, in the data home."""
+    """Returns the path of a deployment job's HTML report in the data home."""
     return service.folder(_FOLDER) / f"{job.id}.html"
 
 
 def write_report(job: Resource, service: Service, path: Path | None = None) -> Path:
-    """Writes the report of a deployment as it stands now.
+    """Writes the HTML report of a deployment in its current state.
 
     Args:
         job: the deployment job.
@@ -77,5 +77,5 @@ def _closed(rollout: Rollout, now_s: float) -> Iterator[Pause]:
 
 
 def fleet_name(job: Resource) -> str:
-    """Name of the fleet that a deployment job is for."""
+    """Returns the name of the fleet that a deployment job is for."""
     return ResourceArn.parse(str(job.parent)).name

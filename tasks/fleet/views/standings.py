@@ -20,7 +20,7 @@ from ..rollout.waves import Tally, waves_of
 
 
 def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
-    """How a fleet stands: its robots, and its latest deployment."""
+    """Returns the status of a fleet: its robots, and its latest deployment."""
     job = last_deployment(fleet.arn, service)
     rollout = None if job is None else rollout_of(job.arn, service)
     states = {} if rollout is None else rollout.robots
@@ -33,7 +33,7 @@ def fleet_standing(fleet: Resource, service: Service) -> FleetStanding:
 
 
 def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) -> DeploymentStanding:
-    """How a deployment stands.
+    """Returns the status of a deployment for `robomaker fleet status`.
 
     Args:
         job: its job.
@@ -56,7 +56,7 @@ def deployment_standing(job: Resource, rollout: Rollout | None, now_s: float) ->
 
 
 def deployed_by(job: Resource) -> tuple[str, str]:
-    """Name and version of the application that a deployment job deploys; the name is that of its ARN."""
+    """Returns name and version of the application that a deployment job deploys."""
     (config,) = DeploymentJobDocument.of(job).deployment_application_configs
     name = str(config["application"])
     with suppress(InvalidParameterException):
@@ -116,7 +116,7 @@ _PAGE = 100
 
 
 def fleets(service: Service) -> Iterator[Resource]:
-    """All fleets, newest first."""
+    """Yields all fleets, newest first."""
     after = None
     while True:
         page = service.catalog.list(FLEET, limit=_PAGE, after=after)
@@ -126,7 +126,7 @@ def fleets(service: Service) -> Iterator[Resource]:
 
 
 def find_fleet(fleet: str, service: Service) -> Resource:
-    """The fleet of a name or an ARN.
+    """Finds a fleet by its name or ARN.
 
     Raises:
         InvalidParameterException: there is none of that name, or the ARN names something else.
@@ -143,7 +143,7 @@ def find_fleet(fleet: str, service: Service) -> Resource:
 
 
 def find_deployment(named: str | None, service: Service) -> Resource:
-    """The deployment job of an ARN; the latest of a fleet, by the fleet's name or ARN; or the only one that goes on.
+    """Finds a deployment job by ARN, by its fleet, or as the only one in progress.
 
     Args:
         named: what was named; nothing: the one that goes on.
@@ -180,7 +180,7 @@ LOOK_S = 1.0
 
 @dataclass(frozen=True)
 class Look:
-    """A deployment at one moment."""
+    """Snapshot of a deployment's state, for a command that follows it."""
 
     job: Resource
     at_s: float
@@ -194,12 +194,12 @@ class Look:
 
     @property
     def has_ended(self) -> bool:
-        """Whether it has come to its end."""
+        """Whether the deployment had ended at the snapshot."""
         return is_terminal(DEPLOYMENT, self.job.status)
 
 
 def follow(job: Resource, service: Service, sleep: Callable[[float], object]) -> Iterator[Look]:
-    """Looks at a deployment until it has ended; the last look is at its end.
+    """Yields snapshots of a deployment until it has ended.
 
     Args:
         job: the deployment job.

@@ -12,7 +12,7 @@ MOST_ROWS = 500
 
 
 def robot_rows(rollout: Rollout, robots: Iterable[str]) -> list[dict[str, str | float | None]]:
-    """One row for each robot: name, status, step, failure, and how long it took in seconds.
+    """Makes a table row for each robot of a rollout: name, status, step, failure, duration in seconds.
 
     Args:
         rollout: the rollout.
@@ -42,7 +42,7 @@ _MOST_NAMES = 10
 
 
 def notes_of(deployment: DeploymentStanding) -> Iterator[str]:
-    """A sentence each; none where it only waits for robots."""
+    """Yields sentences on why a deployment waits or was paused; none where it only waits for robots."""
     if deployment.rolls_back is not None:
         yield f"brings robots back after {_short(deployment.rolls_back)} failed"
     for wait in deployment.waits:
