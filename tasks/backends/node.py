@@ -24,9 +24,7 @@ _END_S = 30.0  # for a job worker that is told to end by an exception here; then
 
 
 class Ended(NamedTuple):
-    """Report of how a job worker ended, as plain values: machines that send it may have different versions
-    installed.
-    """
+    """Report of how a job worker ended, as plain values, which other versions of this program can read."""
 
     host: str
     exit_code: int

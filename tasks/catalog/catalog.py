@@ -87,8 +87,7 @@ class Catalog(CatalogLeases):
         unique_name: bool = False,
         lease: FirstLease | None = None,
     ) -> Resource:
-        """Adds a resource to the catalog, or returns the one that an equal call with the same client token added
-        before.
+        """Adds a resource to the catalog, or returns the one that an earlier call with the same client token added.
 
         The answer's ARN tells which: it differs from `resource.arn` if the call is a repetition.
 
@@ -158,8 +157,7 @@ class Catalog(CatalogLeases):
         return Resource(**row)
 
     def create_numbered(self, parent: str, make: Callable[[Resource, int], NewResource], *, most: int) -> Resource:
-        """Adds a child resource with the next number of its parent (such as a version); concurrent callers get
-        different ones.
+        """Adds a child resource (such as a version) with its parent's next number, which no other caller gets.
 
         Args:
             parent: ARN of the resource they belong to; its document counts them in `lastNumber`.

@@ -39,8 +39,7 @@ _OWNER: ContextVar[str] = ContextVar("owner of client tokens", default="")
 
 @contextmanager
 def tokens_of(owner: str) -> Generator[None]:
-    """Sets, inside a `with` block, the owner of client tokens, so that equal tokens of different callers do not
-    collide.
+    """Sets the owner of client tokens inside a `with` block, so that equal tokens of two callers do not collide.
 
     Args:
         owner: an access key or a job; empty: a caller without either.

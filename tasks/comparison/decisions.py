@@ -27,9 +27,7 @@ FEWEST_WORLDS = 6
 
 
 def fewest_worlds(alpha: float) -> int:
-    """Returns the smallest number of worlds with which the sign-flip test can reach significance level alpha; at least
-    6.
-    """
+    """Returns the smallest number of worlds, at least 6, with which a sign-flip test can reach significance alpha."""
     return max(FEWEST_WORLDS, math.ceil(1 - math.log2(alpha)))
 
 
@@ -75,9 +73,7 @@ class JudgedTrials:
 
     @property
     def flips_worlds(self) -> bool:
-        """Whether the sign-flip test over whole worlds decides the comparison; otherwise the exact McNemar test
-        does.
-        """
+        """Whether the sign-flip test over whole worlds decides the comparison, and not the exact McNemar test."""
         return self.has_repeated_worlds and self.world_count >= self.fewest_worlds
 
     @property

@@ -28,9 +28,7 @@ class Appearance:
 
 
 def appearances_of(runs: Sequence[NightRun]) -> list[list[Appearance]]:
-    """Groups the jobs of several runs: for each job of the specification, its records from the oldest run to the
-    newest.
-    """
+    """Groups the jobs of several runs: for each job of the specification, its records, oldest run first."""
     table = CellTable()
     cells: dict[int, list[Appearance]] = defaultdict(list)
     for night, run in enumerate(runs):
@@ -80,7 +78,7 @@ def changed_inputs(before: Appearance, after: Appearance) -> list[ChangedInput]:
 
 
 def changed_requests(pairs: Sequence[Pair]) -> list[ChangedInput]:
-    """Returns whether some jobs were judged by other requirements, or asked for something else, in the second run."""
+    """Returns a changed input if some jobs had other requirements, or else another request, in the second run."""
     if not all(pair.has_same_requirements for pair in pairs):
         return [ChangedInput(what="requirements")]
     return [] if all(pair.has_same_request for pair in pairs) else [ChangedInput(what="request")]

@@ -137,9 +137,7 @@ class TrialPairs:
 
     @cached_property
     def outcomes(self) -> tuple[NDArray[np.int8], NDArray[np.int8]]:
-        """Outcome of each trial in the first and in the second run: `PASSED`, `FAILED`, `BROKEN`, `UNJUDGED` or
-        `STOPPED`.
-        """
+        """Outcome of each trial in the first and the second run, as codes such as `PASSED`, `FAILED` or `BROKEN`."""
         return _outcomes(self.before)[self.before_rows], _outcomes(self.after)[self.after_rows]
 
     @property

@@ -25,7 +25,7 @@ from ...schemas.specs.text import plain
 
 @dataclass(frozen=True)
 class WholeStep:
-    """How much a step of the whole run does."""
+    """Amount of work of one step in the whole run: its numbers of worlds, jobs and trials."""
 
     jobs: Sequence[JobAmount] = field(default_factory=tuple)
     worlds: int = 0
@@ -47,7 +47,7 @@ def forecast_run(
     ran: Sequence[ProbedJob] = (),
     price_per_hour: float | None = None,
 ) -> Forecast:
-    """Forecasts a run.
+    """Forecasts time, disk space and cost of a whole run from the measurements of a probe (small trial run).
 
     Args:
         name: of the specification.
@@ -81,7 +81,7 @@ def forecast_run(
 
 
 def forecast_step(probe: StepProbe, whole: WholeStep, places: Places) -> StepForecast:
-    """Forecasts one step."""
+    """Forecasts time and disk space of one step of a run from a probe's measurements."""
     if probe.jobs and whole.jobs:
         return _forecast_jobs(probe, whole, places)
     if probe.worlds:
@@ -154,7 +154,7 @@ def _batch_s(jobs: Sequence[JobAmount], costs: "_Costs", at_once: int, cpus: int
 
 
 def makespan_s(durations_s: Sequence[float], places: int) -> float:
-    """When the last of some jobs ends that take places in their order, each as soon as one is free.
+    """Computes when the last job ends, in seconds, if jobs take the first free of several places in order.
 
     Args:
         durations_s: how long each job keeps its place.
@@ -207,7 +207,7 @@ class _MeanCost:
         )
 
     def needed_s(self, job: JobAmount) -> float:
-        """How long its run would take without a limit, as far as the probe was not cut by one."""
+        """Estimates the run time of a job in seconds without its time limit."""
         return job.trials * self.trial_s
 
     def run_s(self, job: JobAmount) -> float:
@@ -228,7 +228,7 @@ _logger = logging.getLogger(__name__)
 
 
 def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> Path:
-    """Keeps a forecast for the next runs of the specification, in the place of an earlier one.
+    """Stores a forecast for later runs of the specification; it replaces an earlier forecast.
 
     Raises:
         OSError: it cannot be written.
@@ -242,7 +242,7 @@ def keep_forecast(forecast: Forecast, spec: CheckedSpec, settings: Settings) -> 
 
 
 def find_forecast(spec: CheckedSpec, settings: Settings) -> Forecast | None:
-    """The forecast for a specification; `None`: there is none that can be read."""
+    """Reads the stored forecast of a specification; `None` if there is none that can be read."""
     path = _place(spec, settings)
     try:
         return Forecast.model_validate_json(path.read_bytes())
@@ -256,7 +256,7 @@ def find_forecast(spec: CheckedSpec, settings: Settings) -> Forecast | None:
 def check_forecast(
     spec: CheckedSpec, settings: Settings, steps: Sequence[StepRecord], started_at: datetime, ended_at: datetime
 ) -> ForecastCheck | None:
-    """How a run compares to its forecast; `None`: there is none, or not all of the run's steps came to a good end."""
+    """Compares a finished run to its forecast; `None` if there is no forecast or some step failed."""
     if any(is_bad(step.status) or step.status == "Skipped" for step in steps):
         return None
     forecast = find_forecast(spec, settings)

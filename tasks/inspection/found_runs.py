@@ -42,7 +42,7 @@ Sha256Of = Callable[[str], str | None]
 
 @dataclass(frozen=True)
 class FoundRun:
-    """A run, with what it wrote down on this machine."""
+    """A simulation run with its plan, provenance and results, in a folder on this machine."""
 
     outputs: RunOutputs
     folder: Path
@@ -55,7 +55,7 @@ class FoundRun:
     """Failure code of the run; None: it did not fail."""
 
     def alterations(self, trial: int | None = None) -> list[str]:
-        """Returns in words which outputs are not what the run's manifest says; none where there is no manifest.
+        """Lists, in words, the output files that differ from the run's manifest.
 
         Args:
             trial: Number of the trial that is asked about; those of other trials are passed over.
@@ -86,7 +86,7 @@ def _is_asked(path: str, trial: int | None) -> bool:
 
 @contextmanager
 def found_run(reference: str, service: Service) -> Iterator[FoundRun]:
-    """Finds a run, and fetches what it wrote down into a folder that is there inside the block.
+    """Finds a simulation run and downloads its records to a folder that exists inside the `with` block.
 
     Args:
         reference: ARN or id of a simulation job, `s3://bucket/prefix` or a folder of outputs.
@@ -221,13 +221,13 @@ def _below(reference: str) -> str:
 
 @contextmanager
 def scratch_folder(service: Service) -> Iterator[Path]:
-    """Makes a folder that is there inside the block."""
+    """Creates a temporary folder that exists inside the `with` block."""
     with tempfile.TemporaryDirectory(prefix="replay-", dir=service.folder("scratch")) as folder:
         yield Path(folder)
 
 
 def found_trial(run: FoundRun, number: int | None) -> FoundRun:
-    """One trial of a run; the run itself if that has no trials and none is asked for.
+    """Finds one trial of a simulation run; returns the run itself if it has no trials.
 
     Of a trial whose application crashed, so that its job failed, nothing is known but that.
 
@@ -271,7 +271,7 @@ def found_trial(run: FoundRun, number: int | None) -> FoundRun:
 
 
 def plan_of_found_trial(plan: RunPlan, found: RunPlan) -> RunPlan:
-    """A job's plan, or that of one of its trials, whichever a run was.
+    """Returns the plan of a job, or of one of its trials, depending on which one a found run was.
 
     Args:
         plan: The job's.

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 def outputs_of(place: StoredPlace | None, service: Service) -> tuple[list[ReportedFile], RunResult | None, bytes, int]:
-    """Files, result and poster of a run, and how many files were removed; nothing of outputs that cannot be read."""
+    """Reads the outputs of a simulation run: file list, result, poster image, and number of removed files."""
     if place is None:
         return [], None, b"", 0
     bucket, prefix = place.bucket, place.prefix
@@ -73,7 +73,7 @@ def _unfinished(bucket: str, prefix: str, service: Service) -> list[ReportedFile
 
 
 def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
-    """The catalog's verdict of a result whose file cannot be read: a run that failed stays one."""
+    """Makes a result from the verdict in the catalog, for a run whose result file cannot be read."""
     took_s = (document.simulation_time_millis or 0) / 1000
     return RunResult(
         verdict=document.verdict or "NONE",
@@ -88,7 +88,7 @@ def judged_without_outputs(document: SimulationJobDocument) -> RunResult:
 
 
 def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, StoredPlace]:
-    """Returns the places of the jobs' outputs, by ARN."""
+    """Returns where each job's outputs are in the object store, by ARN."""
     stored = service.catalog.get_many(job.arn for job in jobs if job.arn)
     found = {arn: SimulationJobDocument.of(resource).outputs for arn, resource in stored.items()}
     return {arn: place for arn, place in found.items() if place is not None}
@@ -97,7 +97,7 @@ def places_of(jobs: Sequence[ReportedJob], service: Service) -> dict[str, Stored
 def write_results(
     jobs: Sequence[JobRecord], places: Mapping[str, StoredPlace], service: Service, folder: Path
 ) -> ResultTable:
-    """Writes the table of results of a run, with the trials of its jobs; one that has more than is stored now stays."""
+    """Writes the table of a run's results, with all trials of its jobs, to a file."""
     lost = False
 
     def trials_of(job: JobRecord) -> "pa.Table | None":
@@ -136,7 +136,7 @@ _DECISIVE = (*_APPLICATIONS, "maxJobDurationInSeconds", "failureBehavior", "data
 
 
 def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJob]:
-    """The jobs of a run with their inputs; without them those that are deleted.
+    """Returns the jobs of a run with their inputs (applications, world, request), for comparisons.
 
     What a job that broke early does not say of its applications is taken from the other jobs of the run, where they
     agree.
@@ -158,7 +158,7 @@ def with_inputs(jobs: Sequence[ReportedJob], service: Service) -> list[ReportedJ
 
 
 def inputs_of_request(request: Mapping[str, Any], seed: int | None) -> JobInputs:
-    """Returns the inputs of a job as far as its request alone tells them.
+    """Returns a simulation job's inputs as far as they are known from its request.
 
     Args:
         request: the request on the wire.

@@ -20,7 +20,7 @@ Permit = Callable[[CheckedStep, dict[str, Any], Callable[[], dict[str, Any]]], d
 
 
 class RunInterrupted(KeyboardInterrupt):
-    """Ctrl-C or a signal ended a run; what it had begun has been cancelled, and the report says so.
+    """Raised when Ctrl-C or a signal ended a run; its jobs have been cancelled, and its report is written.
 
     Args:
         record: the record of the run.
@@ -34,13 +34,13 @@ class RunInterrupted(KeyboardInterrupt):
 
 
 def permit_all(step: CheckedStep, request: dict[str, Any], carry_out: Callable[[], dict[str, Any]]) -> dict[str, Any]:
-    """Carries out each request."""
+    """Carries out a step's request without asking for permission; the default."""
     del step, request
     return carry_out()
 
 
 def read_spec_file(path: Path) -> str:
-    """The text of a specification, where a flow runs.
+    """Reads the text of a specification file.
 
     Raises:
         ConfigurationError: it cannot be read.
@@ -55,7 +55,7 @@ def read_spec_file(path: Path) -> str:
 
 
 def error_in_words(error: Exception) -> str:
-    """Returns the reason for which a step failed; a defect is also logged."""
+    """Returns the reason for a step's failure as text; an unexpected error is also logged."""
     if isinstance(error, ServiceError):
         return f"{error.code}: {error}"
     if isinstance(error, RobomakerError):

@@ -36,7 +36,7 @@ _TEMPLATE = "world-template"
 
 
 def await_store(service: Service, note: Callable[[str], None]) -> None:
-    """Waits until the object store answers, for a person who is told at once that it does not.
+    """Waits until the object store answers, and tells the user at once that it does not.
 
     Args:
         service: its settings say how long is waited.
@@ -75,7 +75,7 @@ def _names_no_host(error: BaseException | None) -> bool:
 
 
 def check_disk(checked: CheckedSpec, service: Service) -> None:
-    """Checks that what a forecast says of the outputs of a whole run fits on the disk of a store that is a folder here.
+    """Checks that the outputs forecast for a run fit on the disk of a local object store.
 
     Raises:
         StorageError: it does not; a disk that fills up in the night ends the run, or has it wait until somebody comes.
@@ -94,7 +94,7 @@ def check_disk(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_preconditions(checked: CheckedSpec, service: Service) -> None:
-    """Checks that object store and backend answer, and that applications named by jobs and rooms of their goals exist.
+    """Checks before a run that store and backend answer, and that named applications and rooms exist.
 
     What a run stores with its own credentials has to be stored somewhere: a few bytes are written there, and removed.
 
@@ -115,7 +115,7 @@ def check_preconditions(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_named(checked: CheckedSpec, service: Service) -> None:
-    """Checks that applications that jobs name exist, by the catalog alone.
+    """Checks that the applications that a specification's jobs name exist in the catalog.
 
     Those that a step of the same specification makes count as existing.
 
@@ -141,7 +141,7 @@ def check_named(checked: CheckedSpec, service: Service) -> None:
 
 
 def check_templates(checked: CheckedSpec, service: Service) -> None:
-    """Checks that world templates that steps name exist; not for a run that goes on: its worlds may be there already.
+    """Checks that the world templates that a specification's steps name exist in the catalog.
 
     Raises:
         SpecError: one does not exist; says where.

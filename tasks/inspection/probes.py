@@ -24,7 +24,7 @@ from .forecasting import WholeStep
 def measured(
     first: RunRecord, last: RunRecord, cpu_times_s: Mapping[str, float], cpus: int, service: Service
 ) -> dict[str, StepProbe]:
-    """Returns the measurements of each step of a probe.
+    """Computes the time and disk measurements of each step from the passes of a probe (small trial run).
 
     Args:
         first: the first pass: it starts all that a run starts.
@@ -68,7 +68,7 @@ def _wall_time_s(step: StepRecord) -> float:
 
 
 def time_in_place_s(ended: Sequence[datetime], at_once: int) -> float:
-    """How long a world or a job keeps its place, with the wait for the next one, by when each of them ended.
+    """Estimates how long a world or job occupies its place, in seconds, from the times at which each ended.
 
     Args:
         ended: when each ended, in order; the first one of each place counts for nothing, as it also waited for things
@@ -143,7 +143,7 @@ def _archive_bytes(arn: str, service: Service) -> int:
 
 
 def probed_jobs(last: RunRecord) -> list[ProbedJob]:
-    """The jobs of a probe's pass, with their verdicts."""
+    """Returns the jobs of a probe (small trial run) with their verdicts."""
 
     def trials(job: JobRecord, name: str) -> int | None:
         counted = job.metrics.get(name)
@@ -162,7 +162,7 @@ def probed_jobs(last: RunRecord) -> list[ProbedJob]:
 
 
 def whole_steps(spec: CheckedSpec, probe: RunRecord) -> dict[str, WholeStep]:
-    """How much each step of the whole run does, with worlds of the probe in place of those that it did not make.
+    """Computes the amount of work in each step of the whole run, using a probe's worlds for missing ones.
 
     Args:
         spec: the specification.

@@ -35,7 +35,7 @@ _MOST_ALTERATIONS = 10
 def verify_run(
     reference: str, service: Service, *, trial: int | None = None, run_program: bool = False
 ) -> Verification:
-    """Runs a run again on this machine and compares all states; neither job nor outputs are touched.
+    """Repeats a simulation run on this machine and compares all simulation states with the recorded ones.
 
     The program of a robot application is not run again: what it did was recorded, and is done again.
 
@@ -93,7 +93,7 @@ def _run_again(run: FoundRun, scratch: Path, service: Service, ros_domain: int) 
 def reproduce_run(
     reference: str, folder: Path, service: Service, video: VideoPolicy = "always", trial: int | None = None
 ) -> ReproductionFolder:
-    """Fetches all that a run needs into a folder, runs it again and writes a test that does so.
+    """Downloads everything a simulation run needs, runs it again, and writes a test that repeats it.
 
     Args:
         reference: see `verify_run`.

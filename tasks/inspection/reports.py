@@ -69,7 +69,7 @@ def publish_report(
     forecast: ForecastCheck | None = None,
     interruptions: Sequence[Interruption] = (),
 ) -> tuple[list[JobRecord], Path]:
-    """Writes the report of a run and shows its main parts in Prefect's UI.
+    """Writes the report of a run, and shows its main parts in Prefect's UI.
 
     Returns:
         The run's simulation jobs in short, and the report's path.
@@ -100,7 +100,7 @@ def publish_report(
 
 
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
-    """Writes the report of an earlier run again, from what is stored of it.
+    """Writes the report of an earlier run again from stored data.
 
     Args:
         record: the run.
@@ -127,7 +127,7 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
 
 
 def report_of(record: RunRecord, service: Service) -> Report:
-    """The report of an earlier run, from what is stored of it."""
+    """Collects the report of an earlier run from stored data."""
     reported = jobs_of(record.steps, service, record.rerun_of)
     return Report(
         name=record.name,
@@ -147,7 +147,7 @@ def report_of(record: RunRecord, service: Service) -> Report:
 
 
 def report_of_job(arn: str, service: Service) -> Report:
-    """One simulation job as a report: its result and outputs as far as they are stored, and the world it drove in.
+    """Makes a report of a single simulation job: its result, stored outputs and world.
 
     Args:
         arn: the job, which may still run.
@@ -172,7 +172,7 @@ def report_of_job(arn: str, service: Service) -> Report:
 
 
 def report_of_world(arn: str, service: Service) -> Report:
-    """One world as a report.
+    """Makes a report of a single world.
 
     Args:
         arn: the world.
@@ -203,7 +203,7 @@ def _publish(report: Report, records: Sequence[JobRecord], results: ResultTable,
 
 
 def jobs_of(steps: Sequence[StepRecord], service: Service, rerun_of: RerunOf | None = None) -> list[ReportedJob]:
-    """The simulation jobs that steps made, and the requests that became none, in request order.
+    """Lists the simulation jobs of a run's steps, and the requests without a job, in request order.
 
     Args:
         steps: the steps of a run.
@@ -264,7 +264,7 @@ def _states_of(job: ReportedJob) -> str | None:
 
 
 def simulation_jobs(operation: str, arn: str, service: Service) -> list[ReportedJob]:
-    """The simulation jobs of what an operation made; none for operations that make no jobs.
+    """Lists the simulation jobs of a job or batch that an operation created; empty for other operations.
 
     Raises:
         ResourceNotFoundException: it was deleted.
@@ -306,7 +306,7 @@ def _rerun_in_words(rerun_of: RerunOf | None) -> str:
 
 
 def installed_versions() -> dict[str, str]:
-    """Versions of what makes results what they are."""
+    """Returns the versions of the installed packages that influence results."""
     return {"python": platform.python_version()} | {name: importlib.metadata.version(name) for name in _PACKAGES}
 
 
@@ -427,7 +427,7 @@ def _reported_world(world: Resource, service: Service) -> ReportedWorld:
 
 
 def short_name(arn: str) -> str:
-    """The part of an ARN that people tell resources apart by: `generation-…/world-3`."""
+    """Returns the last part of an ARN, by which people tell resources apart: `generation-…/world-3`."""
     return arn.split(":", 5)[-1].partition("/")[2]
 
 

@@ -24,7 +24,7 @@ _BATCH = "StartSimulationJobBatch"
 
 @dataclass(frozen=True)
 class Selection:
-    """Selection of the jobs of a run that are run again: those that match everything given; nothing given: all."""
+    """Filter for the jobs of a run that are run again: jobs match everything given; nothing given selects all."""
 
     failed: bool = False
     """Those that have no good result: failed, broken, cancelled, or never begun."""
@@ -37,7 +37,7 @@ class Selection:
 
     @property
     def words(self) -> str:
-        """The selection, in words."""
+        """The selection of jobs as text."""
         parts = ["failed"] if self.failed else []
         parts += [" or ".join(self.jobs)] if self.jobs else []
         parts += [f"in {' or '.join(self.worlds)}"] if self.worlds else []
@@ -46,7 +46,7 @@ class Selection:
 
 @dataclass(frozen=True)
 class Rerun:
-    """A run that is to be made."""
+    """A run that repeats selected jobs of an earlier run."""
 
     spec_text: str
     """Its specification: the requests of the jobs as they were, with worlds and seeds as they were."""
@@ -63,7 +63,7 @@ class _Order:
 
 
 def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rerun | None:
-    """Makes the specification of a rerun.
+    """Makes the specification that repeats selected jobs of an earlier run.
 
     Args:
         record: the earlier run.
@@ -103,7 +103,7 @@ def plan_rerun(record: RunRecord, selection: Selection, service: Service) -> Rer
 
 
 def failed_again(arn: str, service: Service) -> dict[str, Any] | None:
-    """The request of a batch that runs again those jobs of a batch that have no good result.
+    """Makes the request of a batch that repeats those jobs of a batch that did not succeed.
 
     Args:
         arn: the batch, which has ended.

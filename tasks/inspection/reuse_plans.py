@@ -42,7 +42,7 @@ _ROLES: Mapping[str, ApplicationRole] = {"CreateRobotApplication": "robot", "Cre
 
 @dataclass(frozen=True)
 class PlannedPart:
-    """A world or a simulation job of a step."""
+    """A world or simulation job of a step, and whether a run would reuse an earlier result or make it new."""
 
     part: str
     """`world 2`, or `request 2` of a batch."""
@@ -72,12 +72,12 @@ class _Plan:
 
     @cached_property
     def applications(self) -> CurrentApplications:
-        """Applications as a run would find them."""
+        """The applications in the catalog as a run would find them now."""
         return CurrentApplications(self.service, self.planned)
 
 
 def plan_reuse(checked: CheckedSpec, service: Service) -> dict[str, list[PlannedPart]]:
-    """Says of each world and each simulation job whether a run with reuse takes it over or runs it.
+    """Determines which worlds and jobs of a specification a run with reuse would take over or run again.
 
     Args:
         checked: the specification.

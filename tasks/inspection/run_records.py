@@ -23,7 +23,7 @@ MOST_NIGHTS = 100
 
 @dataclass(frozen=True)
 class FoundRecords:
-    """Runs of a specification."""
+    """Records of a specification's runs, with the number of older runs that were left out."""
 
     records: list[RunRecord]
     """The latest of them, the oldest first."""
@@ -34,7 +34,7 @@ class FoundRecords:
 
 
 def read_record(path: Path) -> RunRecord:
-    """Reads the record of a run.
+    """Reads the record of a run (`run.json`).
 
     Raises:
         ConfigurationError: it is no record, or one of a newer version.
@@ -48,7 +48,7 @@ def read_record(path: Path) -> RunRecord:
 
 
 def write_record(record: RunRecord) -> None:
-    """Writes the record of a run into its folder; it appears there only when it is whole."""
+    """Writes the record of a run into its folder, atomically."""
     path = record.run_dir / RECORD_NAME
     part = path.with_name(f"{RECORD_NAME}.part")
     part.write_text(record.model_dump_json(indent=2, exclude_none=True))
@@ -56,7 +56,7 @@ def write_record(record: RunRecord) -> None:
 
 
 def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetime | None = None) -> FoundRecords:
-    """Finds the latest runs of a specification; reruns of some of its jobs, and probes, are no nights of it.
+    """Finds the records of a specification's latest runs; partial reruns and probes are left out.
 
     Args:
         runs: folder of all runs; their folders are named after their specifications.
@@ -83,7 +83,7 @@ def find_records(runs: Path, name: str, most: int = MOST_NIGHTS, before: datetim
 
 
 def run_before(record: RunRecord) -> RunRecord | None:
-    """The last night of the same specification that ended before a run began; none that was cancelled."""
+    """Returns the previous full run of the same specification; cancelled ones are left out."""
     for path in _latest_first(record.run_dir.parent, record.name):
         with suppress(ConfigurationError, OSError):
             earlier = read_record(path)
@@ -94,23 +94,23 @@ def run_before(record: RunRecord) -> RunRecord | None:
 
 
 def is_night(record: RunRecord) -> bool:
-    """Whether a run had all jobs of its specification: a rerun has some, and a probe is cut down."""
+    """Whether a run had all jobs of its specification, and was no partial rerun and no probe."""
     return record.rerun_of is None and not record.probe
 
 
 def names_of_specifications(runs: Path) -> list[str]:
-    """Names of the specifications that have runs, by the names of the runs' folders."""
+    """Lists the names of specifications that have runs, from the run folders' names."""
     return sorted({_name_of(path) for path in _records(runs)} - {""})
 
 
 def since_last(run: NightRun, runs: Path) -> SinceLastRun:
-    """Compares a run with the earlier runs of its specification, by the records of those that began before it."""
+    """Compares a run with earlier runs of its specification: which jobs and requirements changed."""
     earlier = find_records(runs, run.name, before=run.started_at).records
     return since_last_run([*map(NightRun.of, earlier), run])
 
 
 def since_last_good(record: RunRecord) -> SinceLastRun:
-    """The same of a record, with all that was lost since the last run before that succeeded."""
+    """Compares a run with the run before, and lists all jobs lost since the last successful run."""
     earlier = find_records(record.run_dir.parent, record.name, before=record.started_at).records
     return since_last_good_run(list(map(NightRun.of, [*earlier, record])))
 
@@ -135,7 +135,7 @@ _logger = logging.getLogger(__name__)
 
 
 def commit_of(path: Path) -> SourceCommit | None:
-    """The commit that the folder of a file is at.
+    """Returns the Git commit of the folder that a file is in.
 
     Args:
         path: the file, or a folder.

@@ -25,7 +25,7 @@ from .reports import short_name
 
 
 def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> FlowResult:
-    """How a job ended, as the flow that carried it out returns it.
+    """Makes the result that a job's Prefect flow returns, from the job's end.
 
     Args:
         operation: the operation that made the job.
@@ -42,7 +42,7 @@ def job_result(operation: str, answer: Mapping[str, Any], service: Service) -> F
 
 
 def why_not_completed(answer: Mapping[str, Any]) -> str | None:
-    """Why a job ended as its final description says; of several worlds that failed, why one did."""
+    """Returns the reason for which a job did not complete, from its final description; `None` if it did."""
     failures = answer.get("finishedWorldsSummary", {}).get("failureSummary", {}).get("failures")
     if failures and "failureReason" not in answer:
         count = sum(failure["failureCount"] for failure in failures)
@@ -64,7 +64,7 @@ def _look(operation: str, arn: str, jobs: Sequence[JobRecord]) -> str:
 
 
 def simulation_standings(arn: str, service: Service) -> list[JobRecord]:
-    """How the simulation jobs of a simulation job or of a batch stand; none for other jobs.
+    """Returns short records of a simulation job, or of each job of a batch, in their current state.
 
     Args:
         arn: the job, or the batch.

@@ -62,13 +62,13 @@ _FAILURE_CODES: Mapping[str, str] = {
 
 
 def jobs_by_request(batch: Resource, service: Service) -> dict[int, Resource]:
-    """The batch's jobs by the place of their request."""
+    """Returns a batch's jobs by the index of their request."""
     jobs = service.catalog.children(batch.arn, kind="simulation-job")
     return {index: job for job in jobs if (index := SimulationJobDocument.of(job).request_index) is not None}
 
 
 class BatchRun:
-    """One job worker's work on one batch.
+    """Runs one simulation job batch: makes jobs from its requests, and follows them to their end.
 
     Args:
         lease: the right to change the batch.
@@ -104,7 +104,7 @@ class BatchRun:
         self._deadline = batch.created_at + timedelta(seconds=self._policy.timeout_in_seconds)
 
     def run(self) -> None:
-        """Runs every request that has not ended and settles the batch."""
+        """Runs every unfinished request of the batch, then ends the batch."""
         if self._batch.status == "Pending":
             self._lease.transition("start")
         else:
@@ -142,7 +142,7 @@ class BatchRun:
         self._report()
 
     def end(self) -> None:
-        """Ends a batch that has to stop, with its jobs that no job worker holds.
+        """Ends a batch that has to stop, and those of its jobs that no job worker holds.
 
         Jobs that others perform are cancelled; the batch is then left to the next job worker.
         """
@@ -351,7 +351,7 @@ class BatchRun:
         return self._cancelled
 
     def create_job(self, index: int) -> Resource | None:
-        """Turns a request into a job, once; a request that is refused for good becomes a failed one."""
+        """Creates the job for a request of the batch, once; an invalid request is recorded as failed."""
         if str(index) in self._failed:
             return None
         request, token = self._request(index)

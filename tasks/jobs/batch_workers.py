@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 
 class BatchWorker:
-    """The job worker of this process for one batch.
+    """Job worker of this process: takes jobs of one batch from the catalog and runs them.
 
     Args:
         batch: ARN of the batch.
@@ -61,7 +61,7 @@ class BatchWorker:
         self._ended = threading.Event()
 
     def run(self) -> int:
-        """Runs jobs until the batch has ended, or no process carries it out any more.
+        """Runs jobs of the batch until the batch has ended, or no process manages it any more.
 
         Returns:
             How many were run here.
@@ -85,7 +85,7 @@ class BatchWorker:
             machine.leave()
 
     def stop(self) -> None:
-        """Takes no more jobs; `run` returns once those that run have ended."""
+        """Makes the worker take no more jobs; `run` returns once the current ones have ended."""
         self._ended.set()
 
     def _machine(self) -> MachineSlots:
@@ -216,7 +216,7 @@ _LASTING_S = 3.0
 
 
 class AwaitedJobs:
-    """The ends of a batch's jobs; safe to use from several threads.
+    """Waits for a batch's jobs to end, with one query for all of them; safe to use from several threads.
 
     Args:
         catalog: where they are.
@@ -230,7 +230,7 @@ class AwaitedJobs:
         self._changed = threading.Condition()
 
     def look(self) -> None:
-        """Asks once for all jobs which have ended.
+        """Queries once which jobs of the batch have ended.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -243,7 +243,7 @@ class AwaitedJobs:
                 self._changed.notify_all()
 
     def wait(self, job: str, should_stop: Callable[[], bool]) -> None:
-        """Waits until a look has found that a job has ended, or waiting is to end.
+        """Waits until a job has ended, or `should_stop` is true.
 
         Args:
             job: ARN of the job.
@@ -255,13 +255,13 @@ class AwaitedJobs:
 
 
 class WorkerWait:
-    """Notices whether the jobs of a batch wait for a job worker: while one runs, there is a worker."""
+    """Detects that no job worker takes the jobs of a batch."""
 
     def __init__(self) -> None:
         self._since_s: float | None = None
 
     def lasts(self, pending: int, running: int, now_s: float) -> bool:
-        """Notes how jobs stand, and says whether all wait for a worker, for longer than it takes to find one.
+        """Updates the numbers of jobs; returns whether all have waited for a worker for too long.
 
         Args:
             pending: jobs that no worker has begun.
@@ -280,7 +280,7 @@ _LOOK_EVERY_S = 2.0
 
 
 class BatchTrials:
-    """The trials of one batch.
+    """Counts the finished trials of a batch's jobs, for its progress.
 
     Args:
         batch: ARN of the batch.
@@ -300,7 +300,7 @@ class BatchTrials:
         """As they were at the last look; None: no job has trials."""
 
     def look(self, *, now: bool = False) -> bool:
-        """Counts again, if the last time was two seconds ago.
+        """Counts the finished trials again, at most every two seconds.
 
         Args:
             now: counts in any case.

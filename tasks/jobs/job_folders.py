@@ -30,7 +30,7 @@ _logger = logging.getLogger(__name__)
 
 
 def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> None:
-    """Removes what is not needed any more of a job that no job worker runs.
+    """Deletes local files of a job that no job worker runs; outputs not uploaded yet stay.
 
     Outputs that could not be stored stay, and so does a run with containers that could not be removed.
 
@@ -57,12 +57,12 @@ def clean_up_job(folder: Path, document: SimulationJobDocument, run_id: str) -> 
 
 
 def kept_runs(document: SimulationJobDocument) -> dict[str, EarlierRun]:
-    """The runs before a job's last one, by their ids."""
+    """Returns the job's runs before the last one, by run id."""
     return {run.run_id: run for run in document.earlier_runs}
 
 
 def remove_abandoned_containers(service: Service) -> None:
-    """Removes the containers of abandoned runs: of jobs that are over, and of job workers that died here.
+    """Removes containers of jobs that are over, and of job workers that died on this machine.
 
     Of the former the folders go too, which were kept because a container could not be removed. What does not work is
     logged, and tried again by the next.
@@ -85,7 +85,7 @@ def remove_abandoned_containers(service: Service) -> None:
 
 
 def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
-    """Folders of runs on this machine that have containers, but no job worker; each with its job.
+    """Yields run folders on this machine that have containers but no job worker, each with its job.
 
     Jobs that the catalog does not know may be of another region or account, and are left alone.
 
@@ -104,7 +104,7 @@ def abandoned_runs(service: Service) -> Iterator[tuple[Path, Resource]]:
 
 
 def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
-    """Folders of runs on this machine of which nothing is needed, each with its job, which has ended.
+    """Lists run folders on this machine that another process made useless by taking over the job.
 
     Another process took the job over, perhaps on another machine, and the outputs are those of its run. Outputs that
     could not be stored are needed; so is what has changed a moment ago, as its process may still end its programs.
@@ -133,7 +133,7 @@ def overtaken_runs(service: Service) -> list[tuple[Path, Resource]]:
 
 
 def remove_overtaken_runs(service: Service) -> list[Path]:
-    """Removes what is not needed of jobs that others took over; what does not work is logged, and tried again later.
+    """Deletes the run folders that `overtaken_runs` lists; failures are logged and retried later.
 
     Returns:
         The folders that are gone.
@@ -177,13 +177,13 @@ def _is_abandoned(job: Resource, service: Service) -> bool:
 
 
 def has_unstored(run: Path) -> bool:
-    """Whether there is something in a run's folder that was to be stored."""
+    """Whether a run's folder has outputs that were not uploaded."""
     return any((run / "output").glob("*")) or any((run / name).exists() for name in NOT_STORED[1:])
 
 
 @dataclass(frozen=True)
 class KeptOutputs:
-    """Outputs of one run of a job that has ended."""
+    """Outputs of a run that are still on this machine because their upload failed."""
 
     job: Resource
     run_id: str
@@ -192,11 +192,11 @@ class KeptOutputs:
 
     @property
     def output_dir(self) -> Path:
-        """The folder that the run wrote to."""
+        """Folder that the run wrote its outputs to."""
         return self.folder / "output"
 
     def files(self) -> Iterator[Path]:
-        """Files to store; one may be there under two names."""
+        """Yields the files to upload; one file may occur under two names."""
         seen: set[tuple[int, int]] = set()
         for path in (
             *self.output_dir.rglob("*"),
@@ -210,7 +210,7 @@ class KeptOutputs:
 
 
 def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
-    """Finds the outputs on this machine of jobs that have ended and whose outputs are not stored.
+    """Finds outputs on this machine whose upload failed, of jobs that have ended.
 
     Args:
         service: where the jobs are stored.
@@ -234,7 +234,7 @@ def find_kept(service: Service, job: str | None = None) -> list[KeptOutputs]:
 
 
 def store_kept(kept: KeptOutputs, service: Service) -> StoredPlace:
-    """Stores outputs that were kept, says in the job where they are, and removes them from this machine.
+    """Uploads outputs whose upload had failed, records their place in the job, and deletes the local copy.
 
     What an earlier attempt stored of them is not stored again.
 

@@ -41,7 +41,7 @@ execute` does, which containers of work pools run."""
 
 
 def environment_needed(operation: str, request: Mapping[str, Any], service: Service) -> NeededEnvironment:
-    """The part of this process's environment that a job ordered now needs.
+    """Returns the parts of this process's environment that a job ordered now needs to run elsewhere.
 
     Args:
         operation: the operation that orders it.
@@ -66,7 +66,7 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
 
 
 def environment_here(needed: NeededEnvironment, settings: Settings, environ: Mapping[str, str]) -> NeededEnvironment:
-    """The part of this process's environment that a job needs.
+    """Returns this process's environment, reduced to the parts that a job needs.
 
     Args:
         needed: what the job needs.
@@ -95,19 +95,19 @@ def _simulations(operation: str, request: Mapping[str, Any]) -> list[Mapping[str
 
 
 def variable(setting: str) -> str:
-    """The environment variable of a setting."""
+    """Returns the environment variable of a setting."""
     return f"ROBOMAKER_{setting.upper()}"
 
 
 def written(value: object) -> str:
-    """A setting as its variable is written; nothing: the variable is not set."""
+    """Formats a setting's value as its environment variable is written; `None` if it would not be set."""
     if value is None:
         return ""
     return os.pathsep.join(map(str, cast("tuple[object, ...]", value))) if isinstance(value, tuple) else str(value)
 
 
 def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
-    """The folders of PYTHONPATH, absolute, without the one that Prefect makes for each run and removes.
+    """Returns the folders of PYTHONPATH, absolute, without the temporary folder that Prefect adds.
 
     No other run has that folder. What a run imported from it is a package, and missed as such.
     """
@@ -116,7 +116,7 @@ def python_path(environ: Mapping[str, str]) -> tuple[str, ...]:
 
 
 def standing_of(job: Resource, service: Service) -> JobStanding | None:
-    """Returns who carries out a job.
+    """Returns which process runs a job, and how the job continues if that process has died.
 
     Args:
         job: the job or batch.
@@ -129,7 +129,7 @@ def standing_of(job: Resource, service: Service) -> JobStanding | None:
 
 
 def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobStanding]:
-    """Returns who carries out some jobs, by ARN; jobs that no process has begun with are left out.
+    """Returns which process runs each of some jobs, by ARN.
 
     Args:
         jobs: jobs and batches. Of a batch's job the environment that the batch needs counts.
@@ -145,7 +145,7 @@ def standings_of(jobs: Iterable[Resource], service: Service) -> dict[str, JobSta
 
 
 def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> list[str]:
-    """Names the needs of a job that this process does not meet; nothing: it may carry the job out.
+    """Lists the needs of a job that this process does not meet; empty if it may run the job.
 
     Args:
         needed: what was recorded with the order; `None`: a client ordered it.
@@ -158,7 +158,7 @@ def needs_elsewhere(needed: Mapping[str, object] | None, service: Service) -> li
 
 
 def left_jobs(service: Service) -> list[tuple[Resource, JobStanding]]:
-    """The jobs that have not ended, and that the process left that ordered them for itself."""
+    """Lists the unfinished jobs whose process has died and which only a command continues."""
     jobs = service.catalog.ordered_for_oneself()
     standings = standings_of(jobs, service)
     return [(job, standings[job.arn]) for job in jobs if standings[job.arn].state in ("died", "left")]
@@ -198,7 +198,7 @@ _logger = logging.getLogger(__name__)
 
 
 class OwnOrder:
-    """One order, whose job's lease is kept until the block ends.
+    """An order whose job this process runs itself: it holds the job's lease from the moment the job is stored.
 
     Args:
         service: where the job is stored.
@@ -231,7 +231,7 @@ class OwnOrder:
             _logger.warning("the lease of %s runs out by itself: %s", self._arn, unavailable)
 
     def through(self, operation: str, request: Mapping[str, Any]) -> Service:
-        """The service that stores the job with its lease; to carry it out is not its use, as parts are no orders.
+        """Returns the service that stores the job together with its lease.
 
         Args:
             operation: the operation that orders the job.
@@ -242,7 +242,7 @@ class OwnOrder:
         return replace(self._service, first_lease=lease)
 
     def keep(self, arn: str) -> None:
-        """Keeps the lease of the job that was stored.
+        """Keeps the lease of the stored job.
 
         A job that an equal call had stored before may be another's; carrying it out here then waits for its lease.
         """

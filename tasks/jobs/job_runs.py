@@ -78,7 +78,7 @@ def perform_job(
     place: Place | None = None,
     waits: bool = True,
 ) -> None:
-    """Carries a simulation job from wherever it stands to its end.
+    """Runs a simulation job to completion from its current state.
 
     A job that a dead job worker left half-way goes on from the last checkpoint, when the run's folder is on this
     machine and has one; else it is run again from the start, as a new run with a folder of its own, and what the dead
@@ -102,7 +102,7 @@ def perform_job(
 
 
 def stop_idle_job(arn: str, service: Service, reason: StopReason = StopReason.CANCELED) -> bool:
-    """Ends a job that has to stop, if no job worker holds it; outputs that a dead one left here are stored.
+    """Ends a job that has to stop, if no job worker holds it; outputs left on this machine are uploaded.
 
     Args:
         arn: the job.
@@ -128,12 +128,12 @@ class _Next(Enum):
 
 @cache
 def launcher() -> Launcher:
-    """The launcher of this process: one warm parent for all its simulation processes."""
+    """Returns this process's launcher, the warm parent process of all its simulations."""
     return Launcher()
 
 
 class JobRun:
-    """One job worker's work on one simulation job.
+    """Runs one simulation job, holding its lease.
 
     Args:
         lease: the right to change the job.
@@ -167,7 +167,7 @@ class JobRun:
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
-        """Runs the job, again as often as it is restarted, and settles its end; what breaks on the way fails it."""
+        """Runs the job, again after each restart, and records its end; an error on the way fails the job."""
         next_run = _Next.GO_ON  # with what a dead job worker may have left
         while next_run is not _Next.NONE:
             left, self._finishes = None, False
@@ -185,7 +185,7 @@ class JobRun:
                 next_run = self._run_once(left, ros_domain)
 
     def end(self, reason: StopReason) -> None:
-        """Ends a job that does not run; what a dead job worker's run left on this machine is stored first.
+        """Ends a job that is not running; outputs that a dead run left on this machine are uploaded first.
 
         Args:
             reason: why it has to stop; one that is `Terminating` keeps the outcome that it has already.

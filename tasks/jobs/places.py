@@ -23,7 +23,7 @@ SIMULATED = "simulatedAt"
 
 
 def only_finishes(job: Resource, reason: StopReason) -> bool:
-    """Whether a job that is performed is left to finish its outputs, although its batch has to stop."""
+    """Whether a running job may still upload its outputs although its batch has to stop."""
     if job.status == IS_STORED:
         return True
     return reason is StopReason.BATCH_TIMED_OUT and SimulationJobDocument.of(job).simulated_at is not None
@@ -39,7 +39,7 @@ def _no_permit(_: ExitStack) -> bool:
 
 
 class Place(AbstractContextManager["Place"]):
-    """The place of one job; the block ends when the job has ended.
+    """A job's place on its machine: first a slot to simulate, then permission to finish (upload). Context manager.
 
     Args:
         take: See `Take`.
@@ -52,7 +52,7 @@ class Place(AbstractContextManager["Place"]):
         self._simulates = False
 
     def simulate(self) -> Turn | None:
-        """Waits until the job may simulate; at once, if it may already.
+        """Waits until the machine has a free slot, so that the job may simulate.
 
         Returns:
             How long it waited for the machine; `None`: it has to stop.
@@ -65,7 +65,7 @@ class Place(AbstractContextManager["Place"]):
         return turn
 
     def finish(self) -> None:
-        """Lets another job simulate, unless as many jobs finish already as may."""
+        """Frees the job's slot for another job's simulation, unless too many jobs are uploading already."""
         with ExitStack() as finishing:
             if self._simulates and self._permit(finishing):
                 self._finishing = finishing.pop_all()
@@ -78,7 +78,7 @@ class Place(AbstractContextManager["Place"]):
 
 
 def permit_of(machine: MachineSlots) -> Permit:
-    """A machine's permission to finish: as many jobs have it as there are slots."""
+    """Returns a machine's permission to finish (upload), of which there are as many as slots."""
 
     def permit(stack: ExitStack) -> bool:
         place = machine.take_finishing()

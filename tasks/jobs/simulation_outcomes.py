@@ -26,7 +26,7 @@ END_EVENTS: Mapping[OutcomeStatus, str] = {"Completed": "complete", "Failed": "f
 
 
 def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
-    """The outcome of a job that a run leads to.
+    """Determines the outcome of a simulation job from its run's end.
 
     Args:
         run: how the run ended.
@@ -52,7 +52,7 @@ def outcome_of(run: RunOutcome, stopped_because: StopReason | None) -> Outcome:
 
 
 def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, is_whole: bool = True) -> bool:
-    """Whether a run's good end gives way to a cancellation that was answered before the job had ended.
+    """Whether a run that ended well counts as cancelled, because a cancellation was accepted before.
 
     One that failed stays failed, and the end of a batch takes nothing from a job whose run was over, unless its outputs
     were not stored as a whole for that.
@@ -63,26 +63,26 @@ def is_overtaken(status: OutcomeStatus, stopped_because: StopReason | None, *, i
 
 
 def stopped(reason: StopReason, words: str) -> Outcome:
-    """The outcome of a job that had to stop; one that was cancelled itself has no failure code."""
+    """Makes the outcome of a job that had to stop; one that was cancelled itself has no failure code."""
     if reason is StopReason.CANCELED:
         return Outcome(status="Canceled")
     return Outcome(status="Canceled", failure_code=reason.value, failure_reason=words)
 
 
 def overtaken(outcome: Outcome, reason: StopReason | None = None) -> Outcome:
-    """The outcome of a job whose run had completed when it, or its batch, was cancelled."""
+    """Makes the outcome of a job whose run had completed when the job or its batch was cancelled."""
     code = reason.value if reason is StopReason.BATCH_CANCELED else None
     without = {"failure_code": code, "verdict": None, "verdict_reason": None}
     return outcome.model_copy(update={"status": "Canceled", **without})
 
 
 def failed(code: str, reason: str) -> Outcome:
-    """The outcome of a job that failed."""
+    """Makes the outcome of a job that failed."""
     return _with_failure(Outcome(status="Failed"), code, reason)
 
 
 def without_outputs(outcome: Outcome, code: str, reason: str) -> Outcome:
-    """An outcome that lost its outputs: a crash that came before keeps its code, a cancelled job stays cancelled."""
+    """Returns an outcome changed to say that the outputs could not be stored."""
     reasons = [reason] if outcome.failure_reason is None else [reason, outcome.failure_reason]
     if outcome.status == "Completed":
         without = {"failure_code": None, "verdict": None, "verdict_reason": None}
@@ -104,7 +104,7 @@ _logger = logging.getLogger(__name__)
 
 
 class EarlierRuns:
-    """The runs of a job before its last one.
+    """Stores the outputs of a job's earlier runs, before a restart or after a crash.
 
     Args:
         lease: the right to change the job.
@@ -120,11 +120,11 @@ class EarlierRuns:
         self._why_stop = why_stop
 
     def keep_restarted(self, run_id: str, ended: RunOutcome) -> None:
-        """Stores what a run left that was ended for another, and notes it; the restart goes on unless it is stopped."""
+        """Uploads the outputs of a run that was ended by a restart, and records that run in the job."""
         self._keep(run_id, outcome_of(ended, None), restarted=True, finished=ended.finished)
 
     def keep_dead(self, why: str) -> None:
-        """Stores what a run left here that died with its job worker and that none goes on with, and notes it.
+        """Uploads the outputs of a run whose job worker died, and records that run in the job.
 
         Whether it had ended cannot be known any more, so it gets no manifest.
 
@@ -146,7 +146,7 @@ class EarlierRuns:
         self._keep(run_id, outcome, restarted=job.status == "Restarting", finished=False)
 
     def note_lost(self) -> bool:
-        """Notes that a run which had come to a good end is lost with its machine; the job can only run again.
+        """Records that a completed run is lost with its machine, so that the job has to run again.
 
         Returns:
             Whether it is: its outputs are neither on this machine nor stored. A store that does not answer cannot tell.
@@ -222,5 +222,5 @@ class EarlierRuns:
 
 
 def not_stored_by_dead(outputs: RunOutputs, error: Exception) -> str:
-    """Says that the outputs of a run are gone with the machine that it ran on."""
+    """Makes the text that a run's outputs are lost with the machine it ran on."""
     return f"{_LOST} in s3://{outputs.bucket}/{outputs.prefix}: {error}"

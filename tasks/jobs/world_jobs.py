@@ -44,7 +44,7 @@ WorldJobProgress = WorldGenerationProgress | WorldExportProgress
 
 
 def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Lease], None]) -> None:
-    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
+    """Cancels a world generation or export job: at once if idle, else as soon as its worker notices.
 
     Cancelling a job that has ended, or is being cancelled, changes nothing and succeeds.
 
@@ -66,7 +66,7 @@ def cancel_world_job(arn: str, kind: str, service: Service, work: Callable[[Leas
 
 
 def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -> bool:
-    """Moves a job on, unless it is being cancelled meanwhile: then it ends as cancelled.
+    """Applies an event to a job, unless the job is being cancelled: then it ends as cancelled.
 
     Args:
         lease: the right to change the job.
@@ -90,7 +90,7 @@ def move_on(lease: Lease, event: str, changes: WorldJobProgress | None = None) -
 
 
 def end_canceled(lease: Lease, changes: WorldJobProgress | None = None) -> None:
-    """Ends a job as cancelled, whether its status says already that it will be or not.
+    """Ends a job as cancelled.
 
     Raises:
         StateConflictError: it has ended, or the lease was lost.
@@ -105,7 +105,7 @@ NO_FAILURES = WorldFailures()
 
 
 def run_generation(lease: Lease, service: Service) -> None:
-    """Carries a generation job to its end; one that asks for more worlds than a job may make fails.
+    """Runs a world generation job to its end; one that asks for too many worlds fails.
 
     So it was with the service: the call took any number, and the job said that it was too many.
     """
@@ -132,7 +132,7 @@ def run_generation(lease: Lease, service: Service) -> None:
 
 
 class GenerationRun:
-    """One job worker's work on one generation job.
+    """Runs one world generation job, holding its lease.
 
     Args:
         lease: the right to change the job.
@@ -149,7 +149,7 @@ class GenerationRun:
         self._failures: list[WorldFailure] = []
 
     def run(self) -> None:
-        """Generates every world that does not exist and ends the job."""
+        """Generates every missing world of the job, and ends the job."""
         if self._job.status == "Pending" and not move_on(self._lease, "start"):
             return
         self._made = {world.arn for world in self._service.catalog.children(self._job.arn, kind="world")}
@@ -263,7 +263,7 @@ def _failure_summary(failures: list[WorldFailure]) -> WorldFailures:
 
 
 def in_order(arns: Iterable[str]) -> list[str]:
-    """Worlds by number, not by who was finished first: what a specification makes of them is the same every time."""
+    """Sorts worlds by number, so that later steps do not depend on which one finished first."""
     return sorted(arns, key=lambda arn: int(arn.rpartition("-")[2]))
 
 
@@ -272,7 +272,7 @@ _logger = logging.getLogger(__name__)
 
 
 def run_export(lease: Lease, service: Service) -> None:
-    """Carries an export job to its end: packs its worlds and stores the archive."""
+    """Runs a world export job: packs its worlds and stores the archive."""
     if lease.job.status == "Pending" and not move_on(lease, "start", WorldExportProgress(started=True)):
         return
     if lease.job.status == "Canceling" or service.catalog.cancel_requested(lease.job.arn):

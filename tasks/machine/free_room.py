@@ -13,7 +13,7 @@ _MB = 10**6
 
 @dataclass(frozen=True)
 class Wait:
-    """Why a job waits."""
+    """Reason why a job waits: the resource that the machine has too little of, with a text."""
 
     scarce: Scarce
     text: str
@@ -22,7 +22,7 @@ class Wait:
 
 @dataclass(frozen=True)
 class Need:
-    """Memory and disk that have to be free before a job begins, in bytes."""
+    """Memory and disk space in bytes that have to be free before a job begins."""
 
     memory_bytes: int
     disk_bytes: int
@@ -30,7 +30,7 @@ class Need:
 
 @dataclass(frozen=True)
 class Room:
-    """Free memory and disk of a machine, and the jobs that run on it."""
+    """Free memory and disk space of a machine in bytes, and the number of running jobs."""
 
     memory_bytes: int | None
     """Available memory; None: not known, so nothing waits for it."""
@@ -46,7 +46,7 @@ class Room:
 
 
 def why_wait(need: Need, room: Room) -> Wait | None:
-    """Tells why a job cannot begin; None: it can.
+    """Returns the reason why a job cannot begin on this machine; `None` if it can.
 
     A job that would be alone on the machine never waits for memory, as no end of another job would give it more.
 
@@ -79,12 +79,12 @@ _CONTROL_GROUPS = Path("/sys/fs/cgroup")
 
 
 def free_disk_bytes(folder: Path) -> int:
-    """Bytes that this user may still write to the disk of a folder that exists."""
+    """Returns the bytes that this user can still write to a folder's disk."""
     return shutil.disk_usage(folder).free
 
 
 def available_memory_bytes(proc: Path = _PROC, control_groups: Path = _CONTROL_GROUPS) -> int | None:
-    """Memory that new processes can have without pushing others out; None where the kernel does not say.
+    """Returns the memory in bytes that new processes can get without swapping; `None` if unknown.
 
     Args:
         proc: where the kernel says what it has.

@@ -20,7 +20,7 @@ _AGAIN_S = 600.0
 
 
 class Notices:
-    """Decides which waits of one batch, or of one job, are told."""
+    """Decides which waits for machine resources are reported to the user."""
 
     def __init__(self) -> None:
         self._scarce: Scarce | None = None
@@ -30,7 +30,7 @@ class Notices:
         """Scarce resource of the current wait, once the wait has lasted two seconds; None: no such wait."""
 
     def is_due(self, wait: Wait | None, now_s: float) -> bool:
-        """Whether to tell of a wait now: it has lasted two seconds, and was not told in the last ten minutes.
+        """Whether to report a wait now: it has lasted two seconds and was not reported in ten minutes.
 
         Args:
             wait: why there is waiting at this moment; None: there is nothing to tell.
@@ -49,7 +49,7 @@ class Notices:
 
 
 class WaitTimes:
-    """Adds up waits from what is seen several times a second."""
+    """Adds up how long jobs waited for each scarce resource, from samples several times a second."""
 
     def __init__(self) -> None:
         self._total_s: dict[Scarce, float] = {}
@@ -57,7 +57,7 @@ class WaitTimes:
         self._seen_s = 0.0
 
     def see(self, scarce: Scarce | None, now_s: float) -> None:
-        """Notes what is waited for at this moment.
+        """Records the resource that is waited for at this moment.
 
         Args:
             scarce: what; None: there is no wait.
@@ -68,7 +68,7 @@ class WaitTimes:
         self._scarce, self._seen_s = scarce, now_s
 
     def total_s(self, before_s: Mapping[Scarce, float]) -> dict[Scarce, float]:
-        """How long all waits took together, in seconds, by what was waited for.
+        """Returns the total waiting time in seconds for each resource.
 
         Args:
             before_s: the totals of an earlier moment, which are left out.
@@ -88,14 +88,16 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Turn:
-    """A slot that a job has, for as long as the block goes on that holds it."""
+    """A slot that a job holds, as long as the enclosing `with` block lasts."""
 
     waited_s: Mapping[Scarce, float]
     """How long the job waited for it, in seconds, by what it waited for; waits for its own batch do not count."""
 
 
 class MachineSlots:
-    """The slots of the machine for one batch, or for one job that is in none; safe to use from several threads.
+    """Slots of the machine that limit how many simulation jobs run at once, shared fairly by all batches.
+
+    Safe to use from several threads.
 
     Args:
         settings: where they are, how many, and what has to be free before a job begins.
@@ -141,7 +143,7 @@ class MachineSlots:
     def hold(
         self, should_stop: Callable[[], bool], name: str = "a job", wants_more: Callable[[], bool] = lambda: False
     ) -> Generator[Turn | None]:
-        """Holds a slot inside the block, after waiting for one.
+        """Waits for a slot, and holds it inside the `with` block.
 
         Args:
             should_stop: asked while waiting; once true, waiting ends.
@@ -165,7 +167,7 @@ class MachineSlots:
                     self.give_back(slot)
 
     def take(self, name: str = "a job") -> int | None:
-        """Takes a slot, if a job may begin now; `give_back` has to follow.
+        """Takes a slot if a job may begin now; `give_back` has to follow.
 
         From then on this batch waits for slots, and others with less right to them get none: ask again within seconds,
         or `leave`.
@@ -188,7 +190,7 @@ class MachineSlots:
             return slot
 
     def take_finishing(self) -> int | None:
-        """Takes one of the places in which jobs draw and store beside those that simulate, if one is free.
+        """Takes one of the extra places for jobs that only render and upload, if one is free.
 
         There are as many as slots, so a machine has at most twice as many jobs as it has slots. `give_back` frees it.
         """
@@ -197,7 +199,7 @@ class MachineSlots:
             return self._finishing.take(self._finishing.look().free, holder)
 
     def waited_s(self, since_s: Mapping[Scarce, float] | None = None) -> dict[Scarce, float]:
-        """How long jobs have waited until now, in seconds, by what they waited for.
+        """Returns how long jobs have waited until now, in seconds by resource.
 
         Args:
             since_s: what this answered earlier, and is to be left out; None: nothing.
@@ -205,7 +207,7 @@ class MachineSlots:
         return self._times.total_s(since_s or {})
 
     def leave(self) -> None:
-        """Waits for no slots any more."""
+        """Stops waiting for slots, so that other batches get them."""
         with self._lock:
             self._leave()
 
@@ -216,7 +218,7 @@ class MachineSlots:
         self._see("", None, self._clock())
 
     def give_back(self, slot: int) -> None:
-        """Frees a slot or a finishing place, also where a child process has inherited it."""
+        """Frees a slot or finishing place, also where a child process has inherited it."""
         self._slots.give_back(slot)
 
     def _awaited(self, should_stop: Callable[[], bool], name: str) -> int | None:
@@ -301,7 +303,7 @@ class MachineSlots:
 def jobs_that_wait(
     settings: Settings, pid: int | None = None, clock: Callable[[], float] = time.time
 ) -> list[WaiterRecord]:
-    """Jobs that wait for room on this machine, the longest wait first.
+    """Lists the jobs that wait for resources of this machine, the longest wait first.
 
     Args:
         settings: where the slots are.

@@ -16,7 +16,7 @@ _MOST_BYTES = 4096
 
 
 class Holder(Model):
-    """A job that runs in a slot."""
+    """Description of the job that runs in a machine slot."""
 
     batch: str | None = Field(default=None, description="ARN of its batch; None: it is in none.")
     began_s: float = Field(default=0.0, description="When it began, in seconds since 1970.")
@@ -24,7 +24,7 @@ class Holder(Model):
 
 @dataclass(frozen=True)
 class Slots:
-    """Free and held slots at one moment."""
+    """The free and the held slots of a machine at one moment."""
 
     free: tuple[int, ...]
     """Numbers of the slots that no process held."""
@@ -32,12 +32,12 @@ class Slots:
     holders: tuple[Holder, ...]
 
     def by_batch(self) -> Counter[str | None]:
-        """How many jobs run, by batch."""
+        """Counts the running jobs by batch."""
         return Counter(holder.batch for holder in self.holders)
 
 
 class SlotFiles:
-    """The slots of a machine.
+    """Slots of a machine as locked files, shared by all processes.
 
     Args:
         folder: where their files are.
@@ -49,7 +49,7 @@ class SlotFiles:
         self._count = count
 
     def look(self) -> Slots:
-        """Sees which slots are free, and who holds the others."""
+        """Finds out which slots are free, and which job holds each of the others."""
         free: list[int] = []
         holders: list[Holder] = []
         for number in range(self._count):
@@ -66,7 +66,7 @@ class SlotFiles:
         return Slots(tuple(free), tuple(holders))
 
     def take(self, numbers: Iterable[int], holder: Holder) -> int | None:
-        """Takes one of some slots; returns its descriptor, or None if others were faster."""
+        """Locks one of the given slots; returns its file descriptor, or `None` if others were faster."""
         for number in numbers:
             slot = self._open(number)
             try:
@@ -103,7 +103,7 @@ WRITE_EVERY_S = 0.5
 
 
 class WaiterRecord(Model):
-    """One waiter's file."""
+    """Content of the file by which a process announces that it waits for a slot."""
 
     pid: int = Field(description="The process that waits.")
     name: str = Field(description="Name of the job or request that waits, for people.")
@@ -114,7 +114,7 @@ class WaiterRecord(Model):
 
 
 class WaiterFiles:
-    """The waiters of a machine.
+    """Files by which processes announce that they wait for a machine's slots.
 
     Args:
         folder: where their files are.
@@ -124,7 +124,7 @@ class WaiterFiles:
         self._folder = folder
 
     def write(self, ticket: str, record: WaiterRecord, now_s: float) -> None:
-        """Says that a waiter waits, for the next seconds.
+        """Announces that a process waits for a slot, for the next seconds.
 
         Args:
             ticket: the waiter's, unique on the machine.
@@ -138,11 +138,11 @@ class WaiterFiles:
         unfinished.replace(self._folder / ticket)
 
     def remove(self, ticket: str) -> None:
-        """Says that a waiter waits no more."""
+        """Withdraws the announcement that a process waits for a slot."""
         (self._folder / ticket).unlink(missing_ok=True)
 
     def read(self, now_s: float) -> dict[str, WaiterRecord]:
-        """The waiters that live, by ticket; files of dead ones are removed.
+        """Returns the valid announcements by ticket, and deletes those of dead processes.
 
         Args:
             now_s: seconds since 1970.
@@ -160,7 +160,7 @@ class WaiterFiles:
 
 
 def may_begin(ticket: str, waiters: Mapping[str, WaiterRecord], running: Mapping[str | None, int], free: int) -> bool:
-    """Whether a waiter may take one of the free slots now, or has to leave them to others.
+    """Decides whether a waiting job may take a free slot now, or has to leave it to others with more right.
 
     A batch is taken to want every slot that it can get; a job that is in no batch wants one.
 

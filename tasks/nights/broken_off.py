@@ -30,7 +30,7 @@ _SILENCE_S = 120.0
 
 @dataclass(frozen=True)
 class BrokenOff:
-    """A run whose process has died."""
+    """An interrupted run: its process has died before the run ended."""
 
     order: Order
     folder: Path
@@ -45,29 +45,29 @@ class BrokenOff:
 
     @property
     def why_left(self) -> str:
-        """Why this process does not finish it, in words; empty: it does."""
+        """Reason why this process cannot finish the interrupted run; empty if it will."""
         needs = f"it needs another environment than this process has: {'; '.join(self.differences)}"
         return "; ".join([*self.limits, *([needs] if self.differences else [])])
 
     @property
     def run_id(self) -> str:
-        """The run's id."""
+        """Id of the interrupted run."""
         return self.order.run_id
 
     @property
     def place(self) -> str:
-        """The machine to type the command on: `on vm: `; empty: any."""
+        """Machine on which a command has to be typed, as text: `on vm: `; empty if any machine will do."""
         return f"on {self.order.needed.machine}: " if self.order.needed else ""
 
     def in_words(self) -> str:
-        """A sentence or two."""
+        """Describes the interrupted run in a sentence or two."""
         owner = self.order.owner or "its process"
         died = f"{self.run_id}: {owner} died at about {self.died_at:%Y-%m-%d %H:%M} UTC, before the run had ended"
         return f"{died}; {self.why_left or _NEXT}"
 
 
 def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[BrokenOff]:
-    """The runs of a home that broke off, the oldest first.
+    """Lists the interrupted runs of a data home, oldest first.
 
     Args:
         settings: of this process, with which each run's needs are compared.
@@ -79,7 +79,7 @@ def broken_off_runs(settings: Settings, now: datetime | None = None) -> list[Bro
 
 
 def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
-    """The runs of a specification that broke off, as its history shows them.
+    """Lists the interrupted runs of a specification, in the form in which its history shows them.
 
     Args:
         settings: of this process.
@@ -97,7 +97,7 @@ def unfinished_nights(settings: Settings, name: str) -> list[MissedNight]:
 
 
 def broken_off(folder: Path, settings: Settings, now: datetime | None = None) -> BrokenOff | None:
-    """The run of a folder, if it broke off; see `broken_off_runs`."""
+    """Returns the interrupted run in a folder; `None` if the run was not interrupted."""
     if not has_broken_off(folder) or (order := read_order(folder)) is None:
         return None
     if (folder / RECORD_NAME).is_file():

@@ -33,7 +33,7 @@ Result = TypeVar("Result")
 
 
 class Outlasting(Protocol):
-    """Calls something again until the catalog answers."""
+    """Interface of a function that calls another one again until the catalog's database answers."""
 
     def __call__(self, call: Callable[[], Result], /) -> Result:
         """Returns what the call returns."""
@@ -42,7 +42,7 @@ class Outlasting(Protocol):
 
 @dataclass(frozen=True)
 class RunFacts:
-    """Facts of a run that are known from its beginning."""
+    """Facts of a run that are known when it begins: id, specification, folder, start time."""
 
     run_id: str
     checked: CheckedSpec
@@ -66,7 +66,7 @@ def finish_run(
     flow_run: str | None,
     outlasting: Outlasting,
 ) -> RunRecord:
-    """Writes the report and the record of a run, whatever happened, and tells of it.
+    """Writes the report and record of a run, however it ended, and sends notifications.
 
     Args:
         facts: what is known of it from its beginning.
@@ -125,7 +125,7 @@ def finish_run(
 
 
 def is_pinged(facts: RunFacts) -> bool:
-    """Whether a run is a night: a rerun of some jobs or a probe does not say that the night happened."""
+    """Whether a run is a full nightly run, whose end a monitoring URL is told; reruns and probes are not."""
     return facts.rerun_of is None and not facts.is_probe
 
 
@@ -182,7 +182,7 @@ def _report(
 def state_of_run(
     checked: CheckedSpec, steps: list[StepRecord], jobs: list[JobRecord], *, is_canceled: bool
 ) -> RunState:
-    """How the run ended as a whole."""
+    """Determines the state of a whole run from its steps and jobs."""
     statuses = [step.status for step in steps]
     was_cut = is_canceled and "Skipped" in statuses
     recorded = {step.name for step in steps}

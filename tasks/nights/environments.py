@@ -23,7 +23,7 @@ _BUILT_IN = "built in"
 
 
 def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment:
-    """The part of this process's environment that a run ordered now needs.
+    """Returns the parts of this process's environment that a run of a specification needs to be resumed.
 
     Args:
         spec: the run's specification.

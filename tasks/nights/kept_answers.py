@@ -17,7 +17,7 @@ ANSWERS = "answers.jsonl"
 
 
 class KeptAnswers:
-    """Carries out each request of a run once, also when its process dies and another goes on.
+    """Stores the response of each request of a run, so that a resumed run does not repeat requests.
 
     A process that dies in the moment between an answer and its line leaves an application that the next one makes
     again; all else has the client token of its step.
@@ -38,7 +38,7 @@ class KeptAnswers:
                     self._kept |= json.loads(line)
 
     def has(self, step: str) -> bool:
-        """Whether the next request of a step was answered before."""
+        """Whether the next request of a step has a stored response."""
         return self._place(step) in self._kept
 
     def __call__(

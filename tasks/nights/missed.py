@@ -39,7 +39,7 @@ _TOLD_IF = frozenset({"failure", "change", "always"})
 
 @dataclass(frozen=True)
 class DueRun:
-    """The run that Prefect has for a time of a schedule."""
+    """A scheduled run of a deployment, as Prefect lists it."""
 
     state: str
     """The type of its state: `SCHEDULED`, `COMPLETED`."""
@@ -50,7 +50,10 @@ class DueRun:
 
 
 def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
-    """Whether a run of a specification began in a data home within a time, by the names of the folders of runs.
+    """Whether a run of a specification began in a data home between two times.
+
+    It looks at the names of the run folders. A flow run whose process dies in its first moments has none: nothing
+    finishes it.
 
     A flow run whose process dies in its first moments has none: nothing finishes it.
 
@@ -67,7 +70,7 @@ def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
 
 
 def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None:
-    """Notes that runs of a deployment have this data home, so that its nights are looked after.
+    """Records that a Prefect deployment's runs use this data home, so that missed nights are noticed.
 
     Args:
         home: the data home.
@@ -82,7 +85,7 @@ def note_schedule(home: Path, deployment: str, name: str, now: datetime) -> None
 
 
 def schedules_of(home: Path) -> list[NightSchedule]:
-    """The schedules whose nights are looked after, those of one specification beside each other."""
+    """Lists the recorded schedules of a data home, grouped by specification."""
     found: list[NightSchedule] = []
     for path in (home / _FOLDER).glob("*.json"):
         with suppress(OSError, ValidationError):
@@ -125,19 +128,19 @@ def _writing(home: Path) -> Iterator[None]:
 
 
 def forget_schedule(home: Path, schedule: NightSchedule) -> None:
-    """Forgets a schedule whose deployment was deleted."""
+    """Deletes the record of a schedule whose Prefect deployment was deleted."""
     (home / _FOLDER / f"{schedule.deployment}.json").unlink(missing_ok=True)
 
 
 def missed_nights(home: Path, name: str) -> list[MissedNight]:
-    """The nights of a specification that did not happen, the oldest first."""
+    """Lists the scheduled runs of a specification that did not happen, oldest first."""
     found = [night for each in schedules_of(home) if each.name == name for night in each.missed]
     return sorted(found, key=lambda night: night.due_at)
 
 
 @contextmanager
 def only_one(home: Path) -> Iterator[bool]:
-    """Says, inside the block, whether this process may look; one at a time does, so that each night is told once."""
+    """Yields whether this process is the one that may check for missed nights now."""
     folder = home / _FOLDER
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / _LOCK).open("w") as lock:
@@ -158,7 +161,7 @@ def judged(
     max_late: timedelta,
     booted_at: datetime | None,
 ) -> NightSchedule:
-    """Judges the nights that were due since the last look; later than that they would not begin any more.
+    """Determines which scheduled runs did not happen since the last check, and returns the updated schedule.
 
     Args:
         schedule: what is known of it.
@@ -215,7 +218,7 @@ def _why_missed(at: datetime, run: DueRun | None, *, paused_since: datetime | No
 
 
 def message_of_missed(before: NightSchedule, found: NightSchedule) -> Message | None:
-    """The message about nights that did not happen.
+    """Makes the notification about scheduled runs that did not happen; `None` if nothing is new.
 
     Args:
         before: what was known of the schedule.
@@ -247,7 +250,7 @@ def _is_of_pause(night: MissedNight, schedule: NightSchedule) -> bool:
 
 
 def tell_of_missed(settings: Settings, message: Message) -> list[str]:
-    """Sends the message, if somebody is told of nights that end badly.
+    """Sends the notification about missed nights to the configured channels; returns their errors.
 
     Returns:
         What is wrong with channels that did not take it.
@@ -258,7 +261,7 @@ def tell_of_missed(settings: Settings, message: Message) -> list[str]:
 
 
 def booted_at() -> datetime | None:
-    """When this machine was started; `None`: not known."""
+    """Returns when this machine was started; `None` if unknown."""
     with suppress(OSError, ValueError):
         for line in Path("/proc/stat").read_text().splitlines():
             if line.startswith("btime "):
@@ -267,7 +270,7 @@ def booted_at() -> datetime | None:
 
 
 def has_schedules(home: Path) -> bool:
-    """Whether there is any schedule to look after, without reading it."""
+    """Whether a data home has any recorded schedule."""
     with suppress(OSError):
         return any(path.suffix == ".json" for path in (home / _FOLDER).iterdir())
     return False

@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class OpenRun:
-    """A run that this process carries out.
+    """A run that this process is carrying out, with its lock file and stored order.
 
     Args:
         folder: the run's.
@@ -48,7 +48,7 @@ class OpenRun:
 
     @classmethod
     def begin(cls, folder: Path, order: Order) -> Self:
-        """Keeps the order of a run that begins in this process."""
+        """Stores the order of a run that begins in this process, and locks the run."""
         lock = os.open(folder / LOCK, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_CREAT, 0o600)
         fcntl.flock(lock, fcntl.LOCK_EX)  # waits a moment where another process just looks whether it goes on
         run = cls(folder, order, lock)
@@ -57,14 +57,14 @@ class OpenRun:
 
     @classmethod
     def inherited(cls, folder: Path, order: Order, lock: int) -> Self:
-        """Goes on with a run whose lock the process that started this one has passed on."""
+        """Continues a run whose lock the parent process has passed on."""
         run = cls(folder, order, lock)
         run.change(owner=own_name())
         return run
 
     @classmethod
     def claim(cls, folder: Path) -> Self | None:
-        """Takes a run whose process has died; its order says so from now on.
+        """Takes over an interrupted run whose process has died; `None` if it runs or has ended.
 
         Returns:
             The run; `None`: it has ended, goes on, or another process has just taken it.
@@ -94,21 +94,21 @@ class OpenRun:
 
     @property
     def lock(self) -> int:
-        """The locked file, to be passed on to a process that carries the run out."""
+        """File descriptor of the run's lock, to be passed on to a child process."""
         return self._lock
 
     @property
     def is_cancelled(self) -> bool:
-        """Whether somebody has asked for its end."""
+        """Whether the run's cancellation was requested."""
         return (self.folder / CANCEL).exists()
 
     def cancel(self) -> None:
-        """Notes that the run is to end, for the process that finishes it if this one is killed meanwhile."""
+        """Records that the run is to be cancelled, also for a process that takes it over."""
         with suppress(OSError):
             (self.folder / CANCEL).touch()
 
     def change(self, **members: Any) -> None:
-        """Changes the order, which others find whole, before or after."""
+        """Changes the stored order of the run, atomically."""
         self.order = self.order.model_copy(update=members)
         part = self.folder / f".{ORDER}.part"
         # The specification may hold secrets.
@@ -119,7 +119,7 @@ class OpenRun:
         part.replace(self.folder / ORDER)
 
     def live(self) -> None:
-        """Notes again and again that this process lives, until the run has ended.
+        """Records regularly that this process is alive, until the run has ended.
 
         It says when a run died, and is all that machines see whose network file system knows no locks.
         """
@@ -132,11 +132,11 @@ class OpenRun:
         threading.Thread(target=note, name=f"life of {self.order.run_id}", daemon=True).start()
 
     def pass_on(self) -> None:
-        """Closes the lock here; a process that was started with it holds it."""
+        """Closes the lock in this process; the child process that inherited it keeps holding it."""
         os.close(self._lock)
 
     def end(self) -> None:
-        """Removes what is kept of a run that has not ended."""
+        """Deletes the stored order of a finished run."""
         if self._ended.is_set():
             return
         self._ended.set()
@@ -147,12 +147,12 @@ class OpenRun:
 
 
 def own_name() -> JobOwner:
-    """The name of this process as the one that carries a run out."""
+    """Returns this process's name, as the one that carries out a run."""
     return JobOwner.of_lease(new_owner())
 
 
 def read_order(folder: Path) -> Order | None:
-    """The order of a run that has not ended; `None`: there is none, or it cannot be read."""
+    """Reads the order of an unfinished run; `None` if there is none or it cannot be read."""
     try:
         return Order.model_validate_json((folder / ORDER).read_bytes())
     except OSError:
@@ -163,7 +163,7 @@ def read_order(folder: Path) -> Order | None:
 
 
 def is_going(folder: Path) -> bool:
-    """Whether the process of a run is there."""
+    """Whether the process that carries out a run is alive."""
     try:
         with lock_of(folder) as lock:
             fcntl.flock(lock, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -175,13 +175,13 @@ def is_going(folder: Path) -> bool:
 
 
 def has_broken_off(folder: Path) -> bool:
-    """Whether the process of a run died before the run had ended."""
+    """Whether a run was interrupted: its process died before the run had ended."""
     return (folder / LOCK).is_file() and (folder / ORDER).is_file() and not is_going(folder)
 
 
 @contextmanager
 def lock_of(folder: Path, flags: int = 0) -> Iterator[int]:
-    """Opens the file of a run's lock inside the block.
+    """Opens a run's lock file inside the `with` block.
 
     Raises:
         OSError: there is none.

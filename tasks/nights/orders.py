@@ -30,7 +30,7 @@ def keep_order(
     outlasting: Outlasting,
     listener: ProgressListener,
 ) -> OpenRun | None:
-    """Keeps what another process needs to finish a run if this one dies.
+    """Stores everything another process needs to finish a run if this one dies.
 
     Args:
         facts: what is known of the run from its beginning.
@@ -83,7 +83,7 @@ def keep_order(
 
 
 def ordered_spec(order: Order) -> CheckedSpec:
-    """The specification that was ordered.
+    """Returns the checked specification of a stored order.
 
     Raises:
         SpecError: this release finds problems in it.
@@ -95,7 +95,7 @@ def ordered_spec(order: Order) -> CheckedSpec:
 
 
 def taken_run(settings: Settings, run_id: str) -> OpenRun | str:
-    """Takes a run that broke off, so that this process finishes it.
+    """Takes over an interrupted run, so that this process finishes it; or returns why it cannot.
 
     Args:
         settings: of this process.
@@ -119,6 +119,6 @@ def _left_in_words(run: BrokenOff) -> str:
 
 
 def tell_of_left(run: BrokenOff) -> None:
-    """Says in Prefect, at the flow run that died, what finishes it."""
+    """Writes into a dead flow run in Prefect what finishes its run."""
     if run.order.flow_run is not None:
         tell_of_dead(run.order.flow_run, _left_in_words(run))

@@ -25,7 +25,7 @@ Complain = Callable[[str], None]
 
 
 def ping_start(address: str | None, name: str, run_id: str) -> None:
-    """Says that a night begins; returns at once.
+    """Calls the monitoring URL at the start of a nightly run; returns at once.
 
     Args:
         address: of the setting; `None`: there is none.
@@ -38,7 +38,7 @@ def ping_start(address: str | None, name: str, run_id: str) -> None:
 
 
 def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None:
-    """Says how a night ended.
+    """Calls the monitoring URL at the end of a nightly run, with its result.
 
     Args:
         address: of the setting; `None`: there is none.
@@ -51,7 +51,7 @@ def ping_end(address: str | None, record: RunRecord, complain: Complain) -> None
 
 
 def ping_address(address: str, name: str, last: str) -> str:
-    """The address that is called.
+    """Makes the monitoring URL for a specification.
 
     Args:
         address: of the setting.

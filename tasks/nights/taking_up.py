@@ -58,7 +58,7 @@ Tell = Callable[[BrokenOff], None]
 
 
 class TakingUp:
-    """Looks for runs that broke off, and has them finished.
+    """Looks for interrupted runs, and starts processes that resume them.
 
     Args:
         settings: of this process.
@@ -89,11 +89,11 @@ class TakingUp:
         self._looking = threading.Lock()
 
     def start(self) -> None:
-        """Looks again and again, in a thread that ends with this process."""
+        """Starts a thread that looks for interrupted runs again and again."""
         threading.Thread(target=self._look_until_end, name="broken-off runs", daemon=True).start()
 
     def look(self) -> list[str]:
-        """Looks once.
+        """Looks once for interrupted runs, and starts to resume them.
 
         Returns:
             Ids of the runs that are being finished from now on.
@@ -102,7 +102,10 @@ class TakingUp:
             return [run.run_id for run in broken_off_runs(self._settings) if self._take(run)]
 
     def wait_in_container(self) -> None:
-        """Waits until the runs have ended that this process finishes, if it is a flow run with a container of its own.
+        """Waits for the resumed runs if this process is a flow run in its own container.
+
+        All processes of a container die with its first one, which is the flow run: each night would take up the run
+        that broke off, and none would finish it.
 
         All processes of a container die with its first one, which is the flow run: each night would take up the run
         that broke off, and none would finish it.
@@ -209,7 +212,7 @@ def _is_too_soon(run: BrokenOff) -> bool:
 
 
 def start_process(run: OpenRun, variables: Mapping[str, str], *words: str) -> None:
-    """Starts the process of a run, which has its lock from now on.
+    """Starts the process that resumes a run, which inherits the run's lock.
 
     Args:
         run: the run.

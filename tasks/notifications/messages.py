@@ -32,7 +32,7 @@ _WORDS: Mapping[CaseOutcome, str] = {
 
 @dataclass(frozen=True)
 class Message:
-    """A message as it is sent."""
+    """A notification about a run: title, text and pictures."""
 
     title: str
     body: str
@@ -42,7 +42,7 @@ class Message:
 def is_due(
     when: frozenset[NotifyWhen], record: RunRecord, before: RunRecord | None, since: Losses | None = None
 ) -> bool:
-    """Whether a run is told of.
+    """Whether a notification about a run is to be sent, by the setting (failures, changes, all, ...).
 
     A run that succeeds and judges less than earlier ones is no recovery; it is told of where failures or changes are.
     A run that was cancelled says nothing about the robot, and is told only where all are.
@@ -66,7 +66,7 @@ def is_due(
 
 
 def failed_jobs(record: RunRecord) -> list[JobRecord]:
-    """The jobs that did not pass, the worst first; those that were cancelled do not count.
+    """Lists the jobs that did not pass, worst first; cancelled jobs are left out.
 
     What broke comes before verdicts, then what missed most requirements; else the order is that of the requests.
     """
@@ -75,7 +75,7 @@ def failed_jobs(record: RunRecord) -> list[JobRecord]:
 
 
 def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun | None = None) -> Message:
-    """Writes the message of a run.
+    """Makes the notification about a run.
 
     Args:
         record: the run.

@@ -22,7 +22,7 @@ _logger = logging.getLogger(__name__)
 
 
 def notify_of(record: RunRecord, service: Service, listener: ProgressListener) -> None:
-    """Tells of a run that has ended, if the settings ask for it. It never raises: a message is not worth a run.
+    """Sends a notification about a finished run if the settings ask for it; it never raises an error.
 
     Args:
         record: the run, whose record and report are written.
@@ -80,7 +80,7 @@ AFTER_S = 540.0
 
 
 class LongWaits:
-    """A listener of a run's progress that tells once of a long wait for disk, and passes everything on.
+    """Progress listener that notifies once of a long wait for disk space, and forwards all other events.
 
     At first it says which channels there are not: when the run has ended, it is too late for that. Other waits end by
     themselves, when jobs do; of the end of the run is told as always.

@@ -27,7 +27,7 @@ TIMEOUT_S = 60.0
 def send(
     urls: Sequence[str], message: Message, pictures: Mapping[str, bytes], timeout_s: float = TIMEOUT_S
 ) -> list[str]:
-    """Sends a message to every channel, all at once.
+    """Sends a message to every notification channel at once; returns the errors.
 
     Args:
         urls: apprise's addresses, such as `json://host/path`, `mailtos://user:password@host` or `slack://…`.
@@ -57,7 +57,7 @@ def send(
 
 
 def unknown_channels(urls: Sequence[str]) -> list[str]:
-    """Says which addresses apprise does not understand, by their place: they may hold secrets."""
+    """Lists invalid notification URLs by position, not by content, because they may hold secrets."""
     return [_unknown(place) for place, channel in enumerate(_channels(urls)) if channel is None]
 
 

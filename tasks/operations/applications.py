@@ -41,7 +41,7 @@ _CONTENT = ("sources", "robotSoftwareSuite", "simulationSoftwareSuite", "renderi
 
 
 def create_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """Stores an application and returns the members of the response.
+    """Stores a new robot or simulation application, and returns the members of the response.
 
     Args:
         role: which kind of application.
@@ -72,7 +72,7 @@ def create_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def describe_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """The members that describe an application, or a version of it.
+    """Returns the response members that describe an application, or a version of it.
 
     Raises:
         ResourceNotFoundException: there is no such application, or version.
@@ -85,7 +85,9 @@ def describe_application(role: ApplicationRole, request: Mapping[str, Any], serv
 def list_applications(
     role: ApplicationRole, request: ApplicationListRequest, service: Service
 ) -> tuple[list[dict[str, Any]], str | None]:
-    """A page of applications, newest first, and the token of the next; built-in ones only where the filter names them.
+    """Returns a page of applications, newest first, and the next page's token.
+
+    Built-in applications are listed only if the filter names them.
 
     Raises:
         InvalidParameterException: a filter is not known, or the token is not of this list.
@@ -100,7 +102,7 @@ def list_applications(
 
 
 def change_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """Makes an application what a request says, and returns the members of the response.
+    """Updates an application as a request says, and returns the members of the response.
 
     Raises:
         ResourceNotFoundException: there is no such application.
@@ -115,7 +117,7 @@ def change_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def delete_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> None:
-    """Removes an application with all its versions, or one version; of no effect on what is not there.
+    """Deletes an application with all versions, or one version; does nothing if it does not exist.
 
     Raises:
         InvalidParameterException: it is built in, or `$LATEST` alone is to be removed; or the ARN is none.
@@ -139,7 +141,7 @@ def delete_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def revision(resource: Resource) -> dict[str, Any]:
-    """The members of a response that say what an application, or a version of it, is."""
+    """Returns the response members that describe an application's content."""
     document = ApplicationDocument.of(resource)
     content = document.to_json()
     return {
@@ -153,7 +155,7 @@ def revision(resource: Resource) -> dict[str, Any]:
 
 
 def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
-    """Checks that an application still has the revision that a request is about.
+    """Checks that an application still has the revision id that a request expects.
 
     Raises:
         InvalidParameterException: it has another; says which.
@@ -166,7 +168,7 @@ def check_revision(wanted: str | None, document: ApplicationDocument) -> None:
 
 
 def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """The members of the response for an application that exists with the same definition.
+    """Returns the response for an application that exists already with the same definition.
 
     Returns:
         `None` when the name is free.
@@ -188,7 +190,7 @@ def reuse_application(role: ApplicationRole, request: Mapping[str, Any], service
 
 
 def update_application(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """Makes an application that exists what a request to create it says, with its archives as they are now.
+    """Updates an existing application to what a request to create it says, with its current archives.
 
     Returns:
         The members of the response; `None` when the name is free.
@@ -209,7 +211,7 @@ def update_application(role: ApplicationRole, request: Mapping[str, Any], servic
 
 
 def existing_application(step: CheckedStep, request: Mapping[str, Any], service: Service) -> dict[str, Any] | None:
-    """The answer of a step's application that exists already; `None` where there is none, or the step makes it anew."""
+    """Returns the response of a step whose application exists already; `None` if the step has to create it."""
     role = "robot" if step.operation == "CreateRobotApplication" else "simulation"
     if step.if_exists == "update":
         return update_application(role, request, service)
@@ -254,7 +256,7 @@ class _ChangedMeanwhile(Exception):
 
 
 def create_version(role: ApplicationRole, request: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """Keeps an application as it is now under the next number, and returns the members of the response.
+    """Saves an application's current content as the next numbered version, and returns the response's members.
 
     Raises:
         ResourceNotFoundException: there is no such application.
@@ -327,37 +329,37 @@ def _image_digest(wanted: str | None, content: ApplicationDocument, application:
 
 
 def register_operations(role: ApplicationRole) -> None:
-    """Registers the six operations on the applications of one kind."""
+    """Registers the six API operations on applications of one kind (robot or simulation)."""
     resource = f"{role.capitalize()}Application"
 
     @operation(f"Create{resource}")
     def create(request: ApplicationContent, service: Service) -> Answer:
-        """Stores an application under a name of its own."""
+        """Handles the operation that stores a new application under a unique name."""
         return create_application(role, request.to_wire(), service)
 
     @operation(f"Create{resource}Version")
     def create_numbered(request: NewApplicationVersion, service: Service) -> Answer:
-        """Keeps an application as it is now under the next number."""
+        """Handles the operation that saves an application's content as a numbered version."""
         return create_version(role, request.to_wire(), service)
 
     @operation(f"Describe{resource}")
     def describe(request: ApplicationSelection, service: Service) -> Answer:
-        """Tells what an application, or a version of it, is."""
+        """Handles the operation that describes an application, or a version of it."""
         return describe_application(role, request.to_wire(), service)
 
     @operation(f"List{resource}s")
     def list_page(request: ApplicationListRequest, service: Service) -> Answer:
-        """Lists applications, newest first."""
+        """Handles the operation that lists applications, newest first."""
         summaries, token = list_applications(role, request, service)
         return {f"{role}ApplicationSummaries": summaries, "nextToken": token}
 
     @operation(f"Update{resource}")
     def update(request: ApplicationUpdate, service: Service) -> Answer:
-        """Makes an application something else, under the same name."""
+        """Handles the operation that replaces an application's content; its name stays."""
         return change_application(role, request.to_wire(), service)
 
     @operation(f"Delete{resource}")
     def delete(request: ApplicationSelection, service: Service) -> Answer:
-        """Removes an application with all its versions, or one version of it."""
+        """Handles the operation that deletes an application with all versions, or one version of it."""
         delete_application(role, request.to_wire(), service)
         return {}

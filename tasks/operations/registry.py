@@ -41,7 +41,7 @@ JobRunner = Callable[[str, Service], None]
 
 @dataclass(frozen=True)
 class Operation:
-    """One operation of the service."""
+    """An API operation of the service with its handler, and for jobs the function that runs them."""
 
     shape: OperationShape
     handler: Handler
@@ -50,21 +50,21 @@ class Operation:
 
     @property
     def name(self) -> str:
-        """The service's name for it."""
+        """The service's name of the operation, such as `CreateSimulationJob`."""
         return self.shape.name
 
     @property
     def resource(self) -> str:
-        """The resource it belongs to: the name of the module of its shapes, its handler and its flows."""
+        """Resource that the operation belongs to, as its modules are named: `simulation_jobs`."""
         return self.shape.request.__module__.rpartition(".")[2]
 
     @property
     def perform_name(self) -> str:
-        """Name of the flow that performs a stored job."""
+        """Name of the Prefect flow that runs a stored job of this operation."""
         return "Perform" + self.shape.final_name.removeprefix("Describe")
 
     def answer(self, data: Mapping[str, Any], service: Service) -> dict[str, Any]:
-        """Checks the request, does the operation (for jobs: the submit half), and answers.
+        """Checks a request, carries out the operation (for jobs: only submits the job), and returns the response.
 
         Raises:
             ServiceError: the request is refused; nothing was stored.
@@ -74,7 +74,7 @@ class Operation:
     def ordered(
         self, data: Mapping[str, Any], through: Callable[[str, Mapping[str, Any]], Service], service: Service
     ) -> dict[str, Any]:
-        """Orders a job, as `answer` does, for the process that carries it out.
+        """Submits a job, as `answer` does, which the calling process will run itself.
 
         Args:
             data: the request's members.
@@ -88,7 +88,7 @@ class Operation:
         return self.handle(request, through(self.name, request.to_wire()))
 
     def checked(self, data: Mapping[str, Any], service: Service) -> Shape:
-        """Checks the request by itself, without the catalog.
+        """Parses and checks a request by itself, without the catalog.
 
         Raises:
             ServiceError: the request is refused.
@@ -100,7 +100,7 @@ class Operation:
         return request
 
     def handle(self, request: Shape, service: Service) -> dict[str, Any]:
-        """Does what a checked request asks for, and answers.
+        """Carries out a checked request, and returns the response.
 
         Raises:
             ServiceError: the request is refused; nothing was stored.
@@ -122,7 +122,7 @@ class Operation:
             raise InvalidParameterException(str(error)) from error
 
     def perform(self, arn: str, service: Service) -> dict[str, Any]:
-        """Carries a stored job to its end and returns its final description.
+        """Runs a stored job to its end, and returns its final description.
 
         Called again for the same job, by any job worker, it continues where the job stands. An interruption
         (Ctrl-C, the end or cancellation of the flow run) cancels the job, and goes on once it has ended.
@@ -141,7 +141,7 @@ class Operation:
         return wait.outlasting(lambda: self.described(arn, service))
 
     def described(self, arn: str, service: Service) -> dict[str, Any]:
-        """How a job of this operation stands.
+        """Returns the current description of a job that this operation created.
 
         Raises:
             ResourceNotFoundException: there is no such job.
@@ -155,7 +155,7 @@ _registry: dict[str, Operation] = {}
 
 
 def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handler], Handler]:
-    """Registers a handler as the service's operation `name`.
+    """Decorator that registers a function as the handler of a service operation.
 
     Args:
         name: the operation's name, a key of `OPERATIONS`.
@@ -174,14 +174,14 @@ def operation(name: str, *, perform: JobRunner | None = None) -> Callable[[Handl
 
 @cache
 def registry() -> Mapping[str, Operation]:
-    """All operations, by name; the handlers of a resource are where its shapes are, in `tasks` instead of `schemas`."""
+    """Returns all API operations, by name."""
     for module in MODULES:
         importlib.import_module(module.replace(".schemas.", ".tasks.", 1))
     return dict(sorted(_registry.items()))
 
 
 def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]:
-    """Calls an operation directly; for job operations this only submits the job.
+    """Calls an API operation in this process; for jobs this only submits the job.
 
     Args:
         name: the operation's name.
@@ -202,23 +202,23 @@ def call(name: str, data: Mapping[str, Any], service: Service) -> dict[str, Any]
 
 
 def flow_names() -> set[str]:
-    """The names of this package's flows in Prefect."""
+    """Returns the names of this package's flows in Prefect."""
     operations = registry().values()
     performing = {entry.perform_name for entry in operations if entry.run_job}
     return {"RunPipeline", *performing, *(entry.name for entry in operations)}
 
 
 class ListRequest(Protocol):
-    """A request of a List operation."""
+    """Interface of a request that asks for a page of a list."""
 
     @property
     def nextToken(self) -> str | None:  # noqa: N802 - the service's name
-        """Token of the page before."""
+        """Token of the previous page's response, to continue after it."""
         ...
 
     @property
     def maxResults(self) -> int | None:  # noqa: N802 - the service's name
-        """Entries per page."""
+        """Maximum number of entries in a page."""
         ...
 
 
@@ -230,7 +230,7 @@ def page_of(
     most: int = 100,
     members: Sequence[str] | None = None,
 ) -> Page:
-    """Reads the page of a list that a request asks for, newest first.
+    """Reads the page of resources that a list request asks for, newest first.
 
     Args:
         request: says how many entries, after which, and its filters; page tokens are good for its operation only.

@@ -25,13 +25,13 @@ MAX_TIMEOUT_S = 1_209_600
 
 
 def perform_simulation_job_batch(arn: str, service: Service) -> None:
-    """Turns the batch's requests into jobs, runs them, and ends the batch."""
+    """Runs a simulation job batch: makes jobs of its requests, runs them, and ends the batch."""
     run_under_lease(arn, KIND, service, lambda lease: BatchRun(lease, service).run())
 
 
 @operation("StartSimulationJobBatch", perform=perform_simulation_job_batch)
 def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service: Service) -> Answer:
-    """Stores a batch; its requests become jobs when it is performed."""
+    """Handles `StartSimulationJobBatch`: stores a batch; its requests become jobs when the batch runs."""
     _check_rooms(request, service)
     policy = request.batchPolicy.to_wire() if request.batchPolicy else {}
     batch = service.store_job(
@@ -61,14 +61,14 @@ def start_simulation_job_batch(request: StartSimulationJobBatchRequest, service:
 
 @operation("DescribeSimulationJobBatch")
 def describe_simulation_job_batch(request: DescribeSimulationJobBatchRequest, service: Service) -> Answer:
-    """Tells how a batch stands: which requests are jobs, which wait, which failed."""
+    """Handles `DescribeSimulationJobBatch`: returns the batch with its created, pending and failed requests."""
     batch = service.catalog.get(request.batch, kind=KIND)
     return _described(batch, service)
 
 
 @operation("ListSimulationJobBatches")
 def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, service: Service) -> Answer:
-    """Lists batches; says of their requests only how many are in which state."""
+    """Handles `ListSimulationJobBatches`: lists batches with their numbers of requests by state."""
     page = page_of(request, KIND, service, "status", members=BatchCounts.members())
     created = service.catalog.count_each([batch.arn for batch in page.resources], "simulation-job")
     return {
@@ -79,7 +79,9 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
 
 @operation("CancelSimulationJobBatch")
 def cancel_simulation_job_batch(request: CancelSimulationJobBatchRequest, service: Service) -> Answer:
-    """Cancels a batch and its jobs: at once if no job worker runs it, else as soon as its worker notices.
+    """Handles `CancelSimulationJobBatch`: cancels a batch and its jobs.
+
+    A running batch is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
 
     Cancelling a batch that has ended changes nothing and succeeds.
     """

@@ -33,7 +33,7 @@ KIND = "simulation-job"
 
 
 def perform_simulation_job(arn: str, service: Service) -> None:
-    """Runs the job's simulation in a process of its own and stores its outputs."""
+    """Runs a simulation job in a separate process, and uploads its outputs."""
     run_step = step_runner()
 
     def has_to_end() -> bool:
@@ -62,7 +62,7 @@ def perform_simulation_job(arn: str, service: Service) -> None:
 
 @operation("CreateSimulationJob", perform=perform_simulation_job)
 def create_simulation_job(request: CreateSimulationJobRequest, service: Service) -> Answer:
-    """Stores a simulation job whose applications, world and data exist."""
+    """Handles `CreateSimulationJob`: stores a job after checking that its applications, world and data exist."""
     token = ClientToken.of("CreateSimulationJob", request)
     service = service.with_blocks(read_credential_block)
     job = reuse_job(request, service, token=token) if service.reuses else None
@@ -74,7 +74,7 @@ def create_simulation_job(request: CreateSimulationJobRequest, service: Service)
 
 @operation("DescribeSimulationJob")
 def describe_simulation_job(request: DescribeSimulationJobRequest, service: Service) -> Answer:
-    """Tells how a simulation job stands."""
+    """Handles `DescribeSimulationJob`: returns the full description of a simulation job."""
     return describe(service.catalog.get(request.job, kind=KIND))
 
 
@@ -82,7 +82,7 @@ def describe_simulation_job(request: DescribeSimulationJobRequest, service: Serv
 def batch_describe_simulation_job(
     request: BatchDescribeSimulationJobRequest, service: Service
 ) -> BatchDescribeSimulationJobResponse:
-    """Tells how several simulation jobs stand."""
+    """Handles `BatchDescribeSimulationJob`: returns the descriptions of several simulation jobs."""
     found = {arn: job for arn, job in service.catalog.get_many(request.jobs).items() if job.kind == KIND}
     jobs = [SimulationJob.model_validate(describe(found[arn])) for arn in request.jobs if arn in found]
     missing = [arn for arn in request.jobs if arn not in found]
@@ -91,14 +91,17 @@ def batch_describe_simulation_job(
 
 @operation("ListSimulationJobs")
 def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -> Answer:
-    """Lists jobs, 100 a page at most."""
+    """Handles `ListSimulationJobs`: lists jobs, at most 100 in a page."""
     page = page_of(request, KIND, service, "status", "simulationApplicationName", "robotApplicationName")
     return {"simulationJobSummaries": [summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelSimulationJob")
 def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> Answer:
-    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices.
+    """Handles `CancelSimulationJob`: cancels a simulation job.
+
+    A running job is cancelled as soon as its worker notices, and stores its outputs; cancelled again, it ends with what
+    is stored by then. Cancelling one that has ended changes nothing.
 
     Cancelling a job that has ended changes nothing and succeeds. A job that was cancelled while it ran stores its
     outputs; cancelled again, it ends with what is stored by then.
@@ -114,7 +117,7 @@ def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service)
 
 @operation("RestartSimulationJob")
 def restart_simulation_job(request: RestartSimulationJobRequest, service: Service) -> Answer:
-    """Restarts a running job from the start; its job worker sees the new status."""
+    """Handles `RestartSimulationJob`: restarts a running simulation job from the start."""
     job = service.catalog.get(request.job, kind=KIND)
     _, is_to_be_cancelled = service.catalog.standing(request.job)
     if is_to_be_cancelled and not is_terminal(KIND, job.status):
@@ -130,7 +133,7 @@ def restart_simulation_job(request: RestartSimulationJobRequest, service: Servic
 
 
 def describe(job: Resource) -> dict[str, Any]:
-    """The members of a job's description, those without a value as `None`."""
+    """Makes the members of a simulation job's description; those without a value are `None`."""
     document = SimulationJobDocument.of(job)
     request = document.request
     return {
@@ -159,7 +162,7 @@ def describe(job: Resource) -> dict[str, Any]:
 
 
 def summary(job: Resource) -> dict[str, Any]:
-    """The members of a job's entry in a list."""
+    """Makes the members of a simulation job's entry in a list."""
     document = SimulationJobDocument.of(job)
     return {
         "arn": job.arn,

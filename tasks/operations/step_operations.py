@@ -20,7 +20,7 @@ from .registry import Operation, registry
 
 @cache
 def step_registry() -> Mapping[str, Operation]:
-    """All operations that steps may have, by name."""
+    """Returns all operations that steps of a specification may call, by name."""
     shape = STEP_OPERATIONS["VaryWorlds"]
     return {**registry(), shape.name: Operation(shape, _vary_worlds)}
 

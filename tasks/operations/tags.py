@@ -17,20 +17,20 @@ from .registry import Answer, operation
 
 @operation("ListTagsForResource")
 def list_tags_for_resource(request: ListTagsForResourceRequest, service: Service) -> ListTagsForResourceResponse:
-    """Lists a resource's tags."""
+    """Handles `ListTagsForResource`: returns a resource's tags."""
     return ListTagsForResourceResponse(tags=dict(_tagged(request.resourceArn, service).tags))
 
 
 @operation("TagResource")
 def tag_resource(request: TagResourceRequest, service: Service) -> Answer:
-    """Adds tags to a resource, whatever its status, and replaces the values of keys it has."""
+    """Handles `TagResource`: adds tags to a resource, or replaces their values."""
     service.catalog.set_tags(_tagged(request.resourceArn, service).arn, request.tags)
     return {}
 
 
 @operation("UntagResource")
 def untag_resource(request: UntagResourceRequest, service: Service) -> Answer:
-    """Removes tags from a resource; keys it does not have are ignored."""
+    """Handles `UntagResource`: removes tags from a resource; keys it does not have are ignored."""
     service.catalog.remove_tags(_tagged(request.resourceArn, service).arn, request.tagKeys)
     return {}
 

@@ -26,13 +26,13 @@ _ORIGINS = ("generationJobId", "templateId")
 
 
 def perform_world_export_job(arn: str, service: Service) -> None:
-    """Packs the worlds, stores the archive and ends the job."""
+    """Runs a world export job: packs its worlds into an archive and stores it."""
     run_under_lease(arn, KIND, service, lambda lease: run_export(lease, service))
 
 
 @operation("CreateWorldExportJob", perform=perform_world_export_job)
 def create_world_export_job(request: CreateWorldExportJobRequest, service: Service) -> Answer:
-    """Stores an export job for worlds that exist."""
+    """Handles `CreateWorldExportJob`: stores an export job for existing worlds."""
     token = ClientToken.of("CreateWorldExportJob", request)
     answer = _described(service.find_by_client_token(token) or _stored(request, token, service))
     del answer["worlds"], answer["failureReason"]
@@ -60,14 +60,16 @@ def _labels(worlds: Sequence[Resource], key: str) -> list[str]:
 
 @operation("ListWorldExportJobs")
 def list_world_export_jobs(request: ListWorldExportJobsRequest, service: Service) -> Answer:
-    """Lists export jobs, newest first."""
+    """Handles `ListWorldExportJobs`: lists export jobs, newest first."""
     page = page_of(request, KIND, service, "status", *_ORIGINS)
     return {"worldExportJobSummaries": [_summary(job) for job in page.resources], "nextToken": page.next_token}
 
 
 @operation("CancelWorldExportJob")
 def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Service) -> Answer:
-    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; no archive is left.
+    """Handles `CancelWorldExportJob`: cancels an export job; no archive is left.
+
+    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """
@@ -77,7 +79,7 @@ def cancel_world_export_job(request: CancelWorldExportJobRequest, service: Servi
 
 @operation("DescribeWorldExportJob")
 def describe_world_export_job(request: DescribeWorldExportJobRequest, service: Service) -> Answer:
-    """Tells how an export job stands."""
+    """Handles `DescribeWorldExportJob`: returns the description of an export job."""
     return _described(service.catalog.get(request.job, kind=KIND))
 
 

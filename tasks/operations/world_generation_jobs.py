@@ -20,13 +20,13 @@ KIND = "world-generation-job"
 
 
 def perform_world_generation_job(arn: str, service: Service) -> None:
-    """Generates the job's worlds that do not exist yet and ends the job."""
+    """Runs a world generation job: generates its missing worlds and ends the job."""
     run_under_lease(arn, KIND, service, lambda lease: run_generation(lease, service))
 
 
 @operation("CreateWorldGenerationJob", perform=perform_world_generation_job)
 def create_world_generation_job(request: CreateWorldGenerationJobRequest, service: Service) -> Answer:
-    """Stores a generation job; the template's body is kept as it is now."""
+    """Handles `CreateWorldGenerationJob`: stores a generation job with a copy of the template's current body."""
     token = ClientToken.of("CreateWorldGenerationJob", request)
     job = service.find_by_client_token(token) or _stored(request, token, service)
     return _described(job)
@@ -52,7 +52,7 @@ def _stored(request: CreateWorldGenerationJobRequest, token: ClientToken | None,
 
 @operation("DescribeWorldGenerationJob")
 def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, service: Service) -> Answer:
-    """Tells how a generation job stands, with the worlds finished so far."""
+    """Handles `DescribeWorldGenerationJob`: returns the job with the worlds finished so far."""
     job = service.catalog.get(request.job, kind=KIND)
     document = WorldGenerationJobDocument.of(job)
     worlds = document.succeeded_worlds
@@ -71,7 +71,7 @@ def describe_world_generation_job(request: DescribeWorldGenerationJobRequest, se
 
 @operation("ListWorldGenerationJobs")
 def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service: Service) -> Answer:
-    """Lists generation jobs, newest first."""
+    """Handles `ListWorldGenerationJobs`: lists generation jobs, newest first."""
     page = page_of(request, KIND, service, "status", "templateId")
     return {
         "worldGenerationJobSummaries": [_summary(job, service) for job in page.resources],
@@ -81,7 +81,9 @@ def list_world_generation_jobs(request: ListWorldGenerationJobsRequest, service:
 
 @operation("CancelWorldGenerationJob")
 def cancel_world_generation_job(request: CancelWorldGenerationJobRequest, service: Service) -> Answer:
-    """Cancels a job: at once if no job worker runs it, else as soon as its worker notices; its worlds stay.
+    """Handles `CancelWorldGenerationJob`: cancels a generation job; its finished worlds stay.
+
+    A running job is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
 
     Cancelling a job that has ended changes nothing and succeeds.
     """

@@ -28,7 +28,7 @@ _MAX_BODY_BYTES = 4 * 262_144  # the body may hold 262,144 characters of up to f
 
 @operation("CreateWorldTemplate")
 def create_world_template(request: CreateWorldTemplateRequest, service: Service) -> CreateWorldTemplateResponse:
-    """Checks and stores a template body."""
+    """Handles `CreateWorldTemplate`: checks and stores a template body."""
     token = ClientToken.of("CreateWorldTemplate", request)
     resource = service.find_by_client_token(token) or _stored(request, token, service)
     return CreateWorldTemplateResponse(
@@ -63,7 +63,7 @@ def _stored(request: CreateWorldTemplateRequest, token: ClientToken | None, serv
 
 @operation("UpdateWorldTemplate")
 def update_world_template(request: UpdateWorldTemplateRequest, service: Service) -> UpdateWorldTemplateResponse:
-    """Changes a template's name, body or both; jobs that were made before keep the body they were made with."""
+    """Handles `UpdateWorldTemplate`: changes a template's name or body; existing jobs keep the old body."""
     service.catalog.get(request.template, kind=KIND)
     body: TemplateBody | None = None
     if request.templateBody is not None or request.templateLocation is not None:
@@ -79,7 +79,7 @@ def update_world_template(request: UpdateWorldTemplateRequest, service: Service)
 
 @operation("DescribeWorldTemplate")
 def describe_world_template(request: DescribeWorldTemplateRequest, service: Service) -> DescribeWorldTemplateResponse:
-    """Tells everything about a template but its body."""
+    """Handles `DescribeWorldTemplate`: returns everything about a template but its body."""
     resource = service.catalog.get(request.template, kind=KIND)
     document = WorldTemplateDocument.of(resource)
     return DescribeWorldTemplateResponse(
@@ -95,7 +95,7 @@ def describe_world_template(request: DescribeWorldTemplateRequest, service: Serv
 
 @operation("GetWorldTemplateBody")
 def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Service) -> GetWorldTemplateBodyResponse:
-    """Returns a template's body as it is now, or as it was when a generation job was made."""
+    """Handles `GetWorldTemplateBody`: returns a template's current body, or the body that a generation job used."""
     if request.template is not None:
         template = service.catalog.get(request.template, kind=KIND)
         return GetWorldTemplateBodyResponse(templateBody=WorldTemplateDocument.of(template).template_body)
@@ -105,7 +105,7 @@ def get_world_template_body(request: GetWorldTemplateBodyRequest, service: Servi
 
 @operation("ListWorldTemplates")
 def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -> Answer:
-    """Lists templates, newest first."""
+    """Handles `ListWorldTemplates`: lists templates, newest first."""
     page = page_of(request, KIND, service)
     summaries = [
         {
@@ -122,7 +122,7 @@ def list_world_templates(request: ListWorldTemplatesRequest, service: Service) -
 
 @operation("DeleteWorldTemplate")
 def delete_world_template(request: DeleteWorldTemplateRequest, service: Service) -> Answer:
-    """Deletes a template; worlds and jobs made from it stay, and say its ARN."""
+    """Handles `DeleteWorldTemplate`: deletes a template; worlds and jobs made from it stay."""
     service.catalog.get(request.template, kind=KIND)
     service.catalog.delete(request.template)
     return {}

@@ -24,14 +24,14 @@ _logger = logging.getLogger(__name__)
 
 @operation("DescribeWorld")
 def describe_world(request: DescribeWorldRequest, service: Service) -> Answer:
-    """Tells where a world comes from, what it holds and what was proven of it."""
+    """Handles `DescribeWorld`: returns a world's origin, content and checks."""
     world = service.catalog.get(request.world, kind=KIND)
     return {**_summary(world), "tags": dict(world.tags), "worldDescriptionBody": _description(world, service)}
 
 
 @operation("ListWorlds")
 def list_worlds(request: ListWorldsRequest, service: Service) -> Answer:
-    """Lists worlds, newest first."""
+    """Handles `ListWorlds`: lists worlds, newest first."""
     # The service documented `status`, though its worlds have none: here they all are `Active`.
     page = page_of(request, KIND, service, "status", "generationJobId", "templateId")
     return {"worldSummaries": [_summary(world) for world in page.resources], "nextToken": page.next_token}
@@ -39,7 +39,7 @@ def list_worlds(request: ListWorldsRequest, service: Service) -> Answer:
 
 @operation("BatchDeleteWorlds")
 def batch_delete_worlds(request: BatchDeleteWorldsRequest, service: Service) -> BatchDeleteWorldsResponse:
-    """Deletes worlds and their bundles; jobs that already run in them go on."""
+    """Handles `BatchDeleteWorlds`: deletes worlds and their files; jobs that already run in them continue."""
     found = service.catalog.get_many(request.worlds)
     left = [
         arn

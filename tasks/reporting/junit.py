@@ -25,7 +25,7 @@ _BAD = ("failures", "errors")
 
 
 def junit_xml(summary: ReportSummary) -> bytes:
-    """Writes a report as JUnit XML, in UTF-8."""
+    """Converts a run's report to JUnit XML (UTF-8), for CI systems."""
     suites = [_suite(step, summary) for step in summary.steps]
     if summary.state != "succeeded" and not any(int(suite.get(bad, "0")) for suite in suites for bad in _BAD):
         suites.append(_end_of_run(summary))

@@ -13,7 +13,7 @@ from ...schemas.runs.plan import Verdict
 
 
 class Outcome(Enum):
-    """The outcome of a job, worst first; a failed simulation and a broken machine are different outcomes."""
+    """Outcome of a simulation job, worst first; a failed robot and a broken machine are different outcomes."""
 
     BROKEN = "broken"
     FAILED = "failed"
@@ -24,27 +24,29 @@ class Outcome(Enum):
 
     @property
     def key(self) -> str:
-        """Name for style classes and icons."""
+        """Short name of the outcome for CSS classes and icons."""
         return self.name.lower()
 
     @property
     def rank(self) -> int:
-        """Place in the order of severity, 0 the worst."""
+        """Place of the outcome in the order of severity, 0 for the worst."""
         return list(Outcome).index(self)
 
     @property
     def is_failure(self) -> bool:
-        """Whether a reader has to look at it first."""
+        """Whether a reader has to look at jobs of this outcome first."""
         return self in (Outcome.BROKEN, Outcome.FAILED)
 
 
 def outcome_of(job: ReportedJob) -> Outcome:
-    """Classifies a job."""
+    """Returns the outcome of a simulation job."""
     return classify(job.status, job.failure_code, job.result.verdict if job.result else None)
 
 
 def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> Outcome:
-    """Classifies a job by its status first: a verdict counts only when the job ended by itself.
+    """Determines a job's outcome from its status, failure code and verdict.
+
+    The status goes first: a verdict counts only when the job ended by itself.
 
     Args:
         status: the job's status, or `NotCreated`.
@@ -55,13 +57,13 @@ def classify(status: str, failure_code: str | None, verdict: Verdict | None) -> 
 
 
 def count_outcomes(jobs: Iterable[ReportedJob]) -> dict[Outcome, int]:
-    """Counts jobs by outcome, worst first, without outcomes that did not occur."""
+    """Counts jobs by outcome, worst first; outcomes that did not occur are left out."""
     counts = Counter(outcome_of(job) for job in jobs)
     return {outcome: counts[outcome] for outcome in Outcome if counts[outcome]}
 
 
 def headline(report: Report) -> str:
-    """The run in one sentence: `3 of 4 jobs passed; 1 failed`."""
+    """Summarises a run in one sentence: `3 of 4 jobs passed; 1 failed`."""
     if not report.jobs:
         worlds = len(report.worlds)
         return (
@@ -86,7 +88,7 @@ _CONTROLS = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\x7f]")
 
 
 def duration(seconds: float) -> str:
-    """`20 ms`, `12.3 s`, `2 min 5 s`, `1 h 3 min`."""
+    """Formats a duration in seconds: `20 ms`, `12.3 s`, `2 min 5 s`, `1 h 3 min`."""
     if seconds < 0.0995:
         return f"{seconds * 1000:.0f} ms"
     if seconds < 59.95:
@@ -99,7 +101,7 @@ def duration(seconds: float) -> str:
 
 
 def times_by_part(parts: Mapping[str, float]) -> str:
-    """Says where time went, without what took less than 0.1 s: `waiting 3.0 s, simulation 80 s, uploads 5.0 s`.
+    """Formats durations by part: `waiting 3.0 s, simulation 80 s, uploads 5.0 s`; those below 0.1 s are left out.
 
     Args:
         parts: Seconds, by what took them.
@@ -108,23 +110,23 @@ def times_by_part(parts: Mapping[str, float]) -> str:
 
 
 def moment(time: datetime) -> str:
-    """`2026-03-02 09:30:00 UTC`; a time without zone is taken to be UTC already."""
+    """Formats a time with seconds: `2026-03-02 09:30:00 UTC`; a time without zone is taken as UTC."""
     in_utc = time.astimezone(UTC) if time.tzinfo else time
     return f"{in_utc:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def minute(time: datetime) -> str:
-    """`2026-03-02 09:30`, in UTC."""
+    """Formats a time with minutes: `2026-03-02 09:30`, in UTC."""
     return moment(time)[:16]
 
 
 def day(time: datetime) -> str:
-    """`2026-03-02`, in UTC."""
+    """Formats a date: `2026-03-02`, in UTC."""
     return moment(time)[:10]
 
 
 def size(count: int) -> str:
-    """A number of bytes with a decimal prefix: `17 B`, `4.2 kB`, `1.3 MB`."""
+    """Formats a number of bytes with a decimal prefix: `17 B`, `4.2 kB`, `1.3 MB`."""
     value = float(count)
     for unit in ("B", "kB", "MB", "GB"):
         if value < 999.5:
@@ -134,12 +136,12 @@ def size(count: int) -> str:
 
 
 def number(value: float | None, digits: int) -> str:
-    """A number with fixed digits, so that columns align; `–` where there is none."""
+    """Formats a number with a fixed number of decimals; `–` for none."""
     return "–" if value is None or not math.isfinite(value) else f"{value:.{digits}f}"
 
 
 def compact(value: float) -> str:
-    """A number of unknown kind: whole numbers without digits, others with four significant ones."""
+    """Formats a number: whole numbers without decimals, others with four significant digits."""
     if math.isfinite(value) and value == int(value) and abs(value) < 1e15:
         return str(int(value))
     return f"{value:.4g}"
@@ -155,5 +157,5 @@ def name_and_unit(metric: str) -> tuple[str, str]:
 
 
 def plain(text: str) -> str:
-    """Text of a log without terminal colours and control characters."""
+    """Removes terminal colours and control characters from log text."""
     return _CONTROLS.sub("", _TERMINAL_CODES.sub("", text.replace("\r\n", "\n"))).strip("\n")

@@ -19,12 +19,12 @@ _FORBIDDEN_ELEMENTS = frozenset(
 
 
 class PictureError(RobomakerError):
-    """A picture that cannot be shown; the message says why."""
+    """Raised for a picture that cannot be shown; the message says why."""
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture as a page holds it."""
+    """A picture embedded in an HTML page as a `data:` URL."""
 
     uri: str
     """`data:` address."""
@@ -33,7 +33,7 @@ class Picture:
 
 
 def embed_picture(data: bytes, budget_bytes: int) -> Picture:
-    """Encodes a picture as JPEG, as large as the budget allows.
+    """Encodes a picture as JPEG for embedding in a page, within a size limit.
 
     Args:
         data: PNG, or anything Pillow reads.
@@ -69,12 +69,12 @@ def _flattened(image: Image.Image) -> Image.Image:
 
 
 def budget_for_each(pictures: int) -> int:
-    """How many bytes each of so many pictures may take, so that the page stays below 10 MB."""
+    """Returns the bytes that each of some pictures may take so that the page stays below 10 MB."""
     return _BUDGET_BYTES // max(1, pictures)
 
 
 def embed_svg(text: str) -> str:
-    """Turns a drawing into a `data:` address for an `<img>`, where scripts and links are dead anyway.
+    """Converts an SVG to a `data:` URL for an `<img>`, in which scripts and links are dead.
 
     Raises:
         PictureError: it is not well-formed, or holds something that a drawing does not need: document

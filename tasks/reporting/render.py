@@ -31,7 +31,7 @@ _FOLDER = Path(__file__).parent
 
 
 def render_report(report: Report, results: ResultTable | None = None) -> str:
-    """Renders a report as one HTML document that loads nothing from anywhere.
+    """Renders a run's report as one self-contained HTML document.
 
     Reads the `world.json` files the report names; a world that cannot be read is shown as such.
     The same report and files give the same text.
@@ -47,7 +47,7 @@ def render_report(report: Report, results: ResultTable | None = None) -> str:
 
 
 def render_history(history: History, folder: Path) -> str:
-    """Renders a history as one HTML document that loads nothing from anywhere.
+    """Renders a specification's history as one self-contained HTML document.
 
     Args:
         history: what to show; of at least one run.
@@ -57,7 +57,7 @@ def render_history(history: History, folder: Path) -> str:
 
 
 def render_page(template: str, styles: Sequence[str], page: object, *folders: Path) -> str:
-    """Renders a page as one HTML document that loads nothing from anywhere.
+    """Renders a template as one self-contained HTML document.
 
     Args:
         template: name of its template.
@@ -77,7 +77,7 @@ def render_page(template: str, styles: Sequence[str], page: object, *folders: Pa
 
 
 def write_report(report: Report, path: Path, results: ResultTable | None = None) -> Path:
-    """Renders a report into a file, which appears only when it is whole.
+    """Writes a run's HTML report to a file, atomically.
 
     Args:
         report: what to show.
@@ -91,7 +91,7 @@ def write_report(report: Report, path: Path, results: ResultTable | None = None)
 
 
 def write_history(history: History, path: Path) -> Path:
-    """Renders a history into a file, which appears only when it is whole.
+    """Writes a specification's HTML history to a file, atomically.
 
     Args:
         history: what to show; of at least one run.
@@ -104,7 +104,7 @@ def write_history(history: History, path: Path) -> Path:
 
 
 def write_page(page: str, path: Path) -> Path:
-    """Writes a page into a file, which appears only when it is whole; its folder is made if needed."""
+    """Writes an HTML page to a file, atomically; creates its folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -127,13 +127,13 @@ def _digest(text: str) -> str:
 
 
 def page_styles() -> str:
-    """The style sheets of reports, histories and pages of wings, for other pages that look like them."""
+    """Returns the CSS of reports, for other pages that look like them."""
     own = [path.read_text(encoding="utf-8") for part in parts_of_wings("tasks", "reporting") for path in part.STYLES]
     return "".join([*map(_asset, ("report.css", "history.css")), *own])
 
 
 def report_script() -> str:
-    """The script of reports: sorts tables, copies commands, tells the reader's own time."""
+    """Returns the JavaScript of HTML reports: it sorts tables, copies commands, and converts times to local ones."""
     return _asset("report.js")
 
 
@@ -143,7 +143,7 @@ def _environment(*folders: Path) -> jinja2.Environment:
 
 
 def page_environment(*folders: Path) -> jinja2.Environment:
-    """Makes an environment that escapes everything, with the templates and filters of reports.
+    """Makes a Jinja environment with autoescaping and the templates and filters of reports.
 
     Args:
         folders: further templates, which go before those of reports.

@@ -13,7 +13,7 @@ from .worlds import trials_share
 
 
 def summarize(report: Report, results: ResultTable | None = None) -> ReportSummary:
-    """Computes the numbers of a report.
+    """Computes the numbers of a run's report: pass rates, counts and times.
 
     Args:
         report: its jobs and steps.
@@ -61,7 +61,7 @@ def _results_of(report: Report) -> ResultTable:
 
 
 def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
-    """Names of a run's jobs, the same in every run of the specification, each once in its step."""
+    """Returns a unique name for each job of a run, the same in every run of its specification."""
     by_step: dict[str | None, list[int]] = {}
     for index, job in enumerate(jobs):
         by_step.setdefault(job.step, []).append(index)
@@ -73,7 +73,7 @@ def case_names(jobs: Sequence[ReportedJob]) -> list[str]:
 
 
 def why_broken(job: ReportedJob) -> str:
-    """Why a job did not pass: failed requirements, the failure's reason, or the summary."""
+    """Returns why a job did not pass: missed requirements, its failure's reason, or a summary."""
     if job.failure_reason:
         return outcomes.plain(job.failure_reason)
     if job.result is None:
@@ -82,7 +82,7 @@ def why_broken(job: ReportedJob) -> str:
 
 
 def folder_of(job: ReportedJob) -> str:
-    """The address that all of a job's files lie below; empty when there is none."""
+    """Returns the URL prefix common to all of a job's files; empty if there is none."""
     folders = {file.uri.removesuffix(file.name) for file in job.files if file.uri.endswith(file.name)}
     return folders.pop() if len(folders) == 1 else ""
 

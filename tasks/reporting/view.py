@@ -22,7 +22,7 @@ _KNOWN_METRICS = frozenset({"distance_m", "collisions", "max_force_N", "sim_time
 
 @dataclass(frozen=True)
 class Measure:
-    """One number with its name and unit."""
+    """One number of a job in the report, with its name and unit."""
 
     name: str
     value: str
@@ -31,7 +31,7 @@ class Measure:
 
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers of a job that the table compares; None where there is none."""
+    """Numbers of a job for the report's comparison table; `None` where unknown."""
 
     rooms_visited: int | None = None
     rooms: int | None = None
@@ -44,13 +44,13 @@ class Numbers:
 
     @property
     def rooms_text(self) -> str:
-        """`5/6`."""
+        """Visited rooms of all rooms as text: `5/6`."""
         return "–" if not self.rooms else f"{self.rooms_visited}/{self.rooms}"
 
 
 @dataclass(frozen=True)
 class FileView:
-    """A stored file; `link` is empty where browsers cannot follow the address."""
+    """An output file in a report; `link` is empty if browsers cannot open its address."""
 
     name: str
     uri: str
@@ -61,7 +61,7 @@ class FileView:
 
 @dataclass(frozen=True)
 class JobView:
-    """One job's card and its row in the table."""
+    """A job's card and table row in a report."""
 
     anchor: str
     job: ReportedJob
@@ -88,13 +88,13 @@ class JobView:
 
     @property
     def result(self) -> RunResult | None:
-        """The job's result."""
+        """The job's result, if it has one."""
         return self.job.result
 
 
 @dataclass(frozen=True)
 class Page:
-    """Everything the template needs."""
+    """All values that the HTML template of a run's report needs."""
 
     report: Report
     headline: str
@@ -107,27 +107,27 @@ class Page:
 
     @property
     def anchors(self) -> dict[str, str]:
-        """Anchors of the jobs' cards on the page, by the jobs' labels."""
+        """HTML anchors of the jobs' cards, by job label."""
         return {job.title: job.anchor for job in self.jobs}
 
     @property
     def failures(self) -> list[JobView]:
-        """Jobs whose robots did badly, in the order they were requested."""
+        """Jobs that failed their requirements, in request order."""
         return [job for job in self.jobs if job.outcome is Outcome.FAILED]
 
     @property
     def errors(self) -> list[JobView]:
-        """Jobs that broke, in the order they were requested."""
+        """Jobs that broke (crashed, were not started, ...), in request order."""
         return [job for job in self.jobs if job.outcome is Outcome.BROKEN]
 
     @property
     def reused(self) -> int:
-        """How many jobs have taken over the results of earlier ones."""
+        """Number of jobs that reused results of earlier jobs."""
         return sum(job.job.reused_from is not None for job in self.jobs)
 
     @property
     def waits(self) -> str:
-        """How many jobs waited for their machines, and how long: `12 of 40 jobs: 3 min 5 s for memory in all`."""
+        """Summary of how long jobs waited for their machines: `12 of 40 jobs: 3 min 5 s for memory in all`."""
         waited = [job.job.waited_s for job in self.jobs if job.job.waited_s]
         if not waited:
             return ""
@@ -145,7 +145,7 @@ class Page:
 
     @property
     def times(self) -> str:
-        """The run's time by what took it: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
+        """Time of the run by activity: `worlds 12 s, waiting 3 s, simulation 80 s, videos 40 s, uploads 5 s`."""
         jobs = [job.job for job in self.jobs if job.job.reused_from is None]
         if not jobs:
             return ""
@@ -161,28 +161,28 @@ class Page:
 
     @property
     def origins(self) -> list[str]:
-        """The runs or jobs that those results are from."""
+        """Ids of the runs or jobs whose results were reused."""
         return sorted({job.job.reused_from for job in self.jobs if job.job.reused_from})
 
     @property
     def shared_worlds(self) -> list[Share]:
-        """Jobs by world, if any world had more than one."""
+        """Pass rates by world, if any world had more than one job."""
         shares = self.numbers.worlds
         return shares if any(share.passed + share.failed + share.errors > 1 for share in shares) else []
 
     @property
     def has_breakdown(self) -> bool:
-        """Whether counting by requirement, world or room says more than the cards do."""
+        """Whether tables by requirement, world or room add information to the jobs' cards."""
         return len(self.jobs) > 1 and any((self.numbers.requirements, self.shared_worlds, self.numbers.rooms))
 
     @property
     def others(self) -> list[JobView]:
-        """The other jobs, those that need a look first."""
+        """Jobs that neither failed nor broke; those that deserve a look come first."""
         return sorted((job for job in self.jobs if not job.outcome.is_failure), key=lambda job: job.outcome.rank)
 
 
 def view_report(report: Report, results: ResultTable | None = None) -> Page:
-    """Computes the page; reads the worlds' `world.json` from disk and nothing else.
+    """Computes the values for the HTML page of a run's report.
 
     Args:
         report: what to show.

@@ -17,7 +17,7 @@ from .pictures import Picture, PictureError, embed_picture, embed_svg
 
 @dataclass(frozen=True)
 class WorldView:
-    """One world of the gallery, and the drawing that the jobs' plans refer to."""
+    """A world in a report's gallery, with its drawing."""
 
     anchor: str
     world: ReportedWorld
@@ -38,22 +38,22 @@ class WorldView:
 
     @property
     def wishes(self) -> list[Preference]:
-        """Wishes of the template about plan and interior."""
+        """The template's preferences for this world's floor plan and interior."""
         return [*self.content.floorplan.wishes, *self.content.wishes] if self.content else []
 
     @property
     def unmet(self) -> list[Preference]:
-        """Wishes that the world does not grant."""
+        """The template's preferences that this world does not satisfy."""
         return [wish for wish in self.wishes if wish.outcome != "satisfied"]
 
     @property
     def area_m2(self) -> float:
-        """Area of all rooms."""
+        """Area of all rooms in m²."""
         return sum(room.area_m2 for room in self.content.floorplan.rooms) if self.content else 0.0
 
 
 def view_worlds(report: Report, budget_bytes: int) -> list[WorldView]:
-    """Computes the gallery; reads each world's `world.json`."""
+    """Computes the world gallery of a report."""
     drives: dict[str, list[int]] = {}
     for number, job in enumerate(report.jobs, start=1):
         if job.world_arn:
@@ -118,7 +118,7 @@ MOST_SHOWN = 20
 
 @dataclass(frozen=True)
 class TrialsView:
-    """Summary of a job's trials on its card."""
+    """Summary of a job's trials, as its card in a report shows it."""
 
     planned: int
     stopped_in: int | None
@@ -135,19 +135,19 @@ class TrialsView:
 
     @property
     def label(self) -> str:
-        """`95 of 100 trials passed`."""
+        """Summary of the trials: `95 of 100 trials passed`."""
         judged = self.share.passed + self.share.failed + self.share.errors
         return f"{self.share.passed} of {judged} trials passed"
 
 
 def trials_share(job: ReportedJob) -> Share | None:
-    """How many trials of a job passed; `None` for a job without trials."""
+    """Returns the pass rate of a job's trials; `None` for a job without trials."""
     summary = TrialsSummary.of(job.result)
     return None if summary is None else _share("trials", summary.counts)
 
 
 def view_trials(job: ReportedJob) -> TrialsView | None:
-    """Computes what is shown; `None` for a job without trials."""
+    """Computes the summary of a job's trials for a report; `None` for a job without trials."""
     summary = TrialsSummary.of(job.result)
     if summary is None:
         return None
@@ -166,7 +166,7 @@ def view_trials(job: ReportedJob) -> TrialsView | None:
 
 
 def parameters_in_words(parameters: Mapping[str, str]) -> str:
-    """`SPEED=0.4, LOAD=2`."""
+    """Formats a trial's parameters: `SPEED=0.4, LOAD=2`."""
     return ", ".join(f"{name}={value}" for name, value in parameters.items())
 
 

@@ -19,7 +19,7 @@ _REQUIREMENTS = TypeAdapter(list[Requirement])
 
 
 class Names:
-    """The names of metrics and requirements that columns are made for."""
+    """Names of the metrics and requirements that get columns in a results table."""
 
     def __init__(self, most: int = MAX_COLUMNS) -> None:
         self._most = most
@@ -28,7 +28,7 @@ class Names:
 
     @classmethod
     def of(cls, rows: Iterable[TrialRow], most: int = MAX_COLUMNS) -> "Names":
-        """Collects the names that rows have, at most so many of each kind."""
+        """Collects the names of metrics and requirements from trials, at most `most` of each kind."""
         names = cls(most)
         for row in rows:
             names._add(names.metrics, row.metrics)
@@ -42,7 +42,7 @@ class Names:
 
 
 def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
-    """The columns of trials with some parameters, metrics and requirements."""
+    """Returns the Arrow schema of a trials table."""
     # Takes a tenth of a second and 40 MB, which only what reads tables should pay.
     import pyarrow as pa
 
@@ -72,7 +72,7 @@ def schema_of(parameters: Iterable[str], names: Names) -> "pa.Schema":
 
 
 def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[str, Any]:
-    """One row by columns."""
+    """Converts a trial to the values of a table row, by column name."""
     # Of several of one name, which an environment may report, the one that was missed by most.
     requirements = [each for each in reversed(_worst_first(row.requirements)) if each.name in names.requirements]
     return {
@@ -99,7 +99,7 @@ def columns_of(row: TrialRow, names: Names, *, recorded: bool = False) -> dict[s
 
 
 def read_trials(content: bytes) -> "pa.Table":
-    """Reads a table of trials, as `trials.parquet` holds it.
+    """Reads a table of trials from the bytes of `trials.parquet`.
 
     Raises:
         ValueError: It is none.
@@ -125,7 +125,7 @@ def _met(requirement: Requirement) -> bool | None:
 
 
 def row_of(found: dict[str, Any]) -> TrialRow:
-    """The row of a trial from its columns; the opposite of `columns_of`."""
+    """Converts the values of a table row back to a trial; the opposite of `columns_of`."""
 
     def named(prefix: str) -> Iterator[tuple[str, Any]]:
         return (

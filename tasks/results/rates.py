@@ -16,7 +16,7 @@ _Z_95 = 1.959963984540054  # two-sided 95 % quantile of the normal distribution
 
 
 def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tuple[float, float]:
-    """The Wilson score interval of a success rate, at 95 % confidence unless asked otherwise.
+    """Computes the Wilson score confidence interval of a success rate, at 95 % by default.
 
     Chosen over the textbook interval because batches are small and rates near 0 or 1 are common:
     20 passes of 20 give 0.84 to 1, not 1 to 1.
@@ -46,14 +46,14 @@ def wilson_interval(successes: int, trials: int, quantile: float = _Z_95) -> tup
 
 @dataclass
 class Counts:
-    """How many trials went well, badly, or broke."""
+    """Numbers of trials that passed, failed or broke."""
 
     passed: int = 0
     failed: int = 0
     errors: int = 0
 
     def share(self, name: str) -> Share:
-        """The same with rate and interval."""
+        """Returns the counts as a pass rate with confidence interval."""
         return share_of(name, self.passed, self.failed, self.errors)
 
     def __add__(self, other: "Counts") -> "Counts":
@@ -61,7 +61,7 @@ class Counts:
 
 
 def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
-    """A share with its rate and interval."""
+    """Makes a pass rate with confidence interval from counts."""
     trials = passed + failed
     if not trials:
         return Share(name=name, passed=passed, failed=failed, errors=errors)
@@ -72,7 +72,7 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
 
 
 def of_outcomes(name: str, outcomes: Sequence[CaseOutcome], *, errors_fail: bool = False) -> Share:
-    """How many of some jobs or trials passed; those that were stopped or have no verdict do not count.
+    """Computes the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
         name: What they have in common.
@@ -84,7 +84,7 @@ def of_outcomes(name: str, outcomes: Sequence[CaseOutcome], *, errors_fail: bool
 
 
 def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
-    """How many trials of a run passed; see `of_outcomes`."""
+    """Computes the pass rate of all trials in a results table; see `of_outcomes`."""
     codes, outcomes = results.codes("outcome")
     found = np.bincount(codes, minlength=len(outcomes)).tolist()
     counts = _counts(Counter(dict(zip(outcomes, found, strict=True))))
@@ -92,7 +92,7 @@ def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> S
 
 
 def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
-    """Trials by a text that they have in common, in the order in which it occurs; those without one are left out."""
+    """Counts trials by the values of a text column (such as the world), in order of occurrence."""
     groups, names = results.codes(column)
     codes, outcomes = results.codes("outcome")
     here = groups >= 0
@@ -104,12 +104,12 @@ def counts_by(results: ResultTable, column: str) -> dict[str, Counts]:
 
 
 def by_world(results: ResultTable) -> list[Share]:
-    """Trials by the world they drove in, the worst first."""
+    """Computes the pass rate of each world, worst first."""
     return _worst_first(counts.share(name) for name, counts in counts_by(results, "world_name").items())
 
 
 def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
-    """Visits by the room's name, over all jobs whose results know rooms; the worst first."""
+    """Computes for each room name the share of jobs in which the robot visited the room, worst first."""
     visits: dict[str, list[bool]] = {}
     for job in jobs:
         for room in job.result.rooms if job.result else ():
@@ -118,7 +118,7 @@ def by_room(jobs: Iterable[ReportedJob]) -> list[Share]:
 
 
 def requirement_counts(results: ResultTable) -> dict[str, Counts]:
-    """Judgements by the requirement's name, over all trials of which it counted.
+    """Counts, for each requirement, the trials that met or missed it.
 
     What a trial had met when it broke is no judgement: it might have been missed later.
     """
@@ -140,7 +140,7 @@ def requirement_counts(results: ResultTable) -> dict[str, Counts]:
 
 
 def by_requirement(results: ResultTable) -> list[Share]:
-    """Judgements by the requirement's name, the worst first; of each the smallest margin and the job that had it."""
+    """Computes the pass rate of each requirement, worst first, with its smallest margin."""
     units = margin_units(results)
     return _worst_first(
         _with_margin(counts.share(name), units.get(name, set()), results)
@@ -161,7 +161,7 @@ def _with_margin(share: Share, units: set[str | None], results: ResultTable) -> 
 
 
 def margin_units(results: ResultTable) -> dict[str, set[str | None]]:
-    """Units of margins by requirement, of those that have one unit however a run goes.
+    """Returns the units of each requirement's margins, if they have a single unit however a run ends.
 
     All trials of a job have the same requirements. Those that say yes or no have none, and the margin of a goal is in
     seconds where it was reached and in metres where it was not.

@@ -31,7 +31,7 @@ _REQUIREMENTS = TypeAdapter(list[Requirement])
 
 
 class ResultTable:
-    """The results of a run, one row a trial, in the order of its jobs.
+    """Table of a run's results, one row for each trial, in the order of its jobs.
 
     | column | content |
     | --- | --- |
@@ -49,7 +49,7 @@ class ResultTable:
 
     @classmethod
     def of(cls, jobs: Sequence[JobRecord], trials: TrialsOf | None = None) -> "ResultTable":
-        """Makes the table of some jobs.
+        """Makes the results table of some jobs.
 
         A job that broke between two trials has a row of its own for that, beside those of the trials that ended.
 
@@ -82,7 +82,7 @@ class ResultTable:
 
     @classmethod
     def read(cls, path: Path) -> "ResultTable":
-        """Opens a table, whose columns are read when they are asked for: a comparison needs a third of them.
+        """Opens a results table from a file; columns are read when needed.
 
         Raises:
             OSError: There is no such file, or it cannot be read.
@@ -116,7 +116,7 @@ class ResultTable:
         return cls(file.schema_arrow.names, file.metadata.num_rows, column)
 
     def write(self, path: Path) -> None:
-        """Writes the table; the file appears only when it is whole.
+        """Writes the results table to a Parquet file, atomically.
 
         Raises:
             OSError: It cannot be written.
@@ -137,25 +137,25 @@ class ResultTable:
 
     @property
     def parameters(self) -> list[str]:
-        """Names of the parameters that its trials have."""
+        """Names of the parameters that the trials have."""
         return list(self._names("parameter."))
 
     @property
     def metrics(self) -> list[str]:
-        """Names of the metrics that its trials have."""
+        """Names of the metrics that the trials have."""
         return list(self._names("metric."))
 
     @property
     def requirements(self) -> list[str]:
-        """Names of the requirements that its trials have."""
+        """Names of the requirements that the trials have."""
         return list(self._names("requirement."))
 
     def texts(self, column: str) -> list[str | None]:
-        """The texts of a column; None where it is empty."""
+        """Returns a text column; `None` for empty cells."""
         return self._column(column).to_pylist()
 
     def codes(self, column: str) -> tuple[NDArray[np.int32], list[str]]:
-        """A column of texts as numbers of texts, -1 where it is empty, and those texts."""
+        """Returns a text column as integer codes (-1 for empty cells) and the list of distinct texts."""
         import pyarrow as pa
 
         found = self._column(column)
@@ -167,13 +167,13 @@ class ResultTable:
         return codes, whole.dictionary.to_pylist()
 
     def numbers(self, column: str) -> NDArray[np.float64]:
-        """The numbers of a column; NaN where it is empty, or not there."""
+        """Returns a numeric column; NaN for empty cells or a missing column."""
         if column not in self._all_names:
             return np.full(len(self), np.nan)
         return self._column(column).to_numpy().astype(np.float64)
 
     def met(self, requirement: str) -> NDArray[np.int8]:
-        """Whether a requirement was met: 1 met, 0 missed, -1 not asked, not counted or not judged."""
+        """Returns for each row whether a requirement was met: 1 met, 0 missed, -1 not judged."""
         import pyarrow as pa
 
         if f"requirement.{requirement}" not in self._all_names:
@@ -182,13 +182,13 @@ class ResultTable:
         return found.to_numpy().astype(np.int8)
 
     def rows_of(self, job: JobRecord) -> range:
-        """The rows of a job."""
+        """Returns the row numbers of a job's trials."""
         rows = self._jobs.get((job.step or "", job.label), slice(0, 0))
         return range(rows.start, rows.stop)
 
     @property
     def first_rows(self) -> list[int]:
-        """The first row of each job."""
+        """Number of the first row of each job."""
         return [rows.start for rows in self._jobs.values()]
 
     @cached_property
@@ -205,11 +205,11 @@ class ResultTable:
         }
 
     def rows_with_errors(self) -> list[int]:
-        """The trials of which some requirement could not be judged."""
+        """Returns the rows of trials in which some requirement could not be judged."""
         return [row for row, text in enumerate(self.texts("requirements")) if '"error":' in (text or "")]
 
     def requirements_at(self, row: int) -> list[Requirement]:
-        """All requirements of one trial, with their limits and units."""
+        """Returns all requirements of one trial, with their limits and units."""
         return _REQUIREMENTS.validate_json(self._column("requirements")[row].as_py() or "[]")
 
     def _names(self, prefix: str) -> Iterator[str]:

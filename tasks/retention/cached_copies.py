@@ -18,7 +18,7 @@ _LEAST = timedelta(days=14)
 
 
 def collect_copies(older_than: timedelta, besides: Set[str], service: Service, *, act: bool) -> list[GcItem]:
-    """Removes the copies that nothing has begun to use within a time.
+    """Deletes cached local copies (of worlds, bundles, ...) that were not used recently.
 
     Args:
         older_than: the time; less than 14 days count as these.

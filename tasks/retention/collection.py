@@ -55,7 +55,7 @@ class _Chosen:
 
 
 def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Says what would be removed, and removes nothing.
+    """Reports what `robomaker gc` would delete under a policy, and deletes nothing.
 
     Raises:
         ConfigurationError: the policy would remove everything.
@@ -64,7 +64,7 @@ def plan_collection(policy: RetentionPolicy, service: Service) -> GcReport:
 
 
 def collect(policy: RetentionPolicy, service: Service) -> GcReport:
-    """Removes what no rule keeps; what does not work is in the answer, and the rest is removed all the same.
+    """Deletes runs, jobs and worlds that no rule of the policy keeps; errors are in the report.
 
     Raises:
         ConfigurationError: the policy would remove everything, or another collection is going on.

@@ -29,7 +29,7 @@ _WORLD = re.compile(r"arn:[^\s\"]*:world/[^\s\"]+")
 
 @dataclass(frozen=True)
 class Unit:
-    """Something that is removed, thinned or kept as one: a run with its jobs, or an order of an SDK with its jobs."""
+    """A run with its jobs, or jobs ordered without a run, which is kept, thinned out or deleted as a whole."""
 
     candidate: Candidate
     state: str
@@ -43,7 +43,7 @@ class Unit:
 
     @property
     def names(self) -> set[str]:
-        """ARNs of everything that it names."""
+        """ARNs of everything that the unit refers to."""
         worlds = {world for job in self.jobs.values() for world in worlds_in(_content(job))}
         # A job that took over results has none of its own.
         origins = {origin.job for job in self.jobs.values() if (origin := _origin(job))}
@@ -52,13 +52,13 @@ class Unit:
 
 
 def find_runs(service: Service) -> list[Unit]:
-    """All runs of specifications in the data home; of those without a record little is known."""
+    """Lists all runs of specifications in the data home as units to keep or delete."""
     folders = sorted(path for path in (service.settings.home / "runs").glob("*") if path.is_dir())
     return [_run(folder, service) for folder in folders]
 
 
 def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
-    """Jobs and batches that have ended and that no run names.
+    """Lists finished jobs and batches that belong to no run, as units to keep or delete.
 
     Args:
         service: where they are stored.
@@ -71,7 +71,7 @@ def find_orders(service: Service, runs: list[Unit]) -> list[Unit]:
 
 
 def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
-    """All worlds but those that a run may just have made.
+    """Lists all worlds that may be deleted; those that a current run may just have made are left out.
 
     Args:
         service: where they are stored.
@@ -82,7 +82,7 @@ def find_worlds(service: Service, runs: list[Unit]) -> list[Resource]:
 
 
 def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
-    """ARNs of the worlds that jobs and batches name, whether they have ended or not.
+    """Returns the ARNs of the worlds that jobs and batches use.
 
     Args:
         service: where they are stored.
@@ -93,7 +93,7 @@ def worlds_of_jobs(service: Service, besides: Set[str]) -> set[str]:
 
 
 def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
-    """Says of jobs whose results others have taken over, by ARN, which job has.
+    """Returns for jobs whose results were reused which job has reused them, by ARN.
 
     Args:
         service: where they are stored.
@@ -104,7 +104,7 @@ def takers_over(service: Service, besides: Set[str]) -> dict[str, str]:
 
 
 def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
-    """The same orders with the jobs of those that are batches.
+    """Adds the jobs of batches to a mapping of protected jobs and batches.
 
     Args:
         orders: who needs an order, by the order's ARN.
@@ -114,7 +114,7 @@ def with_jobs_of(orders: Mapping[str, str], service: Service) -> dict[str, str]:
 
 
 def open_since(runs: list[Unit]) -> datetime | None:
-    """When the first of the runs that may be going on began: what was made since may be theirs."""
+    """Returns the start of the oldest run that may still be running; newer resources may belong to it."""
     return min((_begun(run) for run in runs if run.record is None and run.candidate.busy), default=None)
 
 
@@ -123,7 +123,7 @@ def _is_since(resource: Resource, since: datetime | None) -> bool:
 
 
 def worlds_in(document: Any) -> set[str]:
-    """ARNs of worlds anywhere in a document."""
+    """Finds the ARNs of worlds anywhere in a JSON document."""
     if isinstance(document, str):
         return set(_WORLD.findall(document))
     parts = document.values() if isinstance(document, dict) else document if isinstance(document, list) else ()
@@ -131,7 +131,7 @@ def worlds_in(document: Any) -> set[str]:
 
 
 def why_busy(jobs: Mapping[str, Resource], service: Service) -> str:
-    """Why jobs cannot be removed now; empty when they can."""
+    """Returns why jobs cannot be deleted now; empty if they can."""
     for job in jobs.values():
         if not is_terminal(job.kind, job.status):
             return f"{job.kind} {job.id} is {job.status}"
@@ -187,7 +187,7 @@ def _order(resource: Resource, service: Service) -> Unit:
 
 
 def with_failure(unit: Unit) -> Unit:
-    """The same unit, known to have failed."""
+    """Returns a copy of the unit marked as failed."""
     return replace(unit, candidate=replace(unit.candidate, failed=True))
 
 

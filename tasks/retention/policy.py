@@ -9,7 +9,7 @@ from ...schemas.reports.retention import RetentionPolicy
 
 @dataclass(frozen=True)
 class Candidate:
-    """Facts about something that may be removed."""
+    """A run, order or world that may be deleted, with the facts that decide about it."""
 
     id: str
     ended_at: datetime
@@ -24,7 +24,7 @@ class Candidate:
 
 
 def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: datetime) -> dict[str, str]:
-    """Says of each candidate why it is kept.
+    """Returns for each candidate for deletion why it is kept; those that are missing may be deleted.
 
     A candidate is removed only if no rule keeps it: it is older than `older_than`, is not among the newest `keep_runs`
     of its group, and did not fail if failures are kept. What is in use is always kept; what is removed already in part
@@ -48,7 +48,7 @@ def why_kept(candidates: Iterable[Candidate], policy: RetentionPolicy, now: date
 
 
 def named_by(names: Mapping[str, Set[str]], kept: Set[str]) -> dict[str, str]:
-    """Says of everything that something kept names, which of those names it; the first by id.
+    """Returns for each name which kept item refers to it.
 
     Args:
         names: by id, what each names.

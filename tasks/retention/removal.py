@@ -39,12 +39,12 @@ _LEASE_S = 120.0
 
 
 class StillInUse(RobomakerError):
-    """Something has begun to use what was to be removed."""
+    """Raised when a resource to be deleted has come into use meanwhile."""
 
 
 @dataclass(frozen=True)
 class Amount:
-    """How much is removed."""
+    """Number of files and bytes that are deleted."""
 
     objects: int = 0
     size_bytes: int = 0
@@ -54,7 +54,7 @@ class Amount:
 
 
 def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: bool) -> Amount:
-    """How much of a unit would be removed.
+    """Measures how many files and bytes deleting a unit would free.
 
     Args:
         unit: the unit.
@@ -73,7 +73,7 @@ def measure(unit: Unit, spared: Set[str], service: Service, *, results_stay: boo
 
 
 def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
-    """Removes a unit. An interrupted removal is begun again by the next: the run's record tells, under another name.
+    """Deletes a unit (a run or an order with its jobs). An interrupted deletion is resumed by the next one.
 
     Args:
         unit: the unit.
@@ -99,7 +99,7 @@ def remove_unit(unit: Unit, spared: Set[str], service: Service) -> None:
 
 
 def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
-    """Removes recordings, videos, logs and uploads of a run, and writes its report again, which tells so.
+    """Deletes recordings, videos, logs and uploads of a run, and rewrites its report accordingly.
 
     Raises:
         StillInUse: a job is used by somebody.
@@ -116,7 +116,7 @@ def thin_unit(unit: Unit, spared: Set[str], service: Service) -> None:
 
 
 def remove_world(world: Resource, service: Service) -> None:
-    """Removes a world, and this machine's copy of its bundle if no other world shares it.
+    """Deletes a world, with its local copy if no other world shares it.
 
     Raises:
         StorageError: its bundle cannot be removed.
@@ -130,7 +130,7 @@ def remove_world(world: Resource, service: Service) -> None:
 
 
 def measure_world(world: Resource, service: Service) -> Amount:
-    """How much a world has stored, here and in the store; worlds of one content share it."""
+    """Measures the stored files of a world, local and in the object store; worlds of equal content share them."""
     bundle = WorldDocument.of(world).bundle
     return Amount() if bundle is None else _stored(bundle, service) + on_disk(_copy(bundle, service))
 
@@ -189,7 +189,7 @@ def _held(job: Resource, service: Service) -> Iterator[None]:
 
 
 def job_places(job: Resource, service: Service) -> list[StoredPlace]:
-    """Places in which the runs of a job have stored something: only folders named after the job and the run."""
+    """Lists the folders in the object store that a job's runs have written."""
     if job.kind != JOB:
         return []
     document = SimulationJobDocument.of(job)
@@ -234,7 +234,7 @@ def _copy(bundle: StoredPlace, service: Service) -> Path:
 
 
 def on_disk(folder: Path) -> Amount:
-    """Files below a folder; those that vanish or may not be read do not count."""
+    """Measures the files below a folder; unreadable ones are left out."""
     total = Amount()
     for path in folder.rglob("*"):
         with suppress(OSError):
@@ -245,5 +245,5 @@ def on_disk(folder: Path) -> Amount:
 
 
 def spared_jobs(unit: Unit, holders: Mapping[str, str]) -> dict[str, str]:
-    """The jobs of a unit that something kept names, and what that is."""
+    """Returns the jobs of a unit that a kept item refers to, each with that item."""
     return {arn: holders[arn] for arn in unit.jobs if arn in holders}

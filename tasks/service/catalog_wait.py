@@ -22,7 +22,7 @@ def once_catalog_answers(
     sleep: Callable[[float], None] = time.sleep,
     clock: Callable[[], float] = time.monotonic,
 ) -> Opened:
-    """Opens what needs the catalog, again and again while its database does not answer; that is logged once.
+    """Calls a function that needs the catalog until its database answers.
 
     Args:
         open_it: opens it.

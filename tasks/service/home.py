@@ -7,7 +7,7 @@ from ...schemas.wire.errors import ConfigurationError
 
 
 def prepare_home(settings: Settings) -> None:
-    """Creates the data home unless it exists; only its user may look into one that is made here.
+    """Creates the data home folder unless it exists, private to its user.
 
     One that exists keeps its mode: people share some on purpose.
 

@@ -30,7 +30,7 @@ def _say_nothing(text: str) -> None:
 
 @dataclass(frozen=True)
 class Patience:
-    """How long a store that does not answer is waited for, and who hears of that."""
+    """Retry policy for an unreachable object store: how long to wait, and who is told."""
 
     patience_s: float
     """After how many seconds a call that does not work is given up."""
@@ -49,7 +49,7 @@ class Patience:
     """Seconds on a clock that only runs forward."""
 
     def ask(self, call: Callable[[], Result], probe: Callable[[], None]) -> Result:
-        """Calls until the store answers, patience is over, or it is to stop.
+        """Calls a function until the object store answers, or waiting is over.
 
         Args:
             call: what to do; safe to do again after half of it was done.
@@ -172,7 +172,7 @@ def _in_thread(call: Callable[[], Result]) -> "Future[Result]":
 
 
 class PatientStore(StoreOver):
-    """An `ObjectStore` whose calls outlast that the store behind it does not answer, or is full.
+    """Object store wrapper that waits and retries while the store does not answer or is full.
 
     Of files that are stored together, only those are stored again that did not arrive.
 
@@ -186,13 +186,13 @@ class PatientStore(StoreOver):
         self.patience = patience
 
     def over(self, store: ObjectStore) -> "PatientStore":
-        """Another store, with the same patience."""
+        """Wraps another object store with the same retry policy."""
         return PatientStore(store, self.patience)
 
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the store behind this one, again until that answers; see `Patience.ask`."""
+        """Calls the wrapped store, repeatedly until it answers; see `Patience.ask`."""
         del access, keys
         return self.patience.ask(call, lambda: self.behind.probe(bucket))
 
@@ -219,12 +219,12 @@ class PatientStore(StoreOver):
 
 
 def at_once(store: ObjectStore) -> ObjectStore:
-    """The same store without patience: for what must not be held for long, such as a lock that others wait for."""
+    """Returns the object store without retries, for use while holding a lock."""
     return store.behind if isinstance(store, PatientStore) else store
 
 
 def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Result:
-    """Does something that uses `at_once(store)`, with the patience that the store has; see `Patience.ask`.
+    """Calls a function that uses `at_once(store)`, with the store's retry policy.
 
     Args:
         store: the store, patient or not.
@@ -235,5 +235,5 @@ def patiently(store: ObjectStore, bucket: str, call: Callable[[], Result]) -> Re
 
 
 def stopped_of(store: ObjectStore) -> Stopped:
-    """Answer to whether those who use a store have been told to stop."""
+    """Returns the function that tells whether users of a store have been told to stop."""
     return store.patience.stopped if isinstance(store, PatientStore) else never

@@ -35,7 +35,7 @@ from .patience import Patience, PatientStore, at_once
 
 @dataclass(frozen=True)
 class Timing:
-    """Times in seconds."""
+    """Time intervals of the service, in seconds."""
 
     lease_s: float = 30.0
     """How long after its last sign of life a job worker counts as dead."""
@@ -96,13 +96,13 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
 
 
 def is_builtin(application: Resource) -> bool:
-    """Whether an application came with this package; of another kind a user's may have the same name."""
+    """Whether an application came with this package."""
     kind, _ = BUILTINS.get(application.name, (None, None))
     return application.kind == kind
 
 
 def register_builtins(catalog: Catalog, settings: Settings) -> None:
-    """Makes sure the built-in applications are in the catalog."""
+    """Adds the built-in applications to the catalog if they are missing."""
     for name, (kind, definition) in BUILTINS.items():
         if catalog.find(kind, name) is not None:
             continue
@@ -125,7 +125,7 @@ def register_builtins(catalog: Catalog, settings: Settings) -> None:
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a job operation is: how many of its parts are in which state."""
+    """Progress of a job: how many of its parts (worlds, simulation jobs) are in which state."""
 
     counts: Mapping[str, int]
     total: int
@@ -150,7 +150,7 @@ def _utc_now() -> datetime:
 
 @dataclass(frozen=True)
 class SpecRun:
-    """The run of a specification that operations are called for."""
+    """The run of a specification in whose course operations are called."""
 
     run_id: str
     reuse: bool = False
@@ -162,7 +162,7 @@ class SpecRun:
 
 @dataclass(frozen=True)
 class Service:
-    """One service: a catalog, an object store, and who it says it is in ARNs."""
+    """The RoboMaker service in this process: catalog, object store, account, region and settings."""
 
     settings: Settings
     catalog: Catalog
@@ -194,7 +194,7 @@ class Service:
 
     @classmethod
     def open(cls, settings: Settings, environ: Mapping[str, str] | None = None) -> "Service":
-        """Opens the catalog and the object store, creating what is missing.
+        """Opens the catalog and the object store, and creates missing parts.
 
         Raises:
             ConfigurationError: a setting leads nowhere.
@@ -213,7 +213,7 @@ class Service:
     @classmethod
     @contextmanager
     def opened(cls, settings: Settings) -> Generator["Service"]:
-        """Opens the service inside the block, and closes its catalog at the end; see `open`."""
+        """Opens the service inside the `with` block; see `open`."""
         service = cls.open(settings)
         try:
             yield service
@@ -222,12 +222,12 @@ class Service:
 
     @classmethod
     def current(cls) -> "Service":
-        """The active service, or the one the environment variables describe."""
+        """Returns the active service, or the one that the environment variables describe."""
         return _active.get() or _from_environment()
 
     @contextmanager
     def activated(self) -> Generator["Service"]:
-        """Makes this service the current one for flows and tasks called inside the block."""
+        """Makes this service the current one for flows and tasks called inside the `with` block."""
         token = _active.set(self)
         try:
             yield self
@@ -235,7 +235,7 @@ class Service:
             _active.reset(token)
 
     def watched_by(self, listener: Callable[[Progress], None], told: Callable[[str], None] | None = None) -> "Service":
-        """The same service, whose progress `listener` is told of, and whose notes `told` gets."""
+        """Returns the same service with a listener for its progress, and a receiver of its notes."""
         return replace(self, report_progress=listener, report_note=told or self.report_note)
 
     def patient(
@@ -246,7 +246,7 @@ class Service:
         patience_s: float | None = None,
         sleep: Callable[[float], None] = time.sleep,
     ) -> "Service":
-        """The same service for a job's work: its object store waits while it does not answer, and says so.
+        """Returns the same service for a job's work: it waits while the object store does not answer.
 
         Args:
             job_id: the job that waits, for notes.
@@ -264,7 +264,7 @@ class Service:
         return replace(self, store=PatientStore(at_once(self.store), patience))
 
     def acting_as(self, role: str | None) -> "Service":
-        """The same service with the object store as a role has it; its own where there are no roles.
+        """Returns the same service with the object-store credentials of an access role.
 
         Args:
             role: ARN of the role, as a request names it.
@@ -279,26 +279,26 @@ class Service:
         return replace(self, store=self.store.over(store) if isinstance(self.store, PatientStore) else store)
 
     def with_blocks(self, read_block: ReadBlock) -> "Service":
-        """The same service, whose roles may be blocks of Prefect."""
+        """Returns the same service whose roles' credentials may be Prefect blocks."""
         return self if self.roles is None else replace(self, roles=self.roles.with_blocks(read_block))
 
     @property
     def reuses(self) -> bool:
-        """Whether results and worlds that are there already are taken over by what is ordered now."""
+        """Whether jobs ordered now take over existing worlds and results with the same inputs."""
         return self.spec_run is not None and self.spec_run.reuse
 
     def ordered_by(self, run_id: str | None, *, reuse: bool, in_campaign: bool = False) -> "Service":
-        """The same service, used for a run of a specification; `None`: for none."""
+        """Returns the same service for use by a run of a specification; `None` means by no run."""
         return replace(self, spec_run=None if run_id is None else SpecRun(run_id, reuse, in_campaign))
 
     def folder(self, *parts: str) -> Path:
-        """A folder below the data home, created."""
+        """Returns a folder below the data home, after creating it."""
         path = self.settings.home.joinpath(*parts)
         path.mkdir(parents=True, exist_ok=True)
         return path
 
     def arn(self, kind: str, resource_id: str) -> str:
-        """The ARN of a resource of this service."""
+        """Makes the ARN of a resource of this service."""
         return resource_arn(self.settings.region, self.settings.account, kind, resource_id)
 
     def store_job(
@@ -313,7 +313,7 @@ class Service:
         labels: Mapping[str, Sequence[str]] | None = None,
         status: str = "Pending",
     ) -> Resource:
-        """Stores a new job, under an id of its own.
+        """Stores a new job under a new id.
 
         Args:
             kind: its kind of resource, as in its ARN.
@@ -343,7 +343,7 @@ class Service:
         return self.catalog.create(job, token=token, lease=lease)
 
     def find_by_client_token(self, token: ClientToken | None) -> Resource | None:
-        """Finds the resource that an earlier call with the same client token added; see `catalog/client_tokens.py`.
+        """Finds the resource that an earlier call with the same client token created, if any.
 
         Raises:
             IdempotentParameterMismatchException: the earlier call was another request.
@@ -351,7 +351,7 @@ class Service:
         return self.catalog.find_by_client_token(token, self.settings.account)
 
     def new_seed(self) -> int:
-        """A seed for a job whose request gives none; it is recorded with the job."""
+        """Returns a random seed for a job whose request gives none."""
         return self.chance.randrange(2**31)
 
 

@@ -21,7 +21,7 @@ Value = str | int | float | bool
 def span(
     name: str, *, arn: str | None = None, traceparent: str | None = None, **attributes: Value
 ) -> Generator[trace.Span]:
-    """A span around a block; one that raises has the exception, and ends as an error.
+    """Opens an OpenTelemetry span inside the `with` block; an exception is recorded as its error.
 
     Args:
         name: what goes on.

@@ -35,14 +35,14 @@ _CUT_SHORT = ("duration limit", "canceled")
 
 @dataclass(frozen=True)
 class FoundResults:
-    """The earlier job whose results can be taken over, or why there is none."""
+    """The earlier job whose results can be reused, or the reason why there is none."""
 
     job: Resource | None
     why_not: str = ""
 
 
 def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Service) -> FoundResults:
-    """Finds an earlier job with the same inputs, the newest that ended well.
+    """Finds the newest successful job with the same inputs, whose results can be reused.
 
     Args:
         document: the job that is wanted.
@@ -67,7 +67,7 @@ def find_results(document: SimulationJobDocument, made_of: MadeOf, service: Serv
 
 
 def with_results_of(document: SimulationJobDocument, job: Resource) -> SimulationJobDocument:
-    """A job's document with the results of an earlier job."""
+    """Returns a job's document with the results of an earlier job."""
     earlier = SimulationJobDocument.of(job)
     return document.model_copy(
         update={
@@ -130,7 +130,7 @@ def store_job(
     token: ClientToken | None,
     batch: tuple[str, int] | None = None,
 ) -> Resource:
-    """Stores one job as Pending.
+    """Stores a simulation job with status Pending.
 
     Args:
         request: a job by itself, or one of a batch.
@@ -157,7 +157,7 @@ def reuse_job(
     batch: tuple[str, int] | None = None,
     applications: CurrentApplications | None = None,
 ) -> Resource | None:
-    """Stores one job that has ended already: with the results of an earlier one that had the same inputs.
+    """Stores a simulation job as completed, with the results of an earlier job with the same inputs.
 
     Args:
         request: the order, alone or out of a batch.
@@ -190,7 +190,7 @@ def job_document(
     batch: tuple[str, int] | None = None,
     applications: CurrentApplications | None = None,
 ) -> SimulationJobDocument:
-    """The document of a new job, whose request has been checked against the catalog.
+    """Makes the catalog document of a new simulation job.
 
     Args:
         request: the order, alone or out of a batch.
@@ -226,7 +226,7 @@ def job_document(
 
 
 def check_references(request: Mapping[str, Any], service: Service, applications: CurrentApplications) -> None:
-    """Checks that the applications and the world of a request exist, which costs next to nothing.
+    """Raises an error if the applications or world of a request do not exist.
 
     Args:
         request: the members of the order, which have been checked.

@@ -42,7 +42,7 @@ _UNIX = 3
 
 @dataclass(frozen=True)
 class Member:
-    """One file or folder of an archive."""
+    """A file or folder in a tar or zip archive."""
 
     name: str
     """As the archive has it."""
@@ -57,7 +57,7 @@ class Member:
 
 
 def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
-    """Reads an archive's members in their order.
+    """Yields the members of a tar or zip archive, in order.
 
     Args:
         archive: the archive.
@@ -166,7 +166,7 @@ class _Forward(io.RawIOBase):
         return self._position
 
     def check_end(self) -> None:
-        """Checks that what tarfile took for the end is the end.
+        """Checks that the archive is not truncated.
 
         Raises:
             BundleError: it is not.

@@ -27,7 +27,7 @@ _MAX_COMPONENT_BYTES = 255
 
 @dataclass(frozen=True)
 class ArchiveLimits:
-    """Limits of an archive's content; the bytes unpacked count, not the sizes in its headers."""
+    """Limits for unpacking an archive: bytes and number of files."""
 
     total_bytes: int = 20 << 30
     """All files together."""
@@ -46,7 +46,7 @@ class ArchiveLimits:
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
-    """Unpacks a .tar, .tar.gz or .zip archive; what it is is told by its content.
+    """Unpacks a .tar, .tar.gz or .zip archive from an untrusted source.
 
     Files become readable by all and executable where the archive says so; owners, times and special
     modes are dropped.
@@ -84,7 +84,7 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
 
 
 def pack_tar_gz(folder: Path, path: Path) -> None:
-    """Packs a folder's files into a .tar.gz whose bytes depend on their names, contents and executable bits only.
+    """Packs a folder into a reproducible .tar.gz: equal files give equal bytes.
 
     Args:
         folder: what to pack; empty folders are left out.
@@ -133,7 +133,7 @@ class _Extraction:
         return f" after member {self.last!r}" if self.last else ""
 
     def add(self, member: Member) -> None:
-        """Writes one member.
+        """Writes one member of the archive to the folder.
 
         Raises:
             BundleError: it is not acceptable.
@@ -154,7 +154,7 @@ class _Extraction:
         self.last = member.name
 
     def make_links(self) -> None:
-        """Makes the links; those that would lead out of the top, absolute ones too, are left out."""
+        """Creates the archive's links; those that lead out of the folder are left out."""
         made: list[Path] = []
         for name, member in self.links.items():
             if member.hard_link is not None:

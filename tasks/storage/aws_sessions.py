@@ -14,7 +14,7 @@ def new_session(
     profile_name: str | None = None,
     inner: botocore.session.Session | None = None,
 ) -> Session:
-    """Opens a session; what is not given comes from where AWS tools find it.
+    """Opens a boto3 session; missing credentials come from where AWS tools find them.
 
     botocore gives every session a loader of its own, and a session's first client reads the addresses and the model
     of its service with it: 2 MB of JSON, most of the time that opening a store takes.

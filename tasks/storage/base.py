@@ -21,7 +21,7 @@ WORKERS_FOR_SMALL = 32
 
 
 def run_all(call: Callable[[Item], Result], items: Iterable[Item], workers: int = WORKERS) -> list[Result]:
-    """Calls `call` for every item in threads and returns the results in the items' order.
+    """Calls a function for every item in threads, and returns the results in the items' order.
 
     After a failure nothing new is started; what runs is waited for, then the failure of the earliest
     item is raised.
@@ -54,16 +54,16 @@ Tell = Callable[[str], None]
 
 
 def never() -> bool:
-    """For transfers that are never stopped."""
+    """Returns false: the default for transfers that are never stopped."""
     return False
 
 
 def tell_none(key: str) -> None:
-    """Ignores what is stored, where there is no listener."""
+    """Does nothing: the default listener for stored files."""
 
 
 def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
-    """Raises what a transfer raises that is not wanted any more.
+    """Raises `TransferStoppedError` if a transfer has been told to stop.
 
     Raises:
         TransferStoppedError: `stopped` said so.
@@ -74,7 +74,7 @@ def refuse_stopped(stopped: Stopped, bucket: str, key: str) -> None:
 
 @dataclass(frozen=True)
 class ObjectInfo:
-    """Metadata of a stored object, known without reading it."""
+    """Metadata of an object in the object store: key, size, ETag and time."""
 
     bucket: str
     key: str
@@ -85,7 +85,7 @@ class ObjectInfo:
 
 @dataclass(frozen=True)
 class UnfinishedUpload:
-    """Parts of a file that has not been uploaded to its end; no reader sees them."""
+    """A multipart upload that was not completed; readers do not see it."""
 
     bucket: str
     key: str
@@ -94,7 +94,7 @@ class UnfinishedUpload:
 
 
 class ObjectStore(Protocol):
-    """Buckets of objects, as S3 has them.
+    """Interface of an object store with buckets, as S3 has them.
 
     Writes are atomic: a reader sees the whole old or the whole new content. Every method raises a
     `StorageError` of `prefect_robomaker.schemas.wire.errors`, never a client library's own.
@@ -105,7 +105,7 @@ class ObjectStore(Protocol):
         ...
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """Finds out whether an object could be stored; no object is there afterwards that was not before.
+        """Checks that an object could be written; leaves nothing behind.
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
@@ -114,7 +114,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Stores a file's content; checksums are verified by the receiving side.
+        """Uploads a file; checksums are verified.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -122,7 +122,7 @@ class ObjectStore(Protocol):
         ...
 
     def probe(self, bucket: str) -> None:
-        """Asks once, and for a few seconds at most, whether the store answers; what it answers does not matter.
+        """Checks quickly, with one request, whether the store answers at all.
 
         Raises:
             StorageUnavailableError: it does not, or says that it cannot now.
@@ -130,7 +130,7 @@ class ObjectStore(Protocol):
         ...
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Finds an object that has a file's content already: its size, and its checksum as the store has it.
+        """Returns the stored object if it has the same content as a file already, else `None`.
 
         Returns:
             `None`: there is none, or whether it is the same cannot be known.
@@ -143,7 +143,7 @@ class ObjectStore(Protocol):
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Stores many files, several at a time; raises the first error after all have ended.
+        """Uploads many files concurrently; raises the first error after all have ended.
 
         Args:
             bucket: where to.
@@ -154,7 +154,7 @@ class ObjectStore(Protocol):
         ...
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Stores bytes.
+        """Writes bytes as an object.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -162,15 +162,15 @@ class ObjectStore(Protocol):
         ...
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Fetches an object into a file, which appears only when it is whole."""
+        """Downloads an object to a file, which appears only when complete."""
         ...
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Fetches an object's content."""
+        """Returns an object's content."""
         ...
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Says what is known of an object."""
+        """Returns an object's metadata."""
         ...
 
     def list(self, bucket: str, prefix: str = "") -> Iterator[ObjectInfo]:
@@ -178,30 +178,30 @@ class ObjectStore(Protocol):
         ...
 
     def delete(self, bucket: str, key: str) -> None:
-        """Removes an object; succeeds when there is none."""
+        """Deletes an object; succeeds if there is none."""
         ...
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
-        """Uploads that began before a time and have not ended: of writers that died, or that are very slow."""
+        """Lists multipart uploads that began before a time and have not ended."""
         ...
 
     def abort_upload(self, upload: UnfinishedUpload) -> None:
-        """Removes the parts of an upload; succeeds when there are none."""
+        """Deletes the parts of an unfinished upload; succeeds if there are none."""
         ...
 
     def uri(self, bucket: str, key: str) -> str:
-        """Address of an object for people: `file:///…` or `s3://bucket/key`."""
+        """Returns an object's address for people: `file:///…` or `s3://bucket/key`."""
         ...
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """The object's own file, where the store keeps objects as files on this machine."""
+        """Returns the local file of an object, if the store keeps objects as files on this machine."""
         ...
 
 
 def put_each(
     store: ObjectStore, bucket: str, files: dict[str, Path], stopped: Stopped, tell: Tell, workers: int = WORKERS
 ) -> list[ObjectInfo]:
-    """Stores many files one by one, several at a time; see `ObjectStore.put_files`."""
+    """Uploads many files one by one, several concurrently; see `ObjectStore.put_files`."""
 
     def put(item: tuple[str, Path]) -> ObjectInfo:
         info = store.put_file(bucket, *item, stopped=stopped)
@@ -212,7 +212,7 @@ def put_each(
 
 
 class StoreOver:
-    """An `ObjectStore` over another one; each call that reads or writes goes through `do`.
+    """Base class of object stores that wrap another one; every call passes through `do`.
 
     Args:
         store: the store behind it.
@@ -224,7 +224,7 @@ class StoreOver:
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the store behind this one, or refuses to.
+        """Calls the wrapped store, possibly changed or refused.
 
         Args:
             access: what the call does.
@@ -310,7 +310,7 @@ _MAX_COMPONENT_BYTES = 255
 
 
 def check_bucket(bucket: str) -> None:
-    """Refuses what S3 does not take as a bucket's name.
+    """Raises an error for an invalid bucket name.
 
     Raises:
         StorageError: with the rule it breaks.
@@ -323,7 +323,7 @@ def check_bucket(bucket: str) -> None:
 
 
 def check_key(key: str) -> None:
-    """Refuses keys that not every store can hold.
+    """Raises an error for an object key that some store cannot have.
 
     Raises:
         StorageError: with the component and what is wrong with it.
@@ -338,7 +338,7 @@ def check_key(key: str) -> None:
 
 
 def check_prefix(prefix: str) -> None:
-    """Refuses prefixes that no valid key starts with; the empty one and those that end with `/` are fine.
+    """Raises an error for a key prefix that no valid key starts with.
 
     Raises:
         StorageError: with the component and what is wrong with it.
@@ -351,7 +351,7 @@ def check_prefix(prefix: str) -> None:
 
 
 def join_key(prefix: str, *parts: str) -> str:
-    """Puts a key together; an empty prefix adds nothing, slashes at the prefix's ends do not double."""
+    """Joins parts to an object key with single slashes; empty parts are left out."""
     return "/".join([stripped, *parts]) if (stripped := prefix.strip("/")) else "/".join(parts)
 
 

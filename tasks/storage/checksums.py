@@ -20,7 +20,7 @@ _ZEROS = memoryview(bytes(_PIECE_BYTES))
 
 
 class Piece(NamedTuple):
-    """A part of a file's content."""
+    """A piece of a file's content: its offset and data, or a hole."""
 
     data: memoryview
     is_hole: bool
@@ -28,7 +28,7 @@ class Piece(NamedTuple):
 
 
 def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") -> Iterator[Piece]:
-    """Yields the content of an open file in pieces, from its beginning; its read position may move.
+    """Yields the content of an open file in pieces, from its beginning.
 
     Args:
         descriptor: the file.
@@ -62,7 +62,7 @@ def pieces(descriptor: int, stopped: Stopped = never, what: str = "the file") ->
 
 
 def digest_of(descriptor: int, algorithm: str, stopped: Stopped = never) -> tuple[str, int]:
-    """Returns the hexadecimal digest of an open file's content, and its size.
+    """Returns the hexadecimal digest of an open file, and its size.
 
     Raises:
         TransferStoppedError: `stopped` said so.
@@ -82,7 +82,7 @@ def copy_with_holes(
     tell: Callable[[memoryview], object] = len,
     what: str = "the file",
 ) -> int:
-    """Copies an open file's content to an empty file, which has the same holes; returns its size.
+    """Copies a sparse file with its holes; returns its size.
 
     Args:
         source: the file.
@@ -143,17 +143,17 @@ _computed: dict[tuple[int, str, int], str] = {}
 
 
 def crc32_of(data: bytes) -> str:
-    """The CRC32 of bytes, in base64."""
+    """Returns the CRC32 of bytes, in base64."""
     return crc32_text(zlib.crc32(data))
 
 
 def crc32_text(crc: int) -> str:
-    """A CRC32 as S3 writes it, in base64."""
+    """Formats a CRC32 as S3 does, in base64."""
     return base64.b64encode(crc.to_bytes(4, "big")).decode()
 
 
 def crc32_of_parts(parts: Iterable[tuple[int, int]]) -> str:
-    """The CRC32 of a whole, in base64, from those of its parts in their order: CRC32 and size of each.
+    """Combines the CRC32 values of parts to that of the whole, in base64.
 
     What a part adds is its own CRC32; those before it are shifted by its size, which in the arithmetic of CRCs is a
     product with a power of x (as in zlib's `crc32_combine`, which Python does not offer).
@@ -187,7 +187,7 @@ def _product(a: int, b: int) -> int:
 
 
 def measure(file: BinaryIO) -> tuple[int, str]:
-    """Size and CRC32 of what is left to read of a file."""
+    """Returns size and CRC32 of the rest of a file."""
     size = crc = 0
     while chunk := file.read(_CHUNK_BYTES):
         size += len(chunk)
@@ -196,7 +196,7 @@ def measure(file: BinaryIO) -> tuple[int, str]:
 
 
 def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
-    """Compares a server's answer about an object with what is here.
+    """Raises an error if a server's size or CRC32 of an object differs from the expected ones.
 
     Args:
         answer: of HeadObject or GetObject; not every object has a CRC32 of the whole.
@@ -216,7 +216,7 @@ def compare(answer: Mapping[str, Any], size: int, crc: str, what: str) -> None:
 
 
 def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never) -> bool:
-    """Whether an object has a file's content, as far as a server's answer proves it.
+    """Whether a stored object has the same content as a file, as far as its checksums prove it.
 
     Args:
         answer: of HeadObject.
@@ -240,7 +240,7 @@ def has_content(answer: Mapping[str, Any], path: Path, stopped: Stopped = never)
 
 
 def store_etag(descriptor: int, etag: str) -> None:
-    """Keeps a file's ETag with the file, where the file system can.
+    """Caches a file's ETag in its extended attributes, where the file system can.
 
     Args:
         descriptor: the file, open, after its last write, and after it got its name, which changes the change time.
@@ -257,7 +257,7 @@ def store_etag(descriptor: int, etag: str) -> None:
 
 
 def etag_of(descriptor: int, stopped: Stopped = never) -> str:
-    """The ETag of an open file; its read position stays where it is.
+    """Returns the ETag (MD5) of an open file, cached if possible.
 
     Args:
         descriptor: the file.

@@ -44,7 +44,7 @@ _RACES = 20
 
 
 class DirectoryStore:
-    """An `ObjectStore` in a directory.
+    """Object store in a local directory.
 
     Args:
         root: the directory; it is created with the first bucket.
@@ -66,7 +66,7 @@ class DirectoryStore:
             self._remove_abandoned()
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """Finds out whether the bucket is there and its folder can be written to: a few bytes are written, and removed.
+        """Checks that the bucket's folder exists and can be written to.
 
         Raises:
             StorageAccessDeniedError: this user may not, or the file system is read-only.
@@ -83,7 +83,7 @@ class DirectoryStore:
             raise StorageAccessDeniedError(f"cannot write {bucket}/{key}: this user may not write to its folder")
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Stores a file's content.
+        """Copies a file into the store.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -99,13 +99,13 @@ class DirectoryStore:
             return info
 
     def probe(self, bucket: str) -> None:
-        """Looks for the bucket's folder: a network file system whose server is away does not answer that."""
+        """Checks whether the bucket's folder answers, as a network file system may not."""
         check_bucket(bucket)
         with os_failures(f"look into {self._root}"), suppress(FileNotFoundError, PermissionError, NotADirectoryError):
             (self._root / bucket).stat()
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Finds an object that has a file's content already, by its size and its MD5."""
+        """Returns the stored object if it has the same size and MD5 as a file, else `None`."""
         refuse_stopped(stopped, bucket, key)
         with suppress(ObjectNotFoundError, BucketNotFoundError):
             found = self.head(bucket, key)
@@ -118,11 +118,11 @@ class DirectoryStore:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Stores many files, several at a time; raises the first error after all have ended."""
+        """Copies many files concurrently; raises the first error after all have ended."""
         return put_each(self, bucket, files, stopped, tell)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Stores bytes.
+        """Writes bytes as an object.
 
         Raises:
             ObjectExistsError: `create_only` and something is there.
@@ -135,7 +135,7 @@ class DirectoryStore:
             return info
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Copies an object into a file, which appears only when it is whole."""
+        """Copies an object to a file, which appears only when complete."""
         temporary = path.with_name(f".{uuid4().hex}.part")
         with self._opened(bucket, key) as (source, info), os_failures(f"fetch {bucket}/{key} into {path}"):
             try:
@@ -147,12 +147,12 @@ class DirectoryStore:
             return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Reads an object's content."""
+        """Returns an object's content."""
         with self._opened(bucket, key) as (source, _), os_failures(f"read {bucket}/{key}"):
             return source.read()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Says what is known of an object."""
+        """Returns an object's metadata."""
         with self._opened(bucket, key) as (_, info):
             return info
 
@@ -168,7 +168,7 @@ class DirectoryStore:
                     yield self.head(bucket, key)
 
     def delete(self, bucket: str, key: str) -> None:
-        """Removes an object, and the folders that become empty; succeeds when there is none."""
+        """Deletes an object, and folders that become empty; succeeds if there is none."""
         path = self._path(bucket, key)
         bucket_path = self._bucket_path(bucket)
         with os_failures(f"delete {bucket}/{key}"):
@@ -180,18 +180,18 @@ class DirectoryStore:
                     break
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:  # noqa: ARG002
-        """None: what crashed writers left is removed with the next bucket that is asked for, a day later."""
+        """Returns nothing: this store has no multipart uploads, and cleans up after crashed writers by itself."""
         return ()
 
     def abort_upload(self, upload: UnfinishedUpload) -> None:
-        """Nothing to do; see `unfinished_uploads`."""
+        """Does nothing: this store has no multipart uploads."""
 
     def uri(self, bucket: str, key: str) -> str:
-        """The object's `file:///…` URI."""
+        """Returns the object's `file:///…` URI."""
         return self._path(bucket, key).as_uri()
 
     def local_path(self, bucket: str, key: str) -> Path | None:
-        """The object's own file, to be read only."""
+        """Returns the object's local file, which must not be written to."""
         path = self._path(bucket, key)
         return None if _link_above(self._root / bucket, path) else path
 

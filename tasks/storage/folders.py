@@ -33,7 +33,7 @@ _DENIED = {errno.EACCES, errno.EPERM, errno.EROFS}
 
 @contextmanager
 def os_failures(doing: str) -> Generator[None]:
-    """Turns every `OSError` inside the block into the `StorageError` that fits.
+    """Converts every `OSError` inside the `with` block to the matching `StorageError`.
 
     Args:
         doing: what is being done, in words that follow "cannot".
@@ -45,7 +45,7 @@ def os_failures(doing: str) -> Generator[None]:
 
 
 def from_os_error(error: OSError, doing: str) -> StorageError:
-    """The error to raise; its message says what could not be done and why."""
+    """Makes the `StorageError` for an `OSError`."""
     why = error.strerror or str(error)
     where = f" ({error.filename})" if error.filename else ""
     kind = StorageError
@@ -68,7 +68,7 @@ MAX_DEPTH = 100
 
 @dataclass(frozen=True)
 class FolderFile:
-    """A regular file of a folder."""
+    """A regular file in a folder: relative name and path."""
 
     name: str
     """Path below the folder, with `/` between components."""
@@ -77,7 +77,7 @@ class FolderFile:
 
 
 def regular_files(folder: Path) -> list[FolderFile]:
-    """All files below a folder, ordered by name.
+    """Lists all files below a folder by name; anything but regular files is an error.
 
     Raises:
         StorageError: the folder is none or cannot be read, or holds something that is neither a regular
@@ -92,7 +92,7 @@ def regular_files(folder: Path) -> list[FolderFile]:
 
 
 def files_told(folder: Path, tell: Callable[[Path, str], None]) -> Iterator[FolderFile]:
-    """Yields all files below a folder that can be stored, in any order.
+    """Yields all regular files below a folder, and reports everything else to `tell`.
 
     Args:
         folder: where they are.
@@ -121,7 +121,7 @@ def _walk(folder: Path, prefix: str, depth: int, tell: Callable[[Path, str], Non
 
 
 def open_regular(path: Path) -> BufferedReader:
-    """Opens a regular file for reading, and nothing else that may stand in its place.
+    """Opens a regular file for reading; refuses links and devices.
 
     Raises:
         FileNotFoundError: nothing is there, or no regular file: folders, symbolic links and devices
@@ -142,7 +142,7 @@ def open_regular(path: Path) -> BufferedReader:
 
 
 def version_of(path: Path) -> tuple[int, int, int]:
-    """Version of a file: inode, size, modification time in nanoseconds; changes when it is written to or replaced."""
+    """Returns a file's inode, size and modification time (ns), which change when it is written or replaced."""
     with os_failures(f"read {path}"):
         now = path.lstat()
     return now.st_ino, now.st_size, now.st_mtime_ns

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
-    """Opens the object store that the settings name; nothing is read or written yet.
+    """Opens the object store that the settings name (folder, S3 server or AWS), without accessing it.
 
     A folder becomes a `DirectoryStore`, `http://…` or `https://…` an `S3Store` on that endpoint, and
     `aws` an `S3Store` on AWS. Credentials are looked for as every AWS tool does: `AWS_ACCESS_KEY_ID`
@@ -36,7 +36,7 @@ def open_store(settings: Settings, environ: Mapping[str, str]) -> ObjectStore:
 
 
 def s3_endpoint(settings: Settings) -> str | None:
-    """The URL of the S3 server that keeps the objects; `None`: AWS does, or a folder.
+    """Returns the URL of the S3 server in the settings; `None` for AWS or a folder.
 
     Raises:
         ConfigurationError: it cannot be used.
@@ -75,7 +75,7 @@ def _s3(endpoint_url: str | None, region: str, environ: Mapping[str, str]) -> Ob
 
 
 def own_session(environ: Mapping[str, str]) -> "Session":
-    """A session with the credentials that environment variables name, else those that AWS tools would find.
+    """Opens a boto3 session with the credentials in environment variables, or AWS tools' defaults.
 
     Raises:
         ConfigurationError: only one half of an access key is set.

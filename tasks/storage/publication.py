@@ -40,7 +40,7 @@ def publish(
     ended: Stopped = never,
     tell: Callable[[ManifestFile], None] | None = None,
 ) -> Manifest:
-    """Stores files, and last the manifest that makes them count.
+    """Uploads files and then their manifest, which makes them visible as a complete set.
 
     Publishing the same content with the same `about` again succeeds and returns the manifest that is
     there, so an interrupted or repeated step can simply be run again.
@@ -97,7 +97,7 @@ def store_unfinished(
     ended: Stopped = never,
     tell: Callable[[str], None] = tell_none,
 ) -> None:
-    """Stores what there is of outputs that are not whole, for people to look at; no manifest makes them count.
+    """Uploads incomplete outputs for inspection, without a manifest.
 
     Args:
         store: where to.
@@ -129,7 +129,7 @@ def _put(store: ObjectStore, bucket: str, files: dict[str, Path], ended: Stopped
 def split_stored(
     store: ObjectStore, bucket: str, files: Mapping[str, Path], stopped: Stopped = never
 ) -> tuple[dict[str, ObjectInfo], dict[str, Path]]:
-    """Splits files into those that are stored already, with the same content, and those that are not.
+    """Splits files into those already stored with the same content, and those still to upload.
 
     Args:
         store: where they belong.
@@ -146,7 +146,7 @@ def split_stored(
 
 
 def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Removes what is published under a prefix, and everything else there; succeeds when there is nothing.
+    """Deletes everything under a prefix; the manifest goes first.
 
     The manifest is deleted first: an interruption leaves no objects that count.
 
@@ -167,7 +167,7 @@ def unpublish(store: ObjectStore, bucket: str, prefix: str) -> None:
 
 
 def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
-    """Reads what is published under a prefix.
+    """Reads the manifest of the files published under a prefix.
 
     Raises:
         ObjectNotFoundError: nothing is.
@@ -181,7 +181,7 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
 
 
 def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify: bool = True) -> Manifest:
-    """Fetches what is published under a prefix: the files that the manifest names, and nothing else.
+    """Downloads the files in a manifest to a folder.
 
     Args:
         store: where from.
@@ -260,7 +260,7 @@ NEXT_NAME = "manifest.next.json"
 
 
 def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], bool]) -> None:
-    """Removes files that are published under a prefix, and everything there that the manifest does not name.
+    """Deletes some of the published files under a prefix, and updates the manifest.
 
     Args:
         store: where.
@@ -285,7 +285,7 @@ def thin(store: ObjectStore, bucket: str, prefix: str, keep: Callable[[str], boo
 
 
 def finish_thinning(store: ObjectStore, bucket: str, prefix: str) -> None:
-    """Finishes an interrupted call of `thin`; does nothing if there is none.
+    """Completes an interrupted call of `thin`.
 
     Args:
         store: where.
@@ -310,7 +310,7 @@ def _remove_rest(store: ObjectStore, bucket: str, prefix: str, after: Manifest) 
 
 
 def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
-    """The manifest of what stays; its `about` counts what went, in all calls so far."""
+    """Returns the manifest of the remaining files, with a count of those deleted."""
     stay = [file for file in manifest.files if keep(file.path)]
     count, size = removed_before(manifest)
     gone = [file for file in manifest.files if not keep(file.path)]
@@ -321,7 +321,7 @@ def thinned(manifest: Manifest, keep: Callable[[str], bool]) -> Manifest:
 
 
 def removed_before(manifest: Manifest) -> tuple[int, int]:
-    """How many files were removed of what was published, and their bytes."""
+    """Returns how many published files were deleted so far, and their bytes."""
     removed = manifest.about.get("removed")
     if not isinstance(removed, dict):
         return 0, 0

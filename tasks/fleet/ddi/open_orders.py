@@ -64,7 +64,7 @@ class RobotState:
 
 
 class OpenOrders:
-    """In-memory table of all robots and their open update orders; its methods may be called from any thread.
+    """Table in memory of all robots and their open update orders; its methods may be called from any thread.
 
     Each robot's state is one frozen value, which changes replace, so a poll reads it without waiting for a lock.
     """
@@ -148,9 +148,7 @@ class OpenOrders:
         return self._change(robot, action_id, is_cancelling=True)
 
     def carry_on(self, robot: str, action_id: int) -> bool:
-        """Stops asking a robot to cancel its order, because the robot refused; returns false if the order is not
-        open.
-        """
+        """Stops asking a robot to cancel its order, which the robot refused; returns false if it is not open."""
         return self._change(robot, action_id, is_cancelling=False)
 
     def close(self, robot: str, action_id: int, feedback: Feedback | None = None) -> bool:
@@ -164,9 +162,7 @@ class OpenOrders:
         return self._change(robot, action_id, order=None, is_cancelling=False, last_feedback=feedback)
 
     def withhold(self, robot: str, action_id: int) -> bool:
-        """Withdraws an order that may be offered again later; returns false if the robot has read it or it is not
-        open.
-        """
+        """Withdraws an order that the robot has not read; returns false if it has, or the order is not open."""
         with self._lock:
             state = self._robots.get(robot)
             if state is None or not state.has(action_id) or state.is_fetched or state.is_cancelling:

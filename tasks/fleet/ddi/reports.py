@@ -243,9 +243,7 @@ class OrderFeedback:
 
 @dataclass(frozen=True)
 class CancelFeedback:
-    """Report: a robot's answer to the cancellation of its order: it is cancelled (`Feedback.cancel_end`) or
-    continues.
-    """
+    """Report: a robot's answer to the cancellation of its order, which is cancelled or continues."""
 
     robot: str
     feedback: Feedback

@@ -131,9 +131,7 @@ _CELLS = 200
 
 
 def marks(rollout: Rollout, closed: Iterable[Pause], scale: Scale) -> Markup:
-    """Draws the marks common to all rows of the chart: pauses, closed maintenance windows, and the failure
-    threshold.
-    """
+    """Draws the marks common to all rows: pauses, closed maintenance windows, and the failure threshold."""
     parts = [
         element("rect", class_=kind, x=scale.at(begin_s), y="0", width=scale.width(begin_s, end_s), height="100%")
         for kind, pauses in (("closed", closed), ("pause", rollout.pauses))

@@ -150,8 +150,7 @@ class Ledger:
         return self._line.next(free, first=self._is_active, others=self._is_released)
 
     def wake_s(self) -> float | None:
-        """Returns when to check again: the next time-out, or change of a maintenance window, in seconds since the
-        epoch.
+        """Returns when to check again, in seconds since the epoch: at the next time-out or maintenance window.
 
         `None`: only events change the rollout.
 

@@ -139,9 +139,7 @@ def timed_out(state: State, timeout_s: float) -> State:
 
 
 def revoked(state: State, now_s: float, code: DeploymentJobErrorCode, reason: str) -> State:
-    """Returns a robot's rollout state after its order was cancelled: failed if it had begun, else as before the
-    order.
-    """
+    """Returns a robot's rollout state after its order was cancelled: failed if it had begun, else waiting."""
     begun = state.started_s is not None and not state.has_ended
     return _failed(withdrawn(state), code, reason, now_s) if begun else withdrawn(state)
 

@@ -30,7 +30,7 @@ ROOT = "root"
 
 
 class AttestedChange(NamedTuple):
-    """Changes that a new TUF root makes to the rules which applications need attestations."""
+    """Changes that a new TUF root makes to the attestation rules: valid keys, applications that need them."""
 
     keys: Sequence[Key] = ()
     """Those that agents believe from now on; none: the same as before."""

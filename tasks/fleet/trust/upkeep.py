@@ -23,7 +23,7 @@ _WARN_SHARE = 2  # the service signs again long before: half of what it waits fo
 
 
 class RoleStanding(NamedTuple):
-    """Status of one TUF role: version, expiry and keys."""
+    """Status of one TUF role: version, expiry, keys, and advice if it has to be renewed."""
 
     role: str
     version: int

@@ -22,7 +22,7 @@ LETTERS = 27.0
 
 @dataclass(frozen=True)
 class Box:
-    """An axis-aligned rectangle."""
+    """An axis-aligned rectangle in which a room's label is drawn."""
 
     left: float
     bottom: float
@@ -31,7 +31,7 @@ class Box:
 
 
 def largest_box(polygon: Sequence[Point]) -> Box:
-    """The largest rectangle inside an axis-aligned polygon whose sides lie on the corners' coordinates.
+    """Returns the largest rectangle inside a room's axis-aligned polygon, as the place for its label.
 
     Rooms have few corners, so trying all pairs of coordinates is quick; for a polygon of very many
     corners the box around it has to do.
@@ -56,7 +56,7 @@ def largest_box(polygon: Sequence[Point]) -> Box:
 def draw_label(
     name: str, note: str, polygon: Sequence[Point], frame: Frame, crowd: Sequence[Point] = (), size: float = LETTERS
 ) -> Markup:
-    """A room's name with a note below it, where it covers least; turned in tall and narrow rooms.
+    """Draws a room's name and a note in a floor plan, where they cover least; vertically in narrow rooms.
 
     Args:
         name: shortened when it does not fit, then the whole name is the tooltip.

@@ -46,7 +46,7 @@ _ROUND_STYLE = "round"  # of tables and ottomans
 
 
 def draw_furniture(item: Furniture, frame: Frame) -> Markup:
-    """Draws one piece in its place, turned as it stands, with its id as tooltip."""
+    """Draws one piece of furniture in a floor plan, with its id as tooltip."""
     x, y = frame.at((item.x, item.y))
     depth, width = item.depth_m * frame.scale, item.width_m * frame.scale
     round_top = item.style.split("-")[0] == _ROUND_STYLE
@@ -68,7 +68,7 @@ def draw_furniture(item: Furniture, frame: Frame) -> Markup:
 
 
 def covered_points(item: Furniture, frame: Frame) -> list[Point]:
-    """A few points of the drawing that the piece covers: enough to keep letters off it."""
+    """Returns points of the drawing that a piece of furniture covers, to keep labels off it."""
     cos, sin = math.cos(item.yaw), math.sin(item.yaw)
     shares = (-0.45, 0.0, 0.45)
     offsets = ((u * item.depth_m, v * item.width_m) for u in shares for v in shares)
@@ -98,7 +98,7 @@ _BARS_M = (0.5, 1, 2, 5, 10, 20, 50, 100)
 
 
 def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
-    """Furniture, walls, passages and windows of a world, to be referred to by `identity`."""
+    """Draws furniture, walls, doors and windows of a world as a reusable SVG group."""
     plan = world.floorplan
     walls = [wall for wall in plan.walls if not wall.lintel]
     return element(
@@ -115,7 +115,7 @@ def draw_fixtures(world: World, frame: Frame, identity: str) -> Markup:
 
 
 def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Markup:
-    """A world as an architect would draw it, each room with its area."""
+    """Draws the floor plan of a world, each room with its area."""
     rooms = world.floorplan.rooms
     crowd = _furniture_points(world, frame)
     return _plan(
@@ -130,7 +130,7 @@ def draw_world_plan(world: World, frame: Frame, fixtures: str, title: str) -> Ma
 
 
 def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, title: str) -> Markup:
-    """A world with a job's path and collisions; visited rooms are tinted, the others hatched."""
+    """Draws the floor plan of a world with a robot's path and collisions; visited rooms are tinted."""
     visits = {visit.name: visit for visit in result.rooms}
     crowd = _furniture_points(world, frame) + trajectory.covered_points(result, frame)
     floors, labels = [], []
@@ -156,7 +156,7 @@ def draw_job_plan(world: World, frame: Frame, fixtures: str, result: RunResult, 
 
 
 def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive: str) -> Markup:
-    """A world in which a robot drives: the way that it has driven so far goes into the group with the id `drive`."""
+    """Draws the floor plan for a running simulation; the robot's path so far is added to the group `drive`."""
     crowd = _furniture_points(world, frame)
     labels = (draw_label(room.name, "", room.polygon, frame, crowd) for room in world.floorplan.rooms)
     ground = _ground(world, frame, fixtures)
@@ -164,7 +164,7 @@ def draw_open_plan(world: World, frame: Frame, fixtures: str, title: str, drive:
 
 
 def draw_bare_path(result: RunResult, title: str) -> Markup | None:
-    """A path without its world; None when there is none to draw."""
+    """Draws a robot's path without a world; `None` if there is no path."""
     path = trajectory.finite_path(result)
     if not path:
         return None

@@ -12,13 +12,13 @@ Number = float | int
 
 
 def number(value: Number) -> str:
-    """A coordinate with at most one decimal and nothing superfluous."""
+    """Formats an SVG coordinate with at most one decimal."""
     text = f"{value:.1f}".removesuffix(".0")
     return "0" if text == "-0" else text
 
 
 def element(tag: str, *children: str | Markup, **attributes: str | Number | None) -> Markup:
-    """One element.
+    """Makes one SVG or HTML element.
 
     Args:
         tag: its name.
@@ -38,13 +38,13 @@ def element(tag: str, *children: str | Markup, **attributes: str | Number | None
 
 
 def group(children: Iterable[Markup], **attributes: str | Number | None) -> Markup:
-    """A `<g>` around children; nothing when there are none."""
+    """Makes an SVG group (`<g>`) around children; empty if there are none."""
     inside = list(children)
     return element("g", *inside, **attributes) if inside else Markup()
 
 
 def points(pairs: Iterable[tuple[float, float]]) -> str:
-    """The `points` attribute of a polygon or polyline."""
+    """Formats the `points` attribute of an SVG polygon or polyline."""
     return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
 
 
@@ -57,7 +57,7 @@ _FOOT = 44.0  # room for the scale bar below the plan
 
 @dataclass(frozen=True)
 class Frame:
-    """The part of the ground a drawing shows; y points north on the ground and down in the drawing."""
+    """The area of the ground (metres) that a drawing shows, and its mapping to SVG coordinates."""
 
     left_m: float
     top_m: float
@@ -68,22 +68,22 @@ class Frame:
     """Size in units, the strip for the scale bar included."""
 
     def at(self, point: Point) -> Point:
-        """Coordinates of a point of the ground in the drawing."""
+        """Converts a point on the ground (metres) to drawing coordinates."""
         return (point[0] - self.left_m) * self.scale, (self.top_m - point[1]) * self.scale
 
     @property
     def view_box(self) -> str:
-        """The `viewBox` attribute."""
+        """The drawing's SVG `viewBox` attribute."""
         return f"0 0 {math.ceil(self.width)} {math.ceil(self.height)}"
 
     @property
     def foot(self) -> float:
-        """Height of the middle of the strip below the plan."""
+        """Vertical coordinate of the middle of the strip below the floor plan."""
         return self.height - _FOOT / 2
 
     @classmethod
     def around(cls, points: Iterable[Point]) -> "Frame":
-        """The frame that shows all points with a margin.
+        """Makes the frame that shows all given points with a margin.
 
         Raises:
             ValueError: there are no points, or some are not finite.
@@ -98,6 +98,6 @@ class Frame:
 
     @classmethod
     def of_world(cls, world: World) -> "Frame":
-        """The frame that shows a whole building."""
+        """Makes the frame that shows a whole building."""
         corners = [*world.floorplan.footprint, *(corner for room in world.floorplan.rooms for corner in room.polygon)]
         return cls.around(corners)

@@ -24,7 +24,7 @@ PathPoint = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class CollisionSpot:
-    """Collisions close to each other, shown as one mark."""
+    """Several collisions close to each other, drawn as one mark."""
 
     x: float
     y: float
@@ -32,17 +32,17 @@ class CollisionSpot:
 
     @property
     def force_N(self) -> float:  # noqa: N802 - the unit is part of the name
-        """The largest force of them."""
+        """Largest force of the spot's collisions, in newtons."""
         return max(collision.max_force_N for collision in self.collisions)
 
     @property
     def text(self) -> str:
-        """Text of the tooltip: one line for each collision."""
+        """Tooltip of the mark: one line for each collision."""
         return "\n".join(f"{c.other}: {c.max_force_N:.1f} N at {c.time_s:.1f} s" for c in self.collisions)
 
 
 def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> list[CollisionSpot]:
-    """Gathers collisions within `radius_m` of the hardest one around, hardest spot first."""
+    """Groups collisions within `radius_m` of the strongest one nearby, strongest group first."""
     left = sorted(
         (c for c in collisions if _drawable(c.x, c.y) and math.isfinite(c.max_force_N)),
         key=lambda c: (-c.max_force_N, c.time_s),
@@ -57,7 +57,7 @@ def cluster(collisions: Sequence[Collision], radius_m: float = _CLUSTER_M) -> li
 
 
 def finite_path(result: RunResult) -> list[PathPoint]:
-    """The path without points that cannot be drawn: a diverged simulation leaves NaN and absurd distances."""
+    """Returns a run's path without NaN and absurd points, which a diverged simulation leaves."""
     return [(t, x, y) for t, x, y in result.path if _drawable(x, y) and math.isfinite(t)]
 
 
@@ -66,7 +66,7 @@ def _drawable(x: float, y: float) -> bool:
 
 
 def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[int, list[Point]]]:
-    """Cuts a path into pieces of one shade each, by time; neighbours share their end points."""
+    """Cuts a path into pieces, one for each colour shade, by time."""
     if len(path) < 2:
         return []
     start, end = path[0][0], path[-1][0]
@@ -81,7 +81,7 @@ def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[i
 
 
 def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
-    """Draws one run.
+    """Draws a robot's path and collisions in a floor plan.
 
     Returns:
         Lines, to go below the rooms' names, and marks (start, end, collisions), to go above them.
@@ -96,7 +96,7 @@ def draw_trajectory(result: RunResult, frame: Frame) -> tuple[Markup, Markup]:
 
 
 def draw_drive(path: Sequence[PathPoint], frame: Frame) -> Markup:
-    """Draws the path of a run that goes on, with where it began and where the robot is now."""
+    """Draws the path so far of a running simulation, with its start and the robot's position."""
     path = [(t, x, y) for t, x, y in path if _drawable(x, y)]
     if not path:
         return Markup()
@@ -119,7 +119,7 @@ def _lines(path: Sequence[PathPoint], frame: Frame) -> Markup:
 
 
 def covered_points(result: RunResult, frame: Frame) -> list[Point]:
-    """Points of the drawing that path, marks and their words cover."""
+    """Returns points of the drawing that path, marks and their labels cover."""
     drawn = [frame.at((x, y)) for _, x, y in finite_path(result)]
     covered = []
     for (x0, y0), (x1, y1) in pairwise(drawn):

@@ -22,7 +22,7 @@ _SHOWN = 8
 
 
 def change_in_words(change: ChangedInput) -> str:
-    """`commit 1a2b3c4d → 5e6f7a8b`, `application scout 1a2b → 5e6f`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
+    """Describes a changed input: `commit 1a2b3c4d → 5e6f7a8b`, `mujoco 3.17.0 → 3.18.0`, `its request`."""
     if change.what in ("request", "requirements"):
         return f"its {change.what}"
     what = change.name if change.what == "version" else f"{change.what} {change.name}".rstrip()
@@ -34,7 +34,7 @@ def change_in_words(change: ChangedInput) -> str:
 
 
 def since_in_words(since: FailureStart) -> str:
-    """Since when a job fails, and what changed then: one sentence without its full stop."""
+    """Describes since when a job fails and which inputs changed then, as a sentence without full stop."""
     runs = "1 run" if since.nights == 1 else f"{since.nights} runs"
     began = f"fails since {outcomes.moment(since.started_at)}, {runs}"
     if since.last_passed_run_id is None:
@@ -45,14 +45,14 @@ def since_in_words(since: FailureStart) -> str:
 
 
 def newly_missed_briefly(changes: Sequence[RequirementChange]) -> str:
-    """`newly missed: upright, gentle`; empty where nothing is."""
+    """Lists newly missed requirements: `newly missed: upright, gentle`; empty if there are none."""
     names = [each.name for each in changes if each.newly_missed]
     more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
     return f"newly missed: {', '.join(names[:_MOST_NAMED])}{more}" if names else ""
 
 
 def requirement_in_words(change: RequirementChange) -> str:
-    """`gentle: newly missed in 2 of 9 trials; world and seed are the same, so this is not by chance`."""
+    """Describes a changed requirement: `gentle: newly missed in 2 of 9 trials; world and seed are the same, ...`."""
     of = f"of {change.pairs} {'trial' if change.pairs == 1 else 'trials'}"
     told = [f"newly missed in {change.newly_missed} {of}"] if change.newly_missed else []
     told += [f"newly met in {change.newly_met}{'' if told else f' {of}'}"] if change.newly_met else []
@@ -62,7 +62,7 @@ def requirement_in_words(change: RequirementChange) -> str:
 
 
 def place_in_words(place: NewlyMissed) -> str:
-    """`drive: world-1 scout, seed 7, trial 12: 9 N, at most 5 N asked`."""
+    """Describes a newly missed trial: `drive: world-1 scout, seed 7, trial 12: 9 N, at most 5 N asked`."""
     where = place.cell.title if place.trial is None else f"{place.cell.title}, trial {place.trial}"
     return f"{where}: {place.detail}" if place.detail else where
 
@@ -73,7 +73,7 @@ def _is_certain(change: RequirementChange) -> bool:
 
 
 def judged_otherwise_in_words(jobs: int) -> str:
-    """That verdicts of so many jobs mean something else than before: a sentence; empty where there are none."""
+    """Warns that some jobs were judged by other requirements than before; empty if none were."""
     if not jobs:
         return ""
     were = "1 job was" if jobs == 1 else f"{jobs} jobs were"
@@ -81,7 +81,7 @@ def judged_otherwise_in_words(jobs: int) -> str:
 
 
 def without_earlier_in_words(since: SinceLastRun) -> str:
-    """A sentence that some jobs are new, or have another world or seed; empty where none or all of them are."""
+    """Notes that some jobs are new, or have another world or seed; empty if none or all of them are."""
     if not since.unpaired or not since.paired:
         return ""
     have = "1 job has" if since.unpaired == 1 else f"{since.unpaired} jobs have"
@@ -89,7 +89,7 @@ def without_earlier_in_words(since: SinceLastRun) -> str:
 
 
 def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
-    """`1 job is gone: drive: request 3 scout, seed 7 (failed before)`: a line for each kind of loss.
+    """Describes losses against earlier runs, one line for each kind: `1 job is gone: drive: request 3 scout, ...`.
 
     Args:
         losses: what a run judges less than earlier ones.
@@ -113,7 +113,7 @@ def losses_in_words(losses: Losses, most: int | None = None) -> list[str]:
 
 
 def loss_in_words(loss: Loss) -> str:
-    """`failed before; requirement east is not asked any more`, `passed before; 2 trials, 20 before`."""
+    """Describes one loss: `failed before; requirement east is not asked any more`."""
     before = "broke before" if loss.before == "broken" else f"{loss.before} before"
     if loss.trials_now is not None:
         trials = "1 trial" if loss.trials_now == 1 else f"{loss.trials_now} trials"
@@ -126,7 +126,7 @@ def loss_in_words(loss: Loss) -> str:
 
 
 def shared_since(changes: Sequence[CellChange]) -> str:
-    """Sentence on when several jobs began to fail, if it was the same for all; empty where they differ."""
+    """Describes when several jobs began to fail, if that was the same for all; empty otherwise."""
     said = {since_in_words(each.since) if each.since else "" for each in changes}
     return said.pop().replace("fails since", "All fail since", 1) if len(changes) > 1 and len(said) == 1 else ""
 

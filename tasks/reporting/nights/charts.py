@@ -27,7 +27,7 @@ _KEYS: dict[CaseOutcome, str] = {
 
 
 def rate_chart(nights: Sequence[Night], titles: Sequence[str]) -> Markup:
-    """The pass rate of each night with its interval; a line where commit or applications changed.
+    """Draws the pass rate of each run with its confidence interval; a line marks changed inputs.
 
     Args:
         nights: the runs, oldest first.
@@ -51,7 +51,7 @@ def rate_chart(nights: Sequence[Night], titles: Sequence[str]) -> Markup:
 
 
 def outcome_strip(outcomes: Sequence[CaseOutcome | None]) -> Markup:
-    """The outcomes of a job, one box for each run, oldest first; nothing where a run has no such job."""
+    """Draws a job's outcomes as a row of boxes, one for each run, oldest first."""
     boxes: dict[str, list[str]] = {}
     for index, outcome in enumerate(outcomes):
         if outcome is not None:
@@ -62,7 +62,7 @@ def outcome_strip(outcomes: Sequence[CaseOutcome | None]) -> Markup:
 
 
 def rate_strip(nights: Sequence[Share | None]) -> Markup:
-    """Pass rates as bars, one for each run, oldest first; the rest of each bar is what failed."""
+    """Draws pass rates as a row of bars, one for each run, oldest first."""
     passed, failed = [], []
     for index, share in enumerate(nights):
         if share is not None and share.rate is not None:

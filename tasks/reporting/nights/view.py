@@ -20,7 +20,7 @@ _MOST_CELLS = 500
 
 @dataclass(frozen=True)
 class NightView:
-    """A row of the table of runs."""
+    """A row of the table of runs on the history page."""
 
     night: Night
     link: str
@@ -33,7 +33,7 @@ class NightView:
 
 @dataclass(frozen=True)
 class CellView:
-    """A row of the table of jobs."""
+    """A row of the table of jobs on the history page."""
 
     history: CellHistory
     strip: Markup
@@ -42,7 +42,7 @@ class CellView:
 
 @dataclass(frozen=True)
 class RateView:
-    """A row of the tables of worlds and requirements."""
+    """A row of the tables of worlds and of requirements on the history page."""
 
     shares: SharesByNight
     strip: Markup
@@ -50,7 +50,7 @@ class RateView:
 
 @dataclass(frozen=True)
 class HistoryPage:
-    """Everything the template needs."""
+    """All values that the HTML template of the history page needs."""
 
     history: History
     headline: str
@@ -65,22 +65,22 @@ class HistoryPage:
 
     @property
     def latest(self) -> NightView:
-        """The last run."""
+        """The latest run."""
         return self.nights[0]
 
     @property
     def failing(self) -> list[CellView]:
-        """Jobs that fail now."""
+        """Jobs that fail in the latest run."""
         return [cell for cell in self.cells if cell.history.since is not None]
 
     @property
     def unsteady(self) -> list[CellView]:
-        """Jobs whose results cannot be relied on."""
+        """Flaky jobs, whose results cannot be relied on."""
         return [cell for cell in self.cells if cell.history.unsteady]
 
 
 def view_history(history: History, folder: Path) -> HistoryPage:
-    """Computes the page.
+    """Computes the values for the HTML page of a specification's history.
 
     Args:
         history: what to show; of at least one run.

@@ -38,14 +38,14 @@ _MOST_OVERHEAD_BYTES = 1024
 
 
 class ActionLogError(ValueError):
-    """An action log that cannot be read."""
+    """Raised for a log of robot actions that cannot be read."""
 
 
 _Bound = bool | int | float | None
 
 
 class ActionArray(Model):
-    """One array of an action, as the greeting of the simulation says it."""
+    """Description of one array of a robot's action in an action log: name, type and shape."""
 
     path: list[str | int] = Field(description="Keys that lead to it; empty when it is all there is.")
     dtype: str = Field(description="Type of its items, `float64`; little-endian.")
@@ -62,7 +62,7 @@ class ActionArray(Model):
 
 
 class ActionLogHeader(Model):
-    """Layout of a log's actions: mode, size in bytes, arrays."""
+    """Header of an action log: mode, size of an action in bytes, and its arrays."""
 
     mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waited for each of them.")
     size: int = Field(ge=0, le=_MOST_ACTION_BYTES, description="Bytes of one action.")
@@ -74,7 +74,7 @@ class ActionLogHeader(Model):
 
 
 def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHeader:
-    """Describes actions that lie in messages in a certain way: in a log they have no header of their own."""
+    """Makes the header of an action log for actions of a given message layout."""
     arrays = layout.describe()["arrays"]
     return ActionLogHeader(
         mode=mode,
@@ -84,12 +84,12 @@ def header_of(mode: Literal["lockstep", "free"], layout: Layout) -> ActionLogHea
 
 
 def chunk_of(kind: bytes, count: int, first: int, content: bytes) -> bytes:
-    """A chunk: its header and its content."""
+    """Makes a chunk (header and content) of an action log."""
     return _CHUNK.pack(kind, count, len(content), first, _checksum(count, first, content)) + content
 
 
 class ActionLog:
-    """Reads the recorded actions of a run, one chunk at a time."""
+    """Reader of the actions that a robot program sent during a run, one chunk at a time."""
 
     def __init__(self, path: Path) -> None:
         """Opens a log, also of a process that was killed.
@@ -124,7 +124,7 @@ class ActionLog:
                 number += len(chunk)
 
     def summary(self) -> ActionsSummary:
-        """Counts the actions and hashes the file.
+        """Counts the recorded actions and hashes the log file.
 
         Raises:
             OSError: It cannot be read.
@@ -185,7 +185,7 @@ _COMPRESSION_LEVEL = 3
 
 
 class ActionLogWriter:
-    """Writes the actions of one run; one thread may use it."""
+    """Writer of the actions that a robot program sends during a run; for one thread."""
 
     def __init__(self, path: Path, header: ActionLogHeader) -> None:
         """Begins a log.
@@ -214,7 +214,7 @@ class ActionLogWriter:
         self._end = self._chunk_begin = self._write(0, beginning)
 
     def add(self, action: bytes) -> None:
-        """Adds the action of the next step.
+        """Appends the action of the next step.
 
         Raises:
             OSError: It cannot be written.
@@ -226,7 +226,7 @@ class ActionLogWriter:
             self._pack()
 
     def close(self) -> ActionsSummary:
-        """Completes the file; returns a summary of its content.
+        """Completes the log file, and returns a summary of its content.
 
         Raises:
             OSError: It cannot be written.
@@ -240,7 +240,7 @@ class ActionLogWriter:
         )
 
     def abandon(self) -> None:
-        """Closes the file without completing it, as the death of the process would."""
+        """Closes the log file without completing it, as a crash would leave it."""
         self._file.close()
 
     def _pack(self) -> None:
@@ -268,7 +268,7 @@ class ActionLogWriter:
 
 
 class ActionRecorder:
-    """Records the actions of a run; errors do not fail the run.
+    """Records the robot's actions during a run; an error of the recording does not fail the run.
 
     A log that cannot be written fails no run: it is removed, since part of one would be taken for the whole, and the
     reason goes to the error log.
@@ -288,7 +288,7 @@ class ActionRecorder:
             self._give_up(error)
 
     def keep(self, action: bytes) -> None:
-        """Keeps the action of the next step."""
+        """Records the action of the next step."""
         if self._writer is not None:
             try:
                 self._writer.add(action)
@@ -297,7 +297,7 @@ class ActionRecorder:
                 self._give_up(error)
 
     def close(self) -> None:
-        """Completes the log."""
+        """Completes the action log."""
         if self._writer is not None:
             try:
                 self.summary = self._writer.close()

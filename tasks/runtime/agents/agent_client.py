@@ -64,15 +64,15 @@ _RETRY_S = 0.05
 
 
 class ProtocolError(Exception):
-    """A message violates the protocol."""
+    """Raised when a message between simulation and robot program violates the protocol."""
 
 
 class SimulationError(Exception):
-    """The simulation refused something, failed, or is gone."""
+    """Raised in a robot program when the simulation refused a message, failed, or closed the connection."""
 
 
 class FrameBuffer:
-    """Splits a stream of bytes into messages; does no input or output itself."""
+    """Splits a byte stream into messages; it does no input or output itself."""
 
     def __init__(self, limits: dict[int, int]) -> None:
         """Takes the most bytes that a message may have, by type; other types are errors."""
@@ -82,11 +82,11 @@ class FrameBuffer:
 
     @property
     def pending(self) -> int:
-        """Bytes that have arrived and are not a whole message yet."""
+        """Number of received bytes that are not a whole message yet."""
         return self._end - self._start
 
     def space(self) -> memoryview:
-        """Free space for bytes that arrive; invalidates what `next` returned."""
+        """Returns free buffer space for arriving bytes; it invalidates what `next` returned."""
         pending, needed = self.pending, HEADER.size
         if pending >= HEADER.size:
             needed += self._header()[0]
@@ -101,11 +101,11 @@ class FrameBuffer:
         return memoryview(self._buffer)[self._end :]
 
     def received(self, count: int) -> None:
-        """Says that so many bytes were put into the space."""
+        """Tells the buffer how many bytes were written into its free space."""
         self._end += count
 
     def next(self) -> tuple[int, memoryview] | None:
-        """Returns type and content of the next message, None while it has not arrived whole.
+        """Returns type and content of the next message; `None` while it has not arrived completely.
 
         Raises:
             ProtocolError: It has an unknown type or is longer than messages of its type can be.
@@ -132,13 +132,13 @@ class FrameBuffer:
 
 
 def words(kind: int, content: dict[str, Any]) -> bytes:
-    """Returns a message of JSON: in ASCII, without blanks, members in the order they have."""
+    """Encodes a JSON message: ASCII, no blanks, members in their given order."""
     payload = json.dumps(content, separators=(",", ":"), allow_nan=False).encode("ascii")
     return HEADER.pack(len(payload), kind) + payload
 
 
 class ArraySpec:
-    """One array of an observation or of the action."""
+    """Description of one array of an observation or action: path, type, shape and bounds."""
 
     def __init__(self, description: dict[str, Any]) -> None:
         """Reads what the simulation says of an array."""
@@ -166,13 +166,13 @@ class ArraySpec:
             self.maximum = self._numpy_bound(self.maximum, np.inf)
 
     def read(self, data: bytearray) -> Any:
-        """Returns the array in a message's content."""
+        """Reads the array from a message's content."""
         if np is not None:
             return np.ndarray(self.shape, self._numpy_dtype, data, self.offset)
         return _shaped(iter(self._items.unpack_from(data, self.offset)), self.shape)
 
     def write(self, value: Any, data: bytearray) -> None:
-        """Puts a value into a message's content.
+        """Writes a value into a message's content as this array.
 
         Raises:
             ValueError: It has another shape or cannot be such a number.
@@ -249,7 +249,7 @@ def _nested(items: list[tuple[tuple[str | int, ...], Any]]) -> Any:
 
 
 class TimeStep(NamedTuple):
-    """One observation and its step; the first four members are those of a `dm_env.TimeStep`."""
+    """An observation of the simulation with its step number; the first four members are as in `dm_env.TimeStep`."""
 
     step_type: int  # 0 for the first, 1 for others
     reward: float | None
@@ -262,16 +262,18 @@ class TimeStep(NamedTuple):
     """Simulated time; NaN when the environment has no clock."""
 
     def first(self) -> bool:
-        """Whether it is the first of the run."""
+        """Whether this is the first time step of the run."""
         return self.step_type == 0
 
     def last(self) -> bool:
-        """Whether the run is over: never, since then there is nothing to decide any more."""
+        """Whether the run is over; always false, as a robot program gets no time step after the end."""
         return self.step_type == 2
 
 
 class Simulation:
-    """The simulation, seen from the robot; `connect` makes it.
+    """Connection from a robot program to its simulation; `connect` makes it.
+
+    Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
 
     Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
     """
@@ -303,15 +305,15 @@ class Simulation:
         self._send(words(HELLO, {"version": VERSION, **options}))
 
     def action_spec(self) -> Any:
-        """Layout of the actions that `act` takes: an `ArraySpec`, or several by name."""
+        """Returns the layout of the robot's actions: an `ArraySpec`, or several by name."""
         return self._action.specs()
 
     def observation_spec(self) -> Any:
-        """Layout of observations: an `ArraySpec`, or several by name."""
+        """Returns the layout of observations: an `ArraySpec`, or several by name."""
         return self._observation.specs()
 
     def receive(self) -> TimeStep | None:
-        """Returns the next time step, in free mode the newest, when there is one; None when the run is over.
+        """Waits for the next time step (in free mode the newest one); returns `None` when the run is over.
 
         Raises:
             SimulationError: The simulation refused the last action, failed, or is gone.
@@ -340,7 +342,7 @@ class Simulation:
         )
 
     def act(self, action: Any) -> None:
-        """Sends an action, as the answer to the last observation; in lock-step, one to each.
+        """Sends an action to the simulation, in lock-step mode one for each observation.
 
         Args:
             action: In the form of `action_spec`: an array or list, or several by name.
@@ -359,7 +361,7 @@ class Simulation:
         self._send(self._message)
 
     def run(self, agent: Callable[[TimeStep], Any]) -> None:
-        """Answers every observation with `agent(time_step)` until the run is over or it raises `StopIteration`.
+        """Calls `agent(time_step)` for every observation and sends its action, until the run is over.
 
         Such a function is what robot applications are that run in the job's process.
         """
@@ -372,13 +374,13 @@ class Simulation:
             self.act(action)
 
     def end(self) -> None:
-        """Says that the robot is done, which ends the run normally."""
+        """Tells the simulation that the robot is done, which ends the run normally."""
         if self.ended_by is None:
             self.ended_by = "agent"
             self._say(END, {})
 
     def fail(self, error: str) -> None:
-        """Says that the robot cannot go on, which ends the job as failed; the text is its reason."""
+        """Tells the simulation that the robot cannot continue, which fails the job with this reason."""
         if self.ended_by is None:
             self.ended_by = "failed"
             self._say(ERROR, {"error": error})
@@ -461,7 +463,7 @@ def connect(
     real_time_factor: float = 1.0,
     connect_timeout_s: float = 30.0,
 ) -> Simulation:
-    """Connects to the simulation that this program is the robot of.
+    """Connects a robot program to its simulation.
 
     Args:
         path: Its socket; what `ROBOMAKER_AGENT_SOCKET` says, if not given.

@@ -31,19 +31,19 @@ class _MuteError(Exception):
 
 
 class OtherInterface(Protocol):
-    """Another robot interface by which the program may drive, such as ROS topics."""
+    """Another interface by which a robot program may drive, such as ROS topics."""
 
     def came(self) -> bool:
-        """Whether a robot is there."""
+        """Whether a robot has connected by the other interface."""
         ...
 
     def missing(self) -> str:
-        """Says which robot has to be there, and what is; it follows "it has to connect to the socket, "."""
+        """Describes which robot is missing; follows "it has to connect to the socket, "."""
         ...
 
 
 class Greeter:
-    """Waits for the robot's program and greets it."""
+    """Waits for the robot program to connect, and does the protocol's handshake with it."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Greeter:
         self._did, self._lacks = "did not connect", "connecting to"
 
     def greet(self, greeting: bytes, timeout_s: float) -> tuple[AgentLink, RobotHello] | None:
-        """Greets clients until a robot greets back; skips clients that leave, or stay silent while others wait.
+        """Does the handshake with connecting programs until one replies as a robot.
 
         Args:
             greeting: The simulation's.

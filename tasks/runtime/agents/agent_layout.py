@@ -18,7 +18,7 @@ Path = tuple[str | int, ...]
 
 @dataclass(frozen=True)
 class ArrayField:
-    """One array in a message's content."""
+    """Position, type and shape of one array in a message between simulation and robot program."""
 
     path: Path
     """Keys that lead to it; empty when it is all there is."""
@@ -34,20 +34,20 @@ class ArrayField:
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Length of each dimension."""
+        """Shape of the array."""
         return tuple(self.spec.shape)
 
     @property
     def where(self) -> str:
-        """Its path in words."""
+        """Path of the array in words, for messages."""
         return "/".join(map(str, self.path))
 
     def view(self, content: bytearray | memoryview) -> NDArray[Any]:
-        """The array in a message's content, which it shares."""
+        """Returns the array in a message's content as a NumPy view."""
         return np.ndarray(self.shape, self.dtype, content, self.offset)
 
     def describe(self) -> dict[str, Any]:
-        """Returns the array's description for the greeting of the robot; its members have a fixed order."""
+        """Returns the array's description for the handshake with the robot program."""
         description = {
             "path": list(self.path),
             "dtype": self.dtype.name,
@@ -63,7 +63,7 @@ class ArrayField:
 
 
 class Layout:
-    """How the arrays of an observation or of the action lie in a message's content.
+    """Layout of an observation's or action's arrays in a message between simulation and robot program.
 
     Every array is little-endian, in C order, and begins at a multiple of eight bytes.
     """
@@ -98,11 +98,11 @@ class Layout:
         """The environment's own."""
 
     def describe(self) -> dict[str, Any]:
-        """Returns the layout's description for the greeting of the robot."""
+        """Returns the layout's description for the handshake with the robot program."""
         return {"size": self.size, "arrays": [field.describe() for field in self.fields], "left_out": self.left_out}
 
     def summary(self) -> str:
-        """The form in words: `float64[2]`, or `grip: bool[], wheels: float32[4]`."""
+        """The layout as text: `float64[2]`, or `grip: bool[], wheels: float32[4]`."""
         shown = (
             (f"{field.where}: " if field.path else "") + f"{field.dtype.name}{list(field.shape)}"
             for field in self.fields

@@ -33,7 +33,7 @@ _SHOWN_CHARACTERS = 80
 
 
 class RobotHello(Model):
-    """How a robot greets: the content of its first message."""
+    """First message of a robot program: protocol version, mode and speed."""
 
     version: int = Field(description="Version of the protocol that it speaks.")
     mode: Literal["lockstep", "free"] = Field(description="Whether the simulation waits for each action.")
@@ -46,7 +46,7 @@ class RobotHello(Model):
 
 
 class ObservationWriter:
-    """Makes the messages of observations, always in the same memory."""
+    """Encodes observations as messages, always in the same memory."""
 
     def __init__(self, layout: Layout) -> None:
         self.message = bytearray(HEADER.size + layout.size)
@@ -56,7 +56,7 @@ class ObservationWriter:
         self._targets = [(field, field.path, field.view(content), field.shape) for field in layout.fields]
 
     def write(self, number: int, time_s: float, timestep: dm_env.TimeStep) -> None:
-        """Writes a time step.
+        """Encodes a time step as a message.
 
         Args:
             number: Of the observation, from 0.
@@ -93,7 +93,7 @@ class ObservationWriter:
 
 
 def read_action(layout: Layout, payload: memoryview, expected: range) -> Any:
-    """Returns the action in a message's content, in the form of the action spec.
+    """Decodes the robot's action from a message's content.
 
     Args:
         layout: Arrays of the action spec.
@@ -132,7 +132,7 @@ def _value(field: ArrayField, data: bytearray) -> Any:
 
 
 def read_hello(payload: memoryview) -> RobotHello:
-    """Reads a robot's greeting.
+    """Decodes a robot program's first message.
 
     Raises:
         ProtocolError: It is malformed or of another version; the text says what would be right.
@@ -148,7 +148,7 @@ def read_hello(payload: memoryview) -> RobotHello:
 
 
 def read_words(payload: memoryview) -> dict[str, Any]:
-    """Reads a JSON object.
+    """Decodes a message that is a JSON object.
 
     Raises:
         ProtocolError: It is none.

@@ -39,15 +39,15 @@ Message = tuple[int, memoryview]
 
 
 class Stopped(Exception):
-    """The run was told to stop while the robot was waited for."""
+    """Raised when the run was told to stop while it waited for the robot program."""
 
 
 class Closed(Exception):
-    """The robot closed the connection."""
+    """Raised when the robot program closed the connection."""
 
 
 def agent_socket_path(plan: RunPlan, name: str = AGENT_SOCKET) -> Path:
-    """Returns where a socket of a run's robot is; nothing need be there.
+    """Returns the path of the Unix socket to which a run's robot program connects.
 
     Args:
         plan: The run.
@@ -67,7 +67,7 @@ def agent_socket_path(plan: RunPlan, name: str = AGENT_SOCKET) -> Path:
 
 
 def remove_agent_socket(plan: RunPlan) -> None:
-    """Removes the sockets and their folders, for runs that were killed before they could do so themselves."""
+    """Deletes the sockets of a run and their folders, if the run was killed before it could."""
     for name in (AGENT_SOCKET, ROS1_SOCKET):
         _remove(agent_socket_path(plan, name))
 
@@ -81,7 +81,7 @@ def _remove(path: Path) -> None:
 
 
 class AgentSocket:
-    """A socket that one robot may connect to."""
+    """Unix socket on which a simulation waits for its robot program."""
 
     def __init__(self, plan: RunPlan, name: str = AGENT_SOCKET) -> None:
         """Listens.
@@ -114,7 +114,7 @@ class AgentSocket:
     def accept(
         self, deadline_s: float, stop: Stop, clock: Clock = time.monotonic, until: Callable[[], bool] = lambda: False
     ) -> socket.socket | None:
-        """Waits for a connection; those of other users of this machine are closed.
+        """Waits for a connection; connections of other users of this machine are closed.
 
         Args:
             deadline_s: Time of the clock at which it gives up.
@@ -142,7 +142,7 @@ class AgentSocket:
                 return None
 
     def accept_waiting(self) -> socket.socket | None:
-        """Returns a connection if one is there to be accepted now; those of other users are closed."""
+        """Returns a waiting connection, or `None`; connections of other users are closed."""
         self._socket.setblocking(False)
         while True:
             try:
@@ -156,15 +156,15 @@ class AgentSocket:
             connection.close()
 
     def fileno(self) -> int:
-        """Returns its number, for `select`: it can be read when somebody wants to connect."""
+        """Returns the socket's file descriptor, for `select`."""
         return self._socket.fileno()
 
     def has_waiting_client(self) -> bool:
-        """Whether another connection is there to be accepted."""
+        """Whether another connection waits to be accepted."""
         return bool(select.select([self._socket], [], [], 0.0)[0])
 
     def close(self) -> None:
-        """Stops listening and removes the socket."""
+        """Stops listening, and deletes the socket."""
         self._socket.close()
         _remove(self.path)
 
@@ -173,7 +173,7 @@ class AgentSocket:
 
 
 class AgentLink:
-    """A connection to a robot."""
+    """Connection from a simulation to its robot program."""
 
     def __init__(
         self, connection: socket.socket, limits: dict[int, int], stop: Stop, clock: Clock = time.monotonic
@@ -202,7 +202,7 @@ class AgentLink:
             connection.setsockopt(socket.SOL_SOCKET, option, patience)
 
     def send(self, message: bytes | bytearray, timeout_s: float) -> None:
-        """Sends a message whole.
+        """Sends a complete message to the robot program.
 
         Raises:
             TimeoutError: The robot did not take it in time.
@@ -222,7 +222,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive(self, timeout_s: float) -> Message:
-        """Waits for a message; its content is valid until the next call.
+        """Waits for a message of the robot program; its content is valid until the next call.
 
         Raises:
             TimeoutError: None came whole in time.
@@ -243,7 +243,7 @@ class AgentLink:
             self._check(deadline_s)
 
     def receive_until(self, due_s: float) -> Message | None:
-        """Waits for a message until the clock shows a time; looks once in any case.
+        """Waits for a message until a time of the clock; `None` if none arrives.
 
         Raises:
             Stopped, Closed, ProtocolError: As `receive`.
@@ -266,7 +266,7 @@ class AgentLink:
                     self._flush()
 
     def offer(self, message: bytearray) -> bool:
-        """Sends a message if the robot can take it now; says whether it will get it.
+        """Sends a message if the robot program can take it now; returns whether it will arrive.
 
         A message that does not fit whole is finished before any other one begins.
         """
@@ -285,7 +285,7 @@ class AgentLink:
         return True
 
     def say_last(self, kind: int, content: dict[str, object]) -> None:
-        """Sends the last message to the robot, unless one was sent or the robot has left."""
+        """Sends the last message to the robot program, unless that was done or the robot has left."""
         if self._said_last:
             return
         self._said_last = True
@@ -295,7 +295,7 @@ class AgentLink:
             return
 
     def refuse(self, text: str) -> None:
-        """Tells the robot what is wrong."""
+        """Tells the robot program what is wrong with its messages."""
         self.say_last(ERROR, {"error": text})
 
     def close(self) -> None:
@@ -331,7 +331,7 @@ def _user_of(connection: socket.socket) -> int:
 
 
 def make_private(folder: Path) -> None:
-    """Makes a folder for this user alone, also where others could have made one of its name before.
+    """Creates a folder that only this user can access, safely in a shared place.
 
     Raises:
         OSError: There is something of that name that is not this user's folder.

@@ -20,7 +20,7 @@ _NO_NUMBER = ACTION_HEADER.pack(0)
 
 
 class RecordedRobot(Observer):
-    """The robot's side of a rerun: repeats a program's actions, in place of a `remote_robot.RemoteRobot`."""
+    """Robot of a rerun: plays back recorded actions instead of running the robot program."""
 
     next_time_s = math.inf
 
@@ -43,7 +43,7 @@ class RecordedRobot(Observer):
         self._taken = 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Callable[..., Any]:
-        """Returns an agent that does what was recorded.
+        """Makes an agent that plays back the recorded actions.
 
         Args:
             context: The run.
@@ -75,10 +75,10 @@ class RecordedRobot(Observer):
         return agent
 
     def actions(self) -> None:
-        """Records no actions in a rerun."""
+        """Returns `None`: a rerun records no actions."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns what the result says about the robot."""
+        """Returns the findings about the robot for the run's result."""
         del ended_by
         return Findings(extra={"agent": {"mode": "recorded", "actions": self._taken}})
 

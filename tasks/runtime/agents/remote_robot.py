@@ -38,7 +38,7 @@ _MIN_SILENT_STEPS = 20
 
 
 class RemoteAgent:
-    """Answers time steps with the actions of a robot in another process.
+    """Agent whose actions come from a robot program in another process.
 
     In lock-step it waits for the answer to every observation. Free-running it keeps simulated time at real time,
     times a factor, sends every observation that the robot can take, and answers with the newest action.
@@ -117,7 +117,7 @@ class RemoteAgent:
         return action
 
     def findings(self) -> Findings:
-        """Returns figures about the exchange for the run's result."""
+        """Returns figures about the message exchange for the run's result."""
         about: dict[str, Any] = {
             "mode": self._hello.mode,
             "observations": self._number + 1,
@@ -142,11 +142,11 @@ class RemoteAgent:
         ]
 
     def end(self, ended_by: str) -> None:
-        """Tells the robot that the run is over."""
+        """Tells the robot program that the run is over."""
         self._link.say_last(END, {"ended_by": ended_by})
 
     def fail(self, text: str) -> None:
-        """Tells the robot that the run failed."""
+        """Tells the robot program that the run failed."""
         self._link.refuse(text)
 
     def _in_lockstep(self) -> Any:
@@ -213,23 +213,23 @@ Agent = Callable[[dm_env.TimeStep], Any]
 
 
 class RobotNodes(OtherInterface, Protocol):
-    """ROS nodes that may drive."""
+    """ROS nodes that may drive the robot instead of a robot program."""
 
     @property
     def mode(self) -> Literal["lockstep", "free"]:
-        """How their actions come, in the words of the log of actions."""
+        """Mode (lock-step or free) in which the nodes' actions come."""
         ...
 
     def look_in(self, environment: Any) -> None:
-        """Begins to look for them, in a simulation that is ready."""
+        """Starts the search for ROS nodes, in a simulation that is ready."""
         ...
 
     def make_agent(self, environment: Any, stop: Stop, keep: Callable[[bytes], None]) -> Agent:
-        """The robot that they drive; `keep` is told each action as bytes."""
+        """Makes the agent that the nodes drive; `keep` receives each action as bytes."""
         ...
 
     def close(self, ended_by: str | None = None) -> Findings:
-        """Leaves them; returns what the result says about them.
+        """Disconnects from the nodes, and returns findings about them for the run's result.
 
         Raises:
             LaunchError: A run that came to its end had no command of theirs.
@@ -238,7 +238,7 @@ class RobotNodes(OtherInterface, Protocol):
 
 
 class RemoteRobot(Observer):
-    """The robot's side of a run whose robot application is a program.
+    """Waits for, talks to, and ends the robot program of a run.
 
     It listens from the beginning, and is told of the end as an observer of the run (`results.Observer`).
     """
@@ -268,7 +268,7 @@ class RemoteRobot(Observer):
         self._driven_by_nodes = False
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
-        """Waits for the robot's program and greets it, or for its ROS nodes.
+        """Waits for the robot program or ROS nodes, and makes an agent from them.
 
         Args:
             context: The run, with the robot application's environment variables.
@@ -321,11 +321,11 @@ class RemoteRobot(Observer):
         return self._agent
 
     def actions(self) -> ActionsSummary | None:
-        """Summary of the log of actions; None until the end, and when there is no log."""
+        """Summary of the recorded actions; `None` before the end, and without a log."""
         return self._keeper.summary if self._keeper is not None else None
 
     def close(self, ended_by: str | None) -> Findings:
-        """Tells the robot how the run ended, and closes everything.
+        """Tells the robot program how the run ended, and closes the connection.
 
         Args:
             ended_by: What ended the run; None when it failed.
@@ -383,7 +383,7 @@ def _greeting(
 
 
 def action_layout(environment: Any) -> Layout:
-    """How an environment's actions lie in messages.
+    """Returns the message layout of an environment's actions.
 
     Raises:
         LaunchError: They cannot be sent.

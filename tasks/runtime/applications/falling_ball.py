@@ -23,7 +23,7 @@ _STEPS_EACH = 5  # of 2 ms
 
 
 class FallingBall(dm_env.Environment):
-    """Passes if the ball is lower at the end."""
+    """Smallest example environment: a ball falls; the run passes if the ball is lower at the end."""
 
     def __init__(self) -> None:
         self._physics = mujoco.Physics.from_xml_string(_MODEL)
@@ -31,32 +31,32 @@ class FallingBall(dm_env.Environment):
 
     @property
     def physics(self) -> mujoco.Physics:
-        """The simulation."""
+        """The dm_control physics."""
         return self._physics
 
     def reset(self) -> dm_env.TimeStep:
-        """Puts the ball up."""
+        """Puts the ball back up, and returns the first time step."""
         self._physics.reset()
         self._steps = 0
         return dm_env.restart(self._height())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - nothing moves the ball
-        """Lets it fall for ten milliseconds."""
+        """Simulates ten milliseconds of the ball's fall."""
         self._physics.step(_STEPS_EACH)
         self._steps += 1
         ends = self._steps >= _STEPS
         return dm_env.termination(0.0, self._height()) if ends else dm_env.transition(0.0, self._height())
 
     def observation_spec(self) -> specs.Array:
-        """The ball's height in metres, of shape (1,)."""
+        """Returns the observation's spec: the ball's height in metres, shape (1,)."""
         return specs.Array((1,), float)
 
     def action_spec(self) -> specs.Array:
-        """Nothing, of shape (0,)."""
+        """Returns the action's spec: no actions, shape (0,)."""
         return specs.Array((0,), float)
 
     def run_result(self) -> dict[str, Any]:
-        """PASS if the ball has fallen."""
+        """Returns the verdict: PASS if the ball has fallen."""
         fell = bool(self._height()[0] < 1.0)
         return {"verdict": "PASS" if fell else "FAIL", "metrics": {"height_m": float(self._height()[0])}}
 
@@ -65,7 +65,7 @@ class FallingBall(dm_env.Environment):
 
 
 def make_environment(context: Any) -> FallingBall:  # noqa: ARG001 - the interface of applications
-    """Makes the environment."""
+    """Makes the falling-ball environment."""
     return FallingBall()
 
 

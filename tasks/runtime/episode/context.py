@@ -14,20 +14,20 @@ from ..recording.recording import Recorder
 
 
 class ActionError(ValueError):
-    """An environment's `step` raises it when the action is wrong; the failure is the robot application's."""
+    """Raised by an environment's `step` when an action is wrong; the robot application is blamed."""
 
 
 class RobotProgramError(ActionError):
-    """The robot's program or nodes sent something wrong, or did not answer."""
+    """Raised when the robot program or ROS nodes sent something wrong, or did not answer."""
 
 
 class ObservationError(ValueError):
-    """An agent raises it when the time step is wrong; the failure is the simulation application's."""
+    """Raised by an agent when the time step is wrong; the simulation application is blamed."""
 
 
 @dataclass(frozen=True)
 class SimulationContext:
-    """Context that a factory gets: the run as requested, and its run environment."""
+    """Data that the factories of environments and agents receive: world, seed, variables and folders of the run."""
 
     plan: RunPlan
     """The run as requested: ids, seed, folders, limits."""
@@ -55,28 +55,28 @@ class SimulationContext:
 
 
 class KeepsAttributes:
-    """Keeps the attributes that are named in `KEPT`: what changes during a run and cannot be worked out again."""
+    """Base class that saves and restores the attributes named in `KEPT`, for checkpoints."""
 
     KEPT: ClassVar[tuple[str, ...]] = ()
 
     def state(self) -> dict[str, Any]:
-        """Returns them."""
+        """Returns the attributes named in `KEPT`, for a checkpoint."""
         return {name: getattr(self, name) for name in self.KEPT}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Puts them back."""
+        """Restores the attributes from a checkpoint."""
         for name in self.KEPT:
             setattr(self, name, state[name])
 
 
 class ResumableEnvironment(control.Environment):
-    """dm_control's environment, if its task has `state()` and `restore(state)`."""
+    """dm_control environment that can be checkpointed, if its task has `state()` and `restore(state)`."""
 
     def state(self) -> dict[str, Any]:
-        """Returns the task's state, and how many steps there were."""
+        """Returns the task's state and the number of steps, for a checkpoint."""
         return {"steps": self._step_count, "task": self._task.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Goes on from there."""
+        """Restores the task's state and the number of steps from a checkpoint."""
         self._step_count, self._reset_next_step = state["steps"], False
         self._task.restore(state["task"])

@@ -48,7 +48,7 @@ class _First:
 
 
 class PhysicsHealth(Observer):
-    """Watches each step of a run; what it finds is part of the verdict (see `results.decide_verdict`).
+    """Observer that checks after each step that the physics is valid; defects are part of the verdict.
 
     It looks after every step, whatever the simulated time does.
     """
@@ -77,7 +77,7 @@ class PhysicsHealth(Observer):
     # The loop's watcher
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Looks at the physics after a step.
+        """Checks the physics after a step.
 
         Raises:
             PhysicsError: The physics diverged, and MuJoCo began anew.
@@ -99,7 +99,7 @@ class PhysicsHealth(Observer):
         self._steps += 1
 
     def look_at_timestep(self, timestep: dm_env.TimeStep) -> None:
-        """Looks for numbers that are not finite in a reward, and for NaN in an observation."""
+        """Checks a time step for non-finite rewards and NaN in observations."""
         self._timesteps += 1
         reward = timestep.reward
         if isinstance(reward, float) and not math.isfinite(reward):
@@ -108,7 +108,7 @@ class PhysicsHealth(Observer):
             self._note(self._noted, "observation", f"the observation {name!r} had NaN", self._timesteps)
 
     def last_look(self, environment: Any) -> None:
-        """Looks once more at the end, for what lies between two searches."""
+        """Checks the physics once more at the end of the run."""
         if self._data is not None and getattr(environment, "physics", None) is not None:
             self._look_for_numbers()
 
@@ -123,7 +123,7 @@ class PhysicsHealth(Observer):
         self._bind(environment)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns defects, which count as missed requirements, and notes.
+        """Returns the defects, which count as missed requirements, and notes.
 
         Args:
             ended_by: What ended the run; None when it failed.

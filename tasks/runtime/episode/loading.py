@@ -11,11 +11,11 @@ from typing import Any
 
 
 class LoadError(Exception):
-    """A factory cannot be imported; the text names what is missing and what is there instead."""
+    """Raised when a factory function cannot be imported; the text names what is missing."""
 
 
 def add_to_import_path(path: Path) -> None:
-    """Makes the packages of an unpacked bundle importable in this process, before installed ones.
+    """Adds the packages of an unpacked bundle to the import path, before installed ones.
 
     Raises:
         LoadError: There is no such folder.
@@ -28,7 +28,7 @@ def add_to_import_path(path: Path) -> None:
 
 
 def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]:
-    """Imports a factory.
+    """Imports the factory function of an application by its dotted path.
 
     Args:
         attribute: Dotted path, `package.module.make_environment`.

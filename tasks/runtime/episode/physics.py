@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 
 def raw_physics(physics: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    """Returns MuJoCo's own model and data behind a dm_control physics, or behind an object that has them."""
+    """Returns MuJoCo's model and data inside a dm_control physics."""
     return getattr(physics.model, "ptr", physics.model), getattr(physics.data, "ptr", physics.data)
 
 
@@ -20,7 +20,7 @@ _LEAST_RADIUS_M = 0.05
 
 
 def robot_body(model: mujoco.MjModel) -> int | None:
-    """Returns the root body of what most actuators move.
+    """Returns the number of the robot's root body: the one that most actuators move.
 
     Without actuators it is the first thing that has joints; None when nothing can move.
     """
@@ -32,13 +32,13 @@ def robot_body(model: mujoco.MjModel) -> int | None:
 
 
 def acting_roots(model: mujoco.MjModel) -> list[int]:
-    """Returns the root body of what each actuator moves, in the actuators' order; the world is none."""
+    """Returns for each actuator the root body of what it moves; the world's body is left out."""
     moved = (_moved_body(model, actuator) for actuator in range(model.nu))
     return [int(model.body_rootid[body]) for body in moved if body > 0]
 
 
 def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Returns which bodies are the robot's: all that moves with a body, shape (nbody,).
+    """Returns a mask of the bodies that belong to the robot, shape (nbody,).
 
     What the robot stands in but is fixed to the world, such as a room's body that holds robot and furniture, is not.
 
@@ -53,7 +53,7 @@ def robot_bodies(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
 
 
 def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Return whether each body is this one or hangs on it."""
+    """Returns a mask of the bodies that are a body or its descendants."""
     below = np.zeros(model.nbody, dtype=np.bool_)
     below[body] = True
     for each in range(body + 1, model.nbody):  # parents come before their children
@@ -62,7 +62,7 @@ def bodies_below(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
 
 
 def radius_of(model: mujoco.MjModel, body: int) -> float:
-    """Returns the radius in m of a ball around the body's reference position that holds it and what hangs on it.
+    """Returns the radius in metres of a ball around a body that contains it and its descendants.
 
     Of what hangs on it, the pose at rest counts.
     """
@@ -97,7 +97,7 @@ _FAR_M = 1e6
 
 
 class ClearanceMeter:
-    """Measures the smallest distance between the surfaces of the robot and of other things.
+    """Measures the smallest distance between the robot's surface and other objects.
 
     `mj_geomDistance` measures pairs of geoms exactly. Few pairs are asked for: the other geoms are taken in the
     order of how near their bounding boxes come to a ball around the robot, until none can be nearer any more.
@@ -132,11 +132,11 @@ class ClearanceMeter:
 
     @property
     def has_others(self) -> bool:
-        """Whether there is anything to stay away from."""
+        """Whether there are objects to keep away from."""
         return self._others.size > 0 and self._robot.size > 0
 
     def measure(self, below_m: float = _FAR_M) -> tuple[float, str] | None:
-        """Returns the smallest distance in m, negative for an overlap, and what is so near.
+        """Measures the smallest distance in metres (negative for an overlap), and what is so near.
 
         Args:
             below_m: Larger distances do not matter; the smaller it is, the faster the answer.
@@ -191,7 +191,7 @@ _UPWARDS = 0.7
 
 
 class ContactForces:
-    """Reads the forces between a robot and anything but itself and the floor."""
+    """Reads the contact forces between a robot and everything but itself and the floor."""
 
     def __init__(
         self,
@@ -221,7 +221,7 @@ class ContactForces:
         self._copy = mujoco.MjData(model) if is_stale else None
 
     def read(self) -> dict[str, float]:
-        """Returns the normal force in N of each thing that touches the robot now, by its name."""
+        """Returns the normal force in newtons of each object that touches the robot now, by name."""
         pairs = self._data.contact.geom
         signature = pairs.tobytes()
         # The same few lists of pairs come again and again: wheels and a slide on the floor, what lies on what.
@@ -250,7 +250,7 @@ class ContactForces:
 
 
 def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData) -> mujoco.MjData:
-    """Returns `copy` in the state of `data`, with all forces solved; `data` itself stays as it is."""
+    """Copies a MuJoCo state and solves all forces in the copy; the original is unchanged."""
     kind = mujoco.mjtState.mjSTATE_INTEGRATION
     state = np.zeros(mujoco.mj_stateSize(model, kind))
     mujoco.mj_getState(model, data, state, kind)
@@ -260,7 +260,7 @@ def solved_copy(model: mujoco.MjModel, data: mujoco.MjData, copy: mujoco.MjData)
 
 
 def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """Returns a mask of the floor: fixed geoms up to 12 mm high, height fields, planes that look upwards.
+    """Returns a mask of the geoms that are floor (low fixed geoms, height fields, planes).
 
     Args:
         model: The world.
@@ -276,12 +276,12 @@ def floor_geoms(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]
 
 
 def robot_geoms(model: mujoco.MjModel, body: int) -> NDArray[np.bool_]:
-    """Returns which geoms are the robot's, shape (ngeom,); see `robot_bodies`."""
+    """Returns a mask of the robot's geoms, shape (ngeom,); see `robot_bodies`."""
     return robot_bodies(model, body)[model.geom_bodyid]
 
 
 def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
-    """Returns whether any geom of the robot could touch any other, by their collision bits.
+    """Whether any geom of the robot can collide with other geoms.
 
     Args:
         model: The compiled world with the robot.
@@ -294,7 +294,7 @@ def can_touch(model: mujoco.MjModel, robot: NDArray[np.bool_]) -> bool:
 
 
 def geom_names(model: mujoco.MjModel, furniture_ids: Sequence[str] = ()) -> list[str]:
-    """Returns the name of each geom for messages: a furniture id, `wall`, else its body or itself.
+    """Returns a name for each geom for messages: a furniture id, `wall`, its body's name or its own.
 
     Args:
         model: The compiled world.

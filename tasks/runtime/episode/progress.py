@@ -22,7 +22,7 @@ STOP_REASONS = ("", "duration limit", "canceled", AGENT_GONE)
 
 
 class Phase(IntEnum):
-    """Phase of a run's process; it decides which application is at fault for a crash."""
+    """Phase of a simulation process; it decides which application is blamed for a crash."""
 
     STARTING = 0
     MAKE_ENVIRONMENT = 1
@@ -36,12 +36,12 @@ class Phase(IntEnum):
 
     @property
     def role(self) -> ApplicationRole | None:
-        """The application whose code runs in this phase; None for the runtime's own."""
+        """Application whose code runs in this phase; `None` for the runtime's own."""
         return _ROLES.get(self)
 
     @property
     def activity(self) -> str:
-        """The phase as the object of "failed in …"."""
+        """The phase as text after "failed in …"."""
         return _ACTIVITIES[self]
 
 
@@ -68,7 +68,7 @@ _ACTIVITIES = {
 
 
 def unanswered(phase: Phase, steps: int, time_s: float) -> str:
-    """Says who did not answer when a run was stopped at its duration limit.
+    """Describes which program did not answer when a run was stopped at its time limit.
 
     Args:
         phase: What the run's process was doing.
@@ -82,7 +82,9 @@ def unanswered(phase: Phase, steps: int, time_s: float) -> str:
 
 
 class Progress:
-    """A page of memory that supervisor and run share across `fork`.
+    """Memory page shared by the supervisor and a simulation process: phase, steps, time, report.
+
+    It is readable even if the run was killed.
 
     Marking a phase is one store into memory, cheap enough for every step; what is there stays
     readable when the run was killed in the middle of anything.
@@ -92,52 +94,52 @@ class Progress:
         self._page = mmap.mmap(-1, _SIZE)
 
     def mark(self, phase: int) -> None:
-        """Says what begins now."""
+        """Sets the phase that begins now."""
         self._page[_PHASE] = phase
 
     @property
     def phase(self) -> Phase:
-        """The phase that began last."""
+        """Current phase of the run."""
         return Phase(self._page[_PHASE])
 
     def count_step(self, steps: int, time_s: float) -> None:
-        """Says how many steps of the episode are done, and its simulated time."""
+        """Sets the number of steps done, and the simulated time in seconds."""
         _STEPS_AND_TIME.pack_into(self._page, _WHERE, steps, time_s)
 
     @property
     def where(self) -> tuple[int, float]:
-        """Steps that are done, and the simulated time in s."""
+        """Number of steps done, and the simulated time in seconds."""
         return _STEPS_AND_TIME.unpack_from(self._page, _WHERE)
 
     def begin_to_judge(self) -> None:
-        """Says that the environment judges its run, or has requirements."""
+        """Marks that the run has requirements or judges itself."""
         self._page[_JUDGES] = 1
 
     @property
     def judges(self) -> bool:
-        """Whether the environment judges its run, or has requirements."""
+        """Whether the run has requirements or judges itself."""
         return bool(self._page[_JUDGES])
 
     def request_stop(self, reason: str) -> None:
-        """Says why the run is about to be told to stop (one of `STOP_REASONS`)."""
+        """Sets the reason for which the run will be told to stop (one of `STOP_REASONS`)."""
         self._page[_STOP] = STOP_REASONS.index(reason)
 
     @property
     def stop_reason(self) -> str:
-        """Why the run was told to stop, empty when it was not."""
+        """Reason for which the run was told to stop; empty if it was not."""
         return STOP_REASONS[self._page[_STOP]]
 
     def finish_trials(self, count: int) -> None:
-        """Says how many of the run's trials have finished."""
+        """Sets the number of finished trials."""
         _UINT.pack_into(self._page, _TRIALS, count)
 
     @property
     def trials(self) -> int:
-        """How many of the run's trials have finished; 0 for a run without trials."""
+        """Number of finished trials; 0 for a run without trials."""
         return _UINT.unpack_from(self._page, _TRIALS)[0]
 
     def write_report(self, report: dict[str, Any]) -> None:
-        """Leaves the run's last words; the length is stored last, so that half a report is none."""
+        """Stores the run's final report in the shared memory; the length is written last, so that it is never half."""
         data = json.dumps(report).encode()
         if len(data) > _SIZE - _REPORT:
             raise ValueError(f"a report of {len(data)} bytes does not fit into {_SIZE - _REPORT}")
@@ -145,7 +147,7 @@ class Progress:
         _UINT.pack_into(self._page, _LENGTH, len(data))
 
     def read_report(self) -> dict[str, Any]:
-        """Returns the run's last words; empty when there are none."""
+        """Reads the run's final report from the shared memory; empty if there is none."""
         (length,) = _UINT.unpack_from(self._page, _LENGTH)
         try:
             return json.loads(self._page[_REPORT : _REPORT + length]) if length else {}
@@ -154,7 +156,7 @@ class Progress:
 
 
 class RunStopped(BaseException):
-    """Raised in application code that does not return after the run was told to stop.
+    """Raised inside application code that does not return after the run was told to stop.
 
     Args:
         phase: What was interrupted; None: nothing, the code noticed the stop by itself.
@@ -166,7 +168,7 @@ class RunStopped(BaseException):
 
 
 class RunEnded(Exception):
-    """Raised by an observer that has seen enough; the run ends as one that came to its end by itself."""
+    """Raised by an observer to end the run normally, because it has seen enough."""
 
     def __init__(self, ended_by: str = "requirements") -> None:
         super().__init__(ended_by)
@@ -174,16 +176,16 @@ class RunEnded(Exception):
 
 
 class Stop(Protocol):
-    """Whether the run was told to stop."""
+    """Interface that tells whether the run was told to stop."""
 
     @property
     def reason(self) -> str:
-        """Why (one of `progress.STOP_REASONS`); empty while it may go on."""
+        """Reason to stop (one of `progress.STOP_REASONS`); empty while the run may continue."""
         ...
 
 
 def program_in_words(program: ProgramPlan, plan: RunPlan) -> str:
-    """Returns `robot application driver`, or `tool watch of simulation application arena`."""
+    """Describes a program of a run: `robot application driver`, `tool watch of simulation application arena`."""
     application = plan.robot_application if program.role == "robot" else plan.simulation_application
     named = f"{program.role} application {application.name}" if application else f"the {program.role} application"
     return f"tool {program.name.removeprefix(f'{program.role}-')} of {named}" if program.kind == "tool" else named
@@ -196,13 +198,13 @@ PathPoint = tuple[float, float, float]
 
 
 def line_of(point: PathPoint) -> str:
-    """A moment as the file has it."""
+    """Formats a point of the robot's path as a line of the live path file."""
     time_s, x, y = point
     return f"{time_s:.3f},{x:.3f},{y:.3f}\n"
 
 
 def points_of(text: str) -> list[PathPoint]:
-    """The moments of a file, in order; what cannot be read is left out.
+    """Parses the live path file; unreadable lines are skipped.
 
     Args:
         text: the file's content, to which the application may have written anything.

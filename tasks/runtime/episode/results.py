@@ -18,7 +18,7 @@ from ....schemas.wire.base import Model
 
 @dataclass(frozen=True)
 class Parts:
-    """The parts that a run's verdict is made from."""
+    """Facts from which the verdict of a run is decided."""
 
     own: Verdict = "NONE"
     """Verdict of the environment, or of a program that runs alone."""
@@ -48,7 +48,7 @@ class TrialParts:
 
 
 def decide_verdict(parts: Parts) -> Verdict:
-    """Returns the verdict of a run.
+    """Decides the verdict of a run: PASS, FAIL or ERROR.
 
     ERROR beats FAIL: while something is broken, what was measured is not to be trusted. Two things need no trust in a
     measurement: a robot under the floor has failed, unless the physics itself broke; trials are independent, so a
@@ -96,7 +96,7 @@ _ENDERS = {
 
 
 class EnvironmentReport(Model):
-    """Report of an environment about its run; times, seed and versions are added by the runtime."""
+    """Report of an environment about its run: verdict, requirements and metrics."""
 
     verdict: Verdict = Field(default="NONE", description="PASS, FAIL, or NONE when nothing is judged.")
     summary: str = Field(default="", description="One sentence for a person.")
@@ -112,10 +112,10 @@ class EnvironmentReport(Model):
 
 @runtime_checkable
 class ReportingEnvironment(Protocol):
-    """An environment that judges its run: `run_result` is called once, after the last step."""
+    """Interface of an environment that judges its run by `run_result`."""
 
     def run_result(self) -> EnvironmentReport | dict[str, Any]:
-        """Returns the report, as a model or as a dict with the model's members."""
+        """Returns the environment's report; called once, after the last step."""
         ...
 
 
@@ -143,7 +143,9 @@ class Findings:
 
 
 class Observer:
-    """Looks at the physics of a run from time to time, and says at the end what it found.
+    """Base class of observers, which look at the physics during a run and report findings at the end.
+
+    It must not change the run: with and without it, the same seed gives the same states.
 
     It must not change the run: with and without it, the same seed gives the same states.
     """
@@ -152,14 +154,14 @@ class Observer:
     """Simulated time at which it wants to look next."""
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Look, and move `next_time_s` on.
+        """Looks at the physics, and sets `next_time_s` to the time of the next look.
 
         Raises:
             RunEnded: The run is to end now.
         """
 
     def close(self, ended_by: str | None) -> Findings:  # noqa: ARG002 - for those who need it
-        """Finish its files and return what it found; called once, also when the run failed.
+        """Finishes the observer's files and returns its findings; called once, also when the run failed.
 
         Args:
             ended_by: The cause of the run's end; None when it failed.
@@ -167,17 +169,17 @@ class Observer:
         return Findings()
 
     def state(self) -> Any:
-        """Return all that counts from here on, for a checkpoint; files it writes hold everything so far."""
+        """Returns the observer's state for a checkpoint."""
         return self.next_time_s
 
     def restore(self, state: Any, environment: Any) -> None:  # noqa: ARG002 - for those who need it
-        """Continue from where `state` was taken, in a new process; what its files have beyond is cut off."""
+        """Restores the observer's state from a checkpoint, in a new process."""
         self.next_time_s = state
 
 
 @dataclass(frozen=True)
 class Episode:
-    """How a run's loop ended, before it is written down."""
+    """How a run's simulation loop ended: steps, times and cause."""
 
     ended_by: str
     """`environment`, `agent`, `requirements`, or one of `progress.STOP_REASONS`."""
@@ -205,7 +207,7 @@ class Episode:
 
 
 def read_report(environment: object) -> EnvironmentReport:
-    """Asks an environment for its report.
+    """Gets and checks an environment's report.
 
     Raises:
         ValueError: The report does not fit `EnvironmentReport`, or JSON; the text names what.
@@ -229,7 +231,7 @@ def read_report(environment: object) -> EnvironmentReport:
 
 
 def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) -> RunResult:
-    """Joins the environment's report with what the runtime and its observers measured.
+    """Makes the content of `result.json` from the environment's report and all measurements.
 
     Args:
         episode: How the loop ended.
@@ -338,12 +340,12 @@ def _defects_of(episode: Episode) -> list[Requirement]:
 
 
 def never_answered(text: str) -> Requirement:
-    """Returns the defect of a run in which somebody did not answer until the duration limit."""
+    """Makes the defect of a run in which a program did not answer until the time limit."""
     return Requirement(name="answered", kind="health", satisfied=False, detail=text, error=text)
 
 
 def write_result(result: RunResult, output_dir: Path) -> Path:
-    """Writes `result.json` under another name first, so that it is either whole or not there.
+    """Writes `result.json`, atomically.
 
     Raises:
         TypeError: `extra` holds something that is no JSON value.
@@ -364,13 +366,13 @@ def write_result(result: RunResult, output_dir: Path) -> Path:
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Returns the versions that a run's numbers depend on."""
+    """Returns the versions of the packages that influence a run's numbers."""
     names = {"mujoco": "mujoco", "dm_control": "dm-control", "prefect_robomaker": "prefect-robomaker"}
     return {name: metadata.version(distribution) for name, distribution in names.items()}
 
 
 def thin_out(path: list[tuple[float, float, float]], limit: int) -> list[tuple[float, float, float]]:
-    """Keeps at most `limit` points, evenly chosen, with both ends."""
+    """Reduces a path to at most `limit` evenly chosen points, including both ends."""
     if len(path) <= limit:
         return path
     return [path[round(i * (len(path) - 1) / (limit - 1))] for i in range(limit)]

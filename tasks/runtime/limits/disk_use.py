@@ -41,7 +41,7 @@ def free_bytes(folder: Path) -> int:
 
 
 class DiskMeter:
-    """Measures what folders hold, a little at a time.
+    """Measures how much a run's processes have written to disk, a little at each call.
 
     Args:
         folders: The folders, and what they are called in messages; one may be in another.
@@ -85,7 +85,7 @@ class DiskMeter:
         """The biggest files, the smallest of them first."""
 
     def look(self) -> bool:
-        """Goes on with measuring; returns whether there is too much."""
+        """Continues the measurement; returns whether the limit is exceeded."""
         now = self._clock()
         if self._limit_bytes is None or now < self._next_look_s:
             return False
@@ -97,7 +97,7 @@ class DiskMeter:
         return self._used_bytes > self._limit_bytes
 
     def last_look(self) -> str | None:
-        """Measures all folders after the run has ended; returns limit and use in words if they exceed it."""
+        """Measures all folders after the run; returns a text if the limit is exceeded."""
         if self._limit_bytes is None:
             return None
         self._begin()
@@ -159,7 +159,7 @@ class DiskMeter:
 
 
 def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) -> DiskMeter:
-    """The meter of all folders that a run's processes are given to write to; what was found in them does not count.
+    """Makes the disk meter for all folders that a run's processes may write to.
 
     Args:
         plan: The run.
@@ -169,7 +169,7 @@ def disk_meter(plan: RunPlan, processes: Callable[[], Iterable[int]] = tuple) ->
 
 
 def found_files(plan: RunPlan) -> FoundFiles:
-    """Measures what a run's folders hold before anything of it runs: data sources, copied bundles, files of images.
+    """Records the files in a run's folders before anything runs, so that they do not count as outputs.
 
     Args:
         plan: The run.
@@ -196,5 +196,5 @@ def _outermost(folders: Iterable[Path]) -> list[Path]:
 
 
 def in_gb(count: int) -> str:
-    """Bytes in words: `128 GB`, `1.25 GB`, `20 MB`."""
+    """Formats bytes: `128 GB`, `1.25 GB`, `20 MB`."""
     return f"{count / 1e9:.3g} GB" if count >= 1e9 else f"{count / 1e6:.3g} MB"

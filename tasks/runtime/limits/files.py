@@ -13,7 +13,7 @@ _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def read_left(path: Path, most_bytes: int) -> bytes:
-    """Reads a regular file; links are not followed, FIFOs not waited for, what is longer not read.
+    """Reads a regular file that untrusted code may have made: no links, no FIFOs, limited size.
 
     Args:
         path: The file.
@@ -29,7 +29,7 @@ def read_left(path: Path, most_bytes: int) -> bytes:
 
 
 def open_left(path: Path, folder: int | None = None) -> BufferedReader:
-    """Opens a regular file for reading; links are not followed, FIFOs not waited for.
+    """Opens a regular file that untrusted code may have made: no links, no FIFOs.
 
     Args:
         path: The file.
@@ -54,7 +54,7 @@ _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class HeldFile(NamedTuple):
-    """A file that takes room on the disk."""
+    """A file that takes space on the disk: its identity and size in bytes."""
 
     size_bytes: int
     """Space on the disk, in bytes; holes take none."""
@@ -67,7 +67,7 @@ class HeldFile(NamedTuple):
 
 
 def files_below(folders: Iterable[Path]) -> Iterator[HeldFile | None]:
-    """Yields the files in folders; links are not followed, a file of several names is there for each.
+    """Yields the files in folders without following links.
 
     Folders of this user that are not readable are made readable.
 
@@ -95,7 +95,7 @@ def files_below(folders: Iterable[Path]) -> Iterator[HeldFile | None]:
 
 
 def deleted_files(processes: Iterable[int], devices: Container[int]) -> Iterator[int | None]:
-    """Yields the sizes of files that have no name any more and that processes have open.
+    """Yields the sizes in bytes of deleted files that processes still hold open.
 
     Args:
         processes: Ids of the processes, of which some may have ended.

@@ -28,7 +28,7 @@ _OTHER_FORKS = 512
 
 @dataclass(frozen=True)
 class Excess:
-    """A limit that a run went over."""
+    """A resource limit (memory, processes, disk, ...) that a run exceeded."""
 
     text: str
     """Limit and use, in words."""
@@ -38,7 +38,7 @@ class Excess:
 
 
 def confine(limits: ComputeLimits, cores: list[int] | None) -> None:
-    """Limits this process and all that it starts, as far as the kernel does that itself.
+    """Applies the run's limits that the kernel enforces to this process and its children.
 
     Args:
         limits: The run's limits.
@@ -70,7 +70,7 @@ def _bound_forks(processes: int) -> None:
 
 
 class Meter:
-    """Measures all processes below this one.
+    """Measures memory and number of a run's processes, and compares them to the limits.
 
     Args:
         limits: What they may use.
@@ -87,7 +87,7 @@ class Meter:
         self._scales = _Scales()
 
     def look(self) -> Excess | None:
-        """Returns the limit that is exceeded, if one is."""
+        """Measures, and returns the limit that is exceeded, if any."""
         states = []
         count = 0
         limit = self._limits.processes
@@ -104,7 +104,7 @@ class Meter:
         return self._memory_excess(states)
 
     def busiest_writer(self) -> int:
-        """The session of processes that has written most; 0 if none is left."""
+        """Returns the process session that has written most to disk; 0 if none is left."""
         states = [state for state in descendants_of(os.getpid()) if state.pid not in self._others]
         return _most(states, {state.pid: written_bytes(state.pid) for state in states}) if states else 0
 
@@ -143,7 +143,7 @@ class _Scales:
         """Exact memory of the first of them, in bytes."""
 
     def weigh(self, states: list[ProcessState]) -> Weighed | None:
-        """Returns what processes weigh, perhaps of a moment ago; None while that is not known."""
+        """Returns the measured memory of processes, perhaps a moment old; `None` while it is not known."""
         if self._thread is None:
             self._began_s = time.monotonic()
             self._states = sorted(states, key=lambda state: state.resident_bytes, reverse=True)
@@ -167,7 +167,7 @@ class _Scales:
 
 
 def estimated_bytes(states: list[ProcessState], exact: list[int]) -> dict[int, int]:
-    """Estimates the memory of processes, in bytes, of which only the first are measured.
+    """Estimates the memory of processes in bytes when only some of them have been measured exactly.
 
     The one that is being weighed may never be, and counts as what it weighs at most. The others are taken to share as
     much as those before them: of hundreds of forks of one process each has its resident memory, and all have it once.

@@ -22,7 +22,7 @@ _SAYS_NOTHING = frozenset({"The traceback for the exception was written to the l
 
 
 def redirect_output(output_dir: Path) -> None:
-    """Sends this process's standard output and error to `logs/`, below Python, and closes its input.
+    """Redirects this process's standard output and error to files in `logs/`, and closes its standard input.
 
     Programs that the process starts and libraries that print in C end up in the same files.
     """
@@ -42,13 +42,13 @@ def redirect_output(output_dir: Path) -> None:
 
 
 def program_logs(program: str) -> tuple[str, str]:
-    """Names of the logs of one of the run's programs, in `logs/`: standard output, standard error."""
+    """Returns the log file names of one of the run's programs: standard output, standard error."""
     stem = program[:_MAX_STEM_CHARACTERS]
     return f"{stem}.{STDOUT_LOG}", f"{stem}.{STDERR_LOG}"
 
 
 def log_tail(output_dir: Path, program: str | None = None) -> tuple[str, list[str]]:
-    """Returns the name of the log that says most about a failure, and its last lines without colours.
+    """Returns the name of the log that explains a failure best, and its last lines without colours.
 
     That is the error log, or the output log when nothing was written to the error log.
 
@@ -89,7 +89,7 @@ _SLACK_BYTES = 4 * 1024 * 1024
 
 
 class CappedLog:
-    """One log file, open for appending; made when it is not there.
+    """A log file of a program that is cut back to a maximum size.
 
     Args:
         path: The file. Links are not followed.
@@ -107,7 +107,7 @@ class CappedLog:
         """Length of beginning and remark, once it was cut."""
 
     def note(self, text: str) -> None:
-        """Appends a line of our own; a full disk loses it."""
+        """Appends a line of the runtime to the log; it is lost if the disk is full."""
         with suppress(OSError):
             os.write(self.descriptor, f"robomaker: {text}\n".encode())
 
@@ -116,7 +116,7 @@ class CappedLog:
         self._cut_beyond(_SLACK_BYTES)
 
     def close(self) -> None:
-        """Cuts the log for the last time; no process may write to it any more."""
+        """Cuts the log back a last time; no process may write to it any more."""
         self._cut_beyond(MAX_END_BYTES)
         os.close(self.descriptor)
 
@@ -157,7 +157,7 @@ class CappedLog:
 
 
 def add_note(output_dir: Path, text: str) -> None:
-    """Adds a line to the run's error log."""
+    """Appends a line to the run's error log."""
     folder = output_dir / LOG_FOLDER
     flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK
     with suppress(OSError):  # the application may have put anything there
@@ -167,7 +167,7 @@ def add_note(output_dir: Path, text: str) -> None:
 
 
 def note_screens(plan: RunPlan) -> None:
-    """Says in the log that a program's screen is not shown, if the request asked for it."""
+    """Notes in the log that a program's graphical screen is not shown, if the request asked for one."""
     if plan.live_view_port is not None and not plan.has_episode:
         add_note(
             plan.output_dir,

@@ -24,7 +24,7 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 @dataclass(frozen=True)
 class ProcessState:
-    """One process, from `/proc/<pid>/stat` (proc(5))."""
+    """State of one process, from `/proc/<pid>/stat` (proc(5))."""
 
     pid: int
     state: str
@@ -42,17 +42,17 @@ class ProcessState:
 
 
 def adopt_orphans() -> None:
-    """Makes this process the parent of descendants whose parents die."""
+    """Makes this process the parent of all descendants whose parents die (child subreaper)."""
     _prctl(_PR_SET_CHILD_SUBREAPER, 1)
 
 
 def die_with_parent() -> None:
-    """Has the kernel kill this process when its parent ends, however that happens."""
+    """Tells the kernel to kill this process when its parent ends."""
     _prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
 
 
 def come_first() -> None:
-    """Lets this process, not its children, run before all ordinary ones, where that is allowed.
+    """Raises the scheduling priority of this process (not of its children), where that is allowed.
 
     Otherwise a run that forks without end leaves a supervisor a thousandth of the machine.
     """
@@ -61,7 +61,7 @@ def come_first() -> None:
 
 
 def process_state(pid: int) -> ProcessState | None:
-    """Reads one process's state; None when there is no such process."""
+    """Reads the state of a process; `None` if there is no such process."""
     try:
         text = Path(f"/proc/{pid}/stat").read_bytes()
     except OSError:
@@ -81,7 +81,9 @@ def process_state(pid: int) -> ProcessState | None:
 
 
 def proportional_bytes(pid: int) -> int | None:
-    """Memory of a process in which a page shared by n processes counts 1/n (`Pss`); 0 when it has just ended.
+    """Returns a process's memory in bytes with shared pages divided among their users (`Pss`).
+
+    It is 0 when the process has just ended.
 
     Exact, but the kernel walks all page tables for it, milliseconds for a large process, and lets wait for a process
     that is changing its memory.
@@ -102,7 +104,7 @@ def proportional_bytes(pid: int) -> int | None:
 
 
 def written_bytes(pid: int) -> int:
-    """Bytes that a process, and children that it has waited for, have written to anything (`wchar`, proc(5))."""
+    """Returns how many bytes a process and its reaped children have written (`wchar`, proc(5))."""
     with suppress(OSError):
         for line in Path(f"/proc/{pid}/io").read_bytes().splitlines():
             if line.startswith(b"wchar:"):
@@ -111,7 +113,7 @@ def written_bytes(pid: int) -> int:
 
 
 def children_of(pid: int) -> list[int]:
-    """Returns the direct children of a process, those waiting to be reaped included."""
+    """Returns the ids of a process's direct children, zombies included."""
     try:
         threads = os.listdir(f"/proc/{pid}/task")  # noqa: PTH208 - a list of names, four times faster
         lists = [Path(f"/proc/{pid}/task/{thread}/children").read_bytes() for thread in threads]
@@ -125,7 +127,7 @@ def children_of(pid: int) -> list[int]:
 
 
 def descendants_of(pid: int) -> Iterator[ProcessState]:
-    """Yields all processes below one, parents first."""
+    """Yields all processes below a process, parents first."""
     waiting = children_of(pid)
     while waiting:
         child = waiting.pop()

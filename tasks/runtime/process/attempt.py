@@ -42,14 +42,14 @@ _SAY_ALL = LoadError | LaunchError | RobotProgramError
 
 
 def report_failure(error: BaseException, plan: RunPlan, progress: Progress) -> None:
-    """Writes the traceback to the error log and the short form to the supervisor."""
+    """Writes an error's traceback to the error log, and its short form to the supervisor."""
     log_failure(error)
     progress.write_report(report_of(error, progress))
     (plan.output_dir / RESULT_FILE).unlink(missing_ok=True)
 
 
 def log_failure(error: BaseException) -> None:
-    """Writes the traceback to the error log."""
+    """Writes an error's traceback to the error log."""
     trace = _without_runtime(error.__traceback__)
     with suppress(Exception):  # the disk may be full, and the application may have closed or replaced the stream
         if isinstance(error, _SAY_ALL) and error.__cause__ is None:
@@ -59,7 +59,7 @@ def log_failure(error: BaseException) -> None:
 
 
 def report_of(error: BaseException, progress: Progress) -> dict[str, Any]:
-    """Returns the report of an error for the supervisor."""
+    """Converts an error to the report that the supervisor receives."""
     faults = {RecordingError: Phase.FINISHING, RequirementError: Phase.JUDGING}
     phase = next((phase for kind, phase in faults.items() if isinstance(error, kind)), progress.phase)
     if isinstance(error, LaunchError) and error.failure_code.startswith("RobotApplication"):
@@ -110,13 +110,13 @@ _OF_THE_CAMERA = {TOPIC, INFO_TOPIC, "/tf_static"}
 
 
 def seed_globals(seed: int) -> None:
-    """Applications should use the context's generator; those that use the global ones are repeatable too."""
+    """Seeds the global random generators of Python and NumPy, for applications that use them."""
     random.seed(seed)
     np.random.seed(seed % 2**32)  # noqa: NPY002
 
 
 def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
-    """Begins a run, or continues it from its last checkpoint, and carries it out to `result.json`.
+    """Carries out a simulation run, from its start or its last checkpoint, until `result.json` is written.
 
     Args:
         run: What to do.
@@ -186,7 +186,7 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
 
 
 def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
-    """Note where an environment says that it records itself, so that nothing else did, and has not.
+    """Notes in the result that an environment records topics itself but has recorded none.
 
     Args:
         episode: How the run ended.
@@ -198,7 +198,7 @@ def recording_findings(episode: Episode, recorder: Recorder) -> Findings:
 
 
 def watched_environment(environment: Any, progress: Progress) -> Any:
-    """Notes whether an environment judges its run, for the case that the run's process cannot say so any more."""
+    """Wraps an environment to record whether it judges its run, in case the run's process dies."""
     if isinstance(environment, ReportingEnvironment) or hasattr(environment, "requirements"):
         progress.begin_to_judge()
     return environment
@@ -207,7 +207,7 @@ def watched_environment(environment: Any, progress: Progress) -> Any:
 def contexts_of(
     plan: RunPlan, rng: np.random.Generator, world: World | None, recorder: Recorder
 ) -> tuple[SimulationContext, SimulationContext]:
-    """Returns the contexts for the factories of environment and agent.
+    """Makes the contexts for the factories of environment and agent, each with its application's variables.
 
     In each, the application's own variables replace those of the other.
     """
@@ -245,12 +245,12 @@ def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> Remote
 
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
-    """Returns the factories of the environment and the agent."""
+    """Returns which applications make the environment and the agent of a run."""
     return plan.simulation_application or BUILT_IN_ENVIRONMENT, plan.robot_application or BUILT_IN_AGENT
 
 
 def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
-    """Imports the factory of an application that is no program.
+    """Imports the factory function of an application that is no separate program.
 
     Raises:
         LoadError: It cannot be imported.
@@ -260,5 +260,5 @@ def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
 
 
 def read_world(world_dir: Path | None) -> World | None:
-    """Reads the description of a run's world."""
+    """Reads the description of a run's world; `None` if the run has none."""
     return World.model_validate_json((world_dir / "world.json").read_bytes()) if world_dir else None

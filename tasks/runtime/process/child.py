@@ -22,7 +22,7 @@ machine_facts()
 
 
 def run_child(run: RunRequest, progress: Progress) -> int:
-    """Runs a run in this process, which belongs to it alone.
+    """Carries out a simulation run in this process, which exists for this run alone.
 
     Args:
         run: What to do.

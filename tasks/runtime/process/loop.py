@@ -20,14 +20,14 @@ from ..states.checkpoints import Checkpointer, LoopState, RunParts
 
 
 class JointStateWatcher(Observer):
-    """Records `/clock` and `/joint_states` for environments that record nothing themselves."""
+    """Observer that records `/clock` and `/joint_states` for environments that record nothing themselves."""
 
     def __init__(self, recorder: Recorder) -> None:
         self._recorder = recorder
         self._series: StateSeries | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records the hinges and slides of the model; effort is the actuators' force on each."""
+        """Records the positions, velocities and efforts of the model's hinge and slide joints."""
         model, data = raw_physics(environment.physics)
         series = self._series
         if series is None or data is not series.data:
@@ -58,7 +58,7 @@ def run_episode(
     count_step: Callable[[int, float], None] = lambda *_: None,
     wall_clock: Callable[[], float] = time.perf_counter,
 ) -> Episode:
-    """Makes an environment and an agent and runs them until one of them, or `stop`, ends it.
+    """Makes environment and agent, and runs the loop of actions and observations until the episode ends.
 
     The environment ends the run with a last time step, the agent by raising `StopIteration`, either by
     `sys.exit(0)`.
@@ -268,7 +268,7 @@ class _SimulatedClock:
         self._has_physics = hasattr(getattr(environment, "physics", None), "data")
 
     def tick(self) -> None:
-        """Notes the time and calls the watchers whose next look is due."""
+        """Updates the simulated time, and calls the observers that are due."""
         if not self._has_physics:
             return
         time_s = self._environment.physics.data.time

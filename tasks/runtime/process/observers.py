@@ -34,7 +34,7 @@ _FLAGS = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK 
 
 
 class PathNote(Observer):
-    """Adds to the file of the path, at most twice a second; a run that is over sooner writes none."""
+    """Observer that writes the robot's path to a file for the live view, at most twice a second."""
 
     def __init__(self, work_dir: Path, clock: Callable[[], float] = time.monotonic) -> None:
         """Prepares.
@@ -51,7 +51,7 @@ class PathNote(Observer):
         self._due_s = clock() + _WRITE_EVERY_S
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the robot's place."""
+        """Records the robot's position."""
         self.next_time_s = time_s + self._period_s
         model, data = raw_physics(environment.physics)
         if model is not self._model:
@@ -77,13 +77,13 @@ class PathNote(Observer):
 
 
 class EndAt(Observer):
-    """Ends a rerun where the first run was stopped from outside."""
+    """Observer that ends a rerun at the simulated time at which the original run was stopped."""
 
     def __init__(self, time_s: float) -> None:
         self.next_time_s = time_s
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """End the run, like the run that is repeated."""
+        """Ends the rerun, as the original run was ended."""
         del environment, time_s
         raise RunEnded("duration limit")
 
@@ -94,7 +94,7 @@ def make_observers(
     applications: Sequence[ApplicationPlan] = (),
     actions: Actions | None = None,
 ) -> list[Observer]:
-    """Returns the observers that a plan asks for, in the order in which they look.
+    """Makes the observers (recorders, video, checks) that a run's plan asks for, in order.
 
     Args:
         plan: The run.

@@ -36,7 +36,7 @@ _HALF_M = 3.0
 
 @contextmanager
 def rehearsal_room() -> Iterator[Path | None]:
-    """Makes a folder with a world to rehearse in, for as long as it lasts; None where it cannot be written.
+    """Creates a temporary folder with a small world for warming up; `None` if it cannot be written.
 
     Folders that killed processes left are removed: those that live hold a lock on theirs.
     """
@@ -65,7 +65,7 @@ def _furnish(folder: Path) -> None:
 
 
 def rehearse(room: Path | None, has_run: HasRun, is_idle: Callable[[], bool] | None = None) -> None:
-    """Makes a world, senses, plans and steps once, as long as there is no run.
+    """Warms up an idle process: runs one simulation step so that imports and caches are ready for a run.
 
     Nothing is done while the processors have other things to do, and nothing that fails is told: the run will fail in
     the same way, and say so.
@@ -114,7 +114,7 @@ def _parts(room: Path, folder: Path) -> Iterator[None]:
 
 
 def has_idle_processor(loadavg: Path = LOADAVG, processors: int | None = None) -> bool:
-    """Whether fewer threads than there are processors want to run, besides this one.
+    """Whether the machine has an idle processor, judged by the number of runnable threads.
 
     Args:
         loadavg: The file in which the kernel says how many want to run.

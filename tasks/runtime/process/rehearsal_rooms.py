@@ -15,7 +15,7 @@ _NEW_S = 60.0
 
 
 def make_room() -> tuple[Path, int]:
-    """Makes a room for as long as this process has the lock.
+    """Creates a locked temporary folder for the warm-up of a process.
 
     Returns:
         Its folder, and the file descriptor of the lock.
@@ -27,12 +27,12 @@ def make_room() -> tuple[Path, int]:
 
 
 def left_rooms() -> list[Path]:
-    """The rooms of this user whose process was killed; also where it was one of another container."""
+    """Lists this user's warm-up folders whose process was killed."""
     return list(_left())
 
 
 def remove_left_rooms() -> list[Path]:
-    """Removes the rooms of this user whose process was killed.
+    """Deletes this user's warm-up folders whose process was killed.
 
     Returns:
         Those that are gone.

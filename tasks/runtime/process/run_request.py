@@ -14,7 +14,7 @@ from ..sandbox.views import Sight, paths_in, python_paths, readable_rules, syste
 
 
 class RunRequest(Model):
-    """The plan and the run environment for a run's processes."""
+    """Message that starts a run: the plan, and the environment for its processes."""
 
     plan: RunPlan = Field(description="The run; all its paths are absolute.")
     environment: dict[str, str] = Field(description="The environment of the run's process.")
@@ -24,7 +24,7 @@ class RunRequest(Model):
     cores: list[int] | None = Field(default=None, description="Processor cores it may use; absent: all.")
 
     def for_run_process(self) -> "RunRequest":
-        """Returns the request for the run's own process, which stores its plan: variables of programs are left out.
+        """Returns the request for the simulation process, without the programs' variables, which may hold secrets.
 
         Those of a container's program are what its engine is called with, credentials of registries among them.
         """
@@ -33,7 +33,7 @@ class RunRequest(Model):
 
 
 def sights_of_run(request: RunRequest) -> list[Sight]:
-    """Files and folders of a run, besides those of the system; folders that it writes to are made.
+    """Lists the files and folders that a run may see in its sandbox, besides those of the system.
 
     Paths in variables count where the service or its user has set them; a job cannot name what it wants to see.
     """
@@ -64,7 +64,7 @@ def _kept(plan: RunPlan) -> Path | None:
 
 
 def rules_of_run(request: RunRequest) -> Sequence[Rules]:
-    """The same for Landlock, which needs all of it; nothing for runs that are confined otherwise."""
+    """Returns the access rules of a run for Landlock (kernel sandbox); empty for runs that are confined otherwise."""
     return readable_rules(sights_of_run(request)) if request.box.level == "landlock" else ()
 
 

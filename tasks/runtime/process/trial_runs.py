@@ -39,10 +39,10 @@ _CRASH_CODES = {"robot": "RobotApplicationCrash", "simulation": "SimulationAppli
 
 
 class RenewableEnvironment(Protocol):
-    """An environment that serves more than one trial."""
+    """Interface of an environment that can be reused for several trials of a job."""
 
     def renew(self, context: SimulationContext) -> None:
-        """Puts everything where making it anew with this context would; `reset` follows.
+        """Prepares the environment for the next trial's seed, as if it were made anew; `reset` follows.
 
         Its parameters and its world are those that it was made with, its seed and its generator are others.
         """
@@ -50,20 +50,20 @@ class RenewableEnvironment(Protocol):
 
 
 class RenewableAgent(Protocol):
-    """An agent that serves more than one trial."""
+    """Interface of an agent that can be reused for several trials of a job."""
 
     def renew(self, context: SimulationContext, environment: dm_env.Environment) -> None:
-        """Puts everything where making it anew would; the environment is the one that it was made for."""
+        """Prepares the agent for the next trial, as if it were made anew."""
         ...
 
 
 def renews(part: RenewableEnvironment | RenewableAgent | None) -> bool:
-    """Whether an environment or an agent serves more than one trial."""
+    """Whether an environment or agent can be reused for several trials."""
     return callable(getattr(part, "renew", None))
 
 
 class TrialStage:
-    """Environment and agent of a job's trials.
+    """Environment and agent in which the trials of a job run one after the other.
 
     Args:
         plan: The job's run.
@@ -95,7 +95,7 @@ class TrialStage:
         """Function that its physics called between substeps when it was made."""
 
     def play(self, trial: Trial) -> TrialRow | None:
-        """Plays one trial to its end.
+        """Runs one trial to its end, and returns its results.
 
         Args:
             trial: Which.
@@ -231,7 +231,7 @@ _Row = TypeVar("_Row")
 
 
 def run_trials(run: RunRequest, progress: Progress, stop: Stop) -> None:
-    """Runs the trials of a run, those that have finished in an earlier attempt left out, to table and `result.json`.
+    """Runs a job's unfinished trials, and writes their table and `result.json`.
 
     Args:
         run: What to do; its plan has trials.

@@ -28,7 +28,7 @@ _INTERNAL_ERROR = 70  # EX_SOFTWARE: the runtime itself failed
 
 
 class WaitingRun:
-    """A child of this process that becomes a run's process, or ends when this process does or closes the pipe.
+    """A forked child process that waits for a run and then carries it out.
 
     Args:
         run_child: What the run's process does.
@@ -60,7 +60,7 @@ class WaitingRun:
         theirs.close()
 
     def tell(self, request: bytes) -> bool:
-        """Assigns a run to the process.
+        """Sends a run's request to the waiting process.
 
         Args:
             request: A `RunRequest` as JSON in one line.
@@ -75,14 +75,14 @@ class WaitingRun:
         return True
 
     def begin(self) -> int:
-        """Begins the assigned run; returns the pid."""
+        """Starts the assigned run; returns the process id."""
         with suppress(OSError):  # it has been killed, which its supervisor notices
             self._pipe.sendall(_BEGIN)
         self._pipe.close()
         return self.pid
 
     def dismiss(self, *, keep_box: bool = False) -> None:
-        """Ends the process before its run begins, and its box unless that is to be kept."""
+        """Ends the waiting process before its run begins, with its sandbox unless that is kept."""
         self._pipe.close()
         with suppress(ProcessLookupError):
             os.kill(self.pid, signal.SIGKILL)

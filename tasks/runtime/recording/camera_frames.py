@@ -30,7 +30,7 @@ _AS = ', such as {"world": "map", "chassis": "base_link"}'
 
 
 class Mount(NamedTuple):
-    """Pose of a camera's frame."""
+    """Pose of a camera in the ROS frame that it is fixed to."""
 
     parent: str
     """Frame that it is seen from."""
@@ -41,7 +41,7 @@ class Mount(NamedTuple):
 
 
 def frames_of(environment: Any, model: mujoco.MjModel) -> Mapping[int, str]:
-    """Returns which bodies of an environment have a frame that `/tf` tells of, by number; one of them is the world.
+    """Returns the ROS frame names of an environment's bodies, by body number.
 
     Args:
         environment: It may have `tf_frames`: frames by names of bodies, or by numbers of those without a name. Bodies
@@ -77,7 +77,7 @@ def _is_text(value: object) -> bool:
 def find_mount(
     model: mujoco.MjModel, view: mujoco.MjvCamera, scene: mujoco.MjvScene, frames: Mapping[int, str]
 ) -> Mount:
-    """Returns where a camera is.
+    """Determines the ROS frame that a camera is fixed to, and its pose there.
 
     A camera that is fixed to a body with a frame, or to what is fixed to it, is seen from there; others are seen from
     the world.
@@ -101,7 +101,7 @@ def find_mount(
 
 
 def camera_info(header: ros.Header, scene: mujoco.MjvScene, size: tuple[int, int]) -> CameraInfo | None:
-    """Returns how the scene's camera projects; None for one that is no pinhole.
+    """Makes the ROS `CameraInfo` (projection) of a scene's camera; `None` if it is not a pinhole camera.
 
     Args:
         header: When, and in which optical frame.
@@ -129,7 +129,7 @@ def camera_info(header: ros.Header, scene: mujoco.MjvScene, size: tuple[int, int
 
 
 def transform_of(place: Any, turn: Any) -> ros.Transform:
-    """Returns a transform; the rotation has w first, as in MuJoCo."""
+    """Makes a ROS transform from a position and a MuJoCo quaternion (w first)."""
     w, x, y, z = map(float, turn)
     return ros.Transform(ros.Vector3(*map(float, place)), ros.Quaternion(x, y, z, w))
 

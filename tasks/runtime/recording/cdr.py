@@ -21,7 +21,7 @@ _STORE = get_typestore(Stores.ROS2_HUMBLE)
 
 
 def encode(message: Message) -> bytes:
-    """Returns a message's CDR bytes with their encapsulation header.
+    """Encodes a ROS message as CDR bytes with their encapsulation header.
 
     Raises:
         TypeError: The object is not one of the messages that can be recorded, or has parts that are not ROS's.
@@ -40,29 +40,29 @@ def encode(message: Message) -> bytes:
 
 @lru_cache
 def definition(ros_type: str) -> str:
-    """Returns what a reader needs to decode a type without a ROS installation: concatenated `.msg` files."""
+    """Returns the `.msg` definition of a ROS type and all its parts, for readers without a ROS installation."""
     text, _ = _STORE.generate_msgdef(ros_type, ros_version=2)
     return text
 
 
 @lru_cache
 def type_hash(ros_type: str) -> str:
-    """Returns the hash of a type (REP 2011)."""
+    """Returns the ROS 2 hash of a message type (REP 2011)."""
     return _STORE.hash_rihs01(ros_type)
 
 
 def is_known(ros_type: str) -> bool:
-    """Says whether a type is one of ROS 2's own."""
+    """Whether a message type is one of ROS 2's own."""
     return ros_type in _STORE.fielddefs
 
 
 def fields_of(ros_type: str) -> Sequence[tuple[str, tuple[Any, Any]]]:
-    """Returns a type's members: name, and rosbags' description of the type."""
+    """Returns the members of a ROS message type: name and type description."""
     return _STORE.fielddefs[ros_type][1]
 
 
 def decode(data: bytes, ros_type: str) -> Any:
-    """Reads a message from CDR bytes with their encapsulation header; its members are named as in ROS.
+    """Decodes a ROS message from CDR bytes.
 
     Raises:
         ValueError: The bytes are no such message.
@@ -178,7 +178,7 @@ AnyNumbers = NDArray[np.floating[Any]]
 
 
 class Columns(NamedTuple):
-    """A kind of message of which only stamp and some numbers change."""
+    """Template of a ROS message in which only the stamp and some numbers change, for fast encoding."""
 
     kind: type[ros.Message]
     """Its type."""
@@ -194,12 +194,12 @@ class Columns(NamedTuple):
 
 
 def clock() -> Columns:
-    """Returns the columns of `rosgraph_msgs/Clock`: nothing but the time."""
+    """Returns the message template of `rosgraph_msgs/Clock`."""
     return Columns(ros.Clock, encode(ros.Clock(_ZERO)), _AFTER_ENCAPSULATION, {})
 
 
 def transforms(frames: Sequence[tuple[str, str]]) -> Columns:
-    """Returns the columns of a `tf2_msgs/TFMessage`.
+    """Returns the message template of a `tf2_msgs/TFMessage` with given frames.
 
     Its numbers are the transforms' translations x, y, z and rotations x, y, z, w, each named by its child frame.
 
@@ -214,7 +214,7 @@ def transforms(frames: Sequence[tuple[str, str]]) -> Columns:
 
 
 def odometry(frame_id: str, child_frame_id: str) -> Columns:
-    """Returns the columns of `nav_msgs/Odometry` without covariances.
+    """Returns the message template of `nav_msgs/Odometry` without covariances.
 
     Its numbers are `pose`, like a transform's, and `twist`: linear x, y, z and angular x, y, z.
     """
@@ -226,7 +226,7 @@ def odometry(frame_id: str, child_frame_id: str) -> Columns:
 
 
 def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
-    """Returns the columns of `sensor_msgs/JointState`.
+    """Returns the message template of `sensor_msgs/JointState`.
 
     Its numbers are `position`, `velocity` and `effort`, one of each per joint.
 
@@ -247,7 +247,7 @@ def joint_states(frame_id: str, names: Sequence[str]) -> Columns:
 
 
 def laser_scan(scan: ros.LaserScan) -> Columns:
-    """Returns the columns of `sensor_msgs/LaserScan` without intensities.
+    """Returns the message template of `sensor_msgs/LaserScan` without intensities.
 
     Its numbers are `ranges`.
 
@@ -262,7 +262,7 @@ def laser_scan(scan: ros.LaserScan) -> Columns:
 
 
 def imu(frame_id: str) -> Columns:
-    """Returns the columns of `sensor_msgs/Imu` without covariances.
+    """Returns the message template of `sensor_msgs/Imu` without covariances.
 
     Its numbers are `orientation` x, y, z, w, `angular_velocity` and `linear_acceleration`.
     """
@@ -281,20 +281,22 @@ def imu(frame_id: str) -> Columns:
 
 
 class Series(Protocol):
-    """A source of messages of fixed size; the recorder asks for them when it writes a chunk."""
+    """Interface of a source of ROS messages of fixed size, which the recorder collects for each chunk."""
 
     @property
     def topics(self) -> Sequence[tuple[str, Columns]]:
-        """Topics of the series, with the columns of their messages."""
+        """Topics of the series, each with its message template."""
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
-        """Returns what came since the last time: simulated times, and for each topic its numbers, a row per time."""
+        """Returns the data since the last call: simulated times, and for each topic its numbers, a row for each
+        time.
+        """
         ...
 
 
 class RowEncoder:
-    """Encodes rows: at each time one message on each of some channels."""
+    """Encodes many ROS messages of fixed size at once: one message on each channel for each time."""
 
     def __init__(self, columns: Sequence[tuple[int, Columns]]) -> None:
         """Prepares the layout.
@@ -317,7 +319,7 @@ class RowEncoder:
             self._numbers.append([(data + place, width, kind) for place, width, kind in item.numbers.values()])
 
     def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
-        """Returns rows, the same bytes as encoding message by message; they hold until the next call.
+        """Encodes rows of numbers to messages; the result is valid until the next call.
 
         Args:
             times_s: Simulated times of the rows, not negative.

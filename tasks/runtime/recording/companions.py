@@ -29,7 +29,7 @@ Panel = tuple[str, dict[str, Any]]
 
 
 def layout(topics: Mapping[str, str]) -> dict[str, Any]:
-    """Returns a layout, which Foxglove opens with "Import from file".
+    """Makes a Foxglove layout (panels) for a recording's topics, to be opened with "Import from file".
 
     It has a 3D panel if there is something to draw and where that is, the pictures of cameras, plots of speeds and
     joints, and the messages as they are.
@@ -158,7 +158,7 @@ _LATCHED = frozenset({"/tf_static", "/goals", "/map", "/world", "/robot", "/robo
 
 
 class Offer(NamedTuple):
-    """How a topic is offered to subscribers."""
+    """Quality of service (QoS) with which a ROS topic is offered to subscribers."""
 
     is_latched: bool = False
     """Whether a subscriber that comes later gets the last messages (`transient local`)."""
@@ -171,7 +171,7 @@ class Offer(NamedTuple):
 
 
 def own_offer(topic: str) -> Offer:
-    """Returns how a topic of the simulation is offered."""
+    """Returns the quality of service (QoS) of a topic that the simulation publishes."""
     return Offer(is_latched=topic in _LATCHED)
 
 
@@ -223,7 +223,7 @@ _TOPIC = """
 
 
 class RecordedTopic(NamedTuple):
-    """A topic of a recording."""
+    """A topic of a recording: name, type, number of messages and quality of service."""
 
     name: str
     """Name, such as `/odom`."""
@@ -242,7 +242,7 @@ class RecordedTopic(NamedTuple):
 
 
 def channel_metadata(topic: str, type_hash: str, offer: Offer | None = None) -> dict[str, str]:
-    """Returns what `rosbag2_storage_mcap` notes of a topic in the file itself.
+    """Returns the metadata that `rosbag2_storage_mcap` stores for a topic in an MCAP file.
 
     `ros2 bag play` offers a topic as it was offered when it was recorded.
 
@@ -261,13 +261,13 @@ _OFFERED = re.compile(r"^  (depth|reliability|durability): (\d+)$", re.MULTILINE
 
 
 def offer_in(noted: Mapping[str, str]) -> Offer:
-    """Reads how a topic was offered from what `channel_metadata` has noted of it."""
+    """Reads a topic's quality of service from the metadata of `channel_metadata`."""
     found = {name: int(number) for name, number in _OFFERED.findall(noted.get("offered_qos_profiles", ""))}
     return Offer(found.get("durability") == 1, found.get("reliability", 1) == 1, found.get("depth", 10))
 
 
 def metadata(path: str, topics: Sequence[RecordedTopic], start_ns: int, end_ns: int) -> str:
-    """Returns the text of `metadata.yaml`.
+    """Returns the text of a recording's `metadata.yaml`, which `ros2 bag` needs.
 
     Args:
         path: Name of the recording, in the same folder.

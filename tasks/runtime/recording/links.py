@@ -24,7 +24,7 @@ _XYZW = (1, 2, 3, 0)
 
 @dataclass(frozen=True)
 class Link:
-    """A body with joints of its own."""
+    """A robot's body that moves by joints of its own, as a ROS link."""
 
     body: int
     parent_frame: str
@@ -38,7 +38,7 @@ class Link:
 
 
 class Links:
-    """The moving parts of one robot."""
+    """The moving parts of one robot, as ROS links."""
 
     def __init__(self, model: mujoco.MjModel, base: int, base_frame: str, without: Iterable[int] = ()) -> None:
         """Looks for bodies that hinges and slides move, outwards from the base.
@@ -73,16 +73,16 @@ class Links:
 
     @property
     def frames(self) -> list[tuple[str, str]]:
-        """Frames of parents and links."""
+        """ROS frames of each parent and its link."""
         return [(link.parent_frame, link.frame) for link in self.links]
 
     @property
     def frame_of(self) -> Mapping[int, str]:
-        """Frames by body."""
+        """ROS frame name of each body, by body number."""
         return {link.body: link.frame for link in self.links}
 
     def poses(self, positions: _Numbers) -> list[_Numbers]:
-        """Returns for each link its pose in its parent's frame: x, y, z, and a quaternion with w last.
+        """Computes each link's pose in its parent's frame: x, y, z, and a quaternion with w last.
 
         Args:
             positions: Of `joints`, a row per time.

@@ -51,7 +51,7 @@ class Rows(NamedTuple):
 
 
 def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
-    """Returns a message as a record of the file; log time and publish time are `TIMES_OFFSET` bytes from its beginning.
+    """Returns a message as an MCAP record.
 
     Args:
         channel_id: From `McapFile.add_channel`.
@@ -64,7 +64,7 @@ def message_record(channel_id: int, time_ns: int, data: bytes) -> bytes:
 def in_order(
     introductions: bytes, rows: Sequence[Rows], messages: Sequence[tuple[int, int, bytes]]
 ) -> tuple[bytes, dict[int, list[int]]]:
-    """Puts messages and rows in the order of their times; at the same time rows come first.
+    """Sorts messages and rows of an MCAP chunk by time; rows come first at equal times.
 
     Args:
         introductions: What the chunk begins with.
@@ -103,19 +103,19 @@ _COMPRESSION_LEVEL = -2
 
 
 class Stream(Protocol):
-    """Stream that the file's bytes are written to."""
+    """Interface of the output stream that an MCAP file is written to."""
 
     def write(self, data: bytes, /) -> object:
-        """Takes all of the bytes."""
+        """Writes all of the bytes."""
         ...
 
     def tell(self) -> int:
-        """Returns how many bytes were written so far."""
+        """Returns how many bytes have been written."""
         ...
 
 
 class McapFile:
-    """An MCAP file that is being written: zstd chunks with checksums, indexes and statistics."""
+    """Writer of an MCAP file (robot recording): zstd chunks with checksums, indexes and statistics."""
 
     def __init__(
         self,
@@ -151,7 +151,7 @@ class McapFile:
         stream.write(_MAGIC + _bytes_of(Header(profile, library)))
 
     def add_channel(self, topic: str, message_type: str, definition: str, metadata: dict[str, str]) -> int:
-        """Adds a topic of CDR messages.
+        """Adds a topic of CDR messages to the file.
 
         Args:
             topic: `/odom`.
@@ -188,7 +188,7 @@ class McapFile:
             self.flush()
 
     def flush(self) -> None:
-        """Writes the messages and the rows so far as a chunk in the order of their times, if there are any.
+        """Writes all pending messages as a chunk, in the order of their times.
 
         Messages of the same time are in the order in which they were added, rows first.
         """
@@ -204,7 +204,7 @@ class McapFile:
             self._counts[channel] = self._counts.get(channel, 0) + len(column) // 2
 
     def state(self) -> dict[str, Any]:
-        """Writes what is pending; returns what `restore` needs to go on after it."""
+        """Writes pending messages, and returns the state to continue from in another process."""
         self.flush()
         return {
             "introductions": bytes(self._introductions),
@@ -216,7 +216,7 @@ class McapFile:
         }
 
     def restore(self, state: Mapping[str, Any], stream: Stream) -> None:
-        """Goes on in a file as it was when `state` was called; what is pending here is dropped.
+        """Continues a file from a state that `state` returned; messages pending here are dropped.
 
         Args:
             state: From `state`.
@@ -231,13 +231,13 @@ class McapFile:
         self._counts, self._chunk_indexes = dict(state["counts"]), list(state["chunk_indexes"])
 
     def contents(self) -> tuple[dict[int, int], int, int]:
-        """Returns what is in the chunks so far: messages by channel, and log times of the first and the last one."""
+        """Returns the number of messages by channel, and the log times of the first and last one."""
         start_ns = min((index.message_start_time for index in self._chunk_indexes), default=0)
         end_ns = max((index.message_end_time for index in self._chunk_indexes), default=0)
         return dict(self._counts), start_ns, end_ns
 
     def finish(self) -> None:
-        """Writes what is pending, and the indexes that end the file; the stream stays open."""
+        """Writes pending messages and the indexes that end the file; the stream stays open."""
         self.flush()
         self._stream.write(_bytes_of(DataEnd(0)))
         start = self._stream.tell()
@@ -307,7 +307,7 @@ def _bytes_of(record: McapRecord) -> bytes:
 
 
 class Unbuffered:
-    """A binary output stream without a buffer of its own, so that a finished chunk leaves the process."""
+    """Binary output stream without a buffer, so that finished chunks survive a killed process."""
 
     def __init__(self, path: Path, keep_bytes: int = 0) -> None:
         """Opens a file, of which the beginning is kept.
@@ -327,7 +327,7 @@ class Unbuffered:
         os.lseek(self._descriptor, keep_bytes, os.SEEK_SET)
 
     def write(self, data: bytes) -> int:
-        """Writes all of it."""
+        """Writes all of the bytes."""
         view = memoryview(data)
         while view:
             written = os.write(self._descriptor, view)
@@ -336,7 +336,7 @@ class Unbuffered:
         return len(data)
 
     def tell(self) -> int:
-        """Returns how many bytes there are."""
+        """Returns how many bytes have been written."""
         return self._position
 
     def close(self) -> None:
@@ -345,10 +345,10 @@ class Unbuffered:
 
 
 class Nowhere:
-    """A stream that discards its bytes."""
+    """Output stream that discards its bytes."""
 
     def write(self, data: bytes) -> int:
-        """Takes it."""
+        """Discards the bytes."""
         return len(data)
 
     def tell(self) -> int:
@@ -356,4 +356,4 @@ class Nowhere:
         return 0
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """Does nothing."""

@@ -12,26 +12,26 @@ _NANOSECONDS = 1_000_000_000
 
 
 class Time(NamedTuple):
-    """`builtin_interfaces/Time`."""
+    """ROS message `builtin_interfaces/Time`."""
 
     sec: int
     nanosec: int
 
     @classmethod
     def from_seconds(cls, time_s: float) -> "Time":
-        """Returns the nearest time with nanoseconds; negative times count back from zero."""
+        """Converts seconds to a ROS time, rounded to nanoseconds; negative times count back from zero."""
         return cls(*divmod(round(time_s * _NANOSECONDS), _NANOSECONDS))
 
 
 class Header(NamedTuple):
-    """`std_msgs/Header`."""
+    """ROS message `std_msgs/Header`."""
 
     stamp: Time
     frame_id: str
 
 
 class Vector3(NamedTuple):
-    """`geometry_msgs/Vector3`, also `geometry_msgs/Point`."""
+    """ROS message `geometry_msgs/Vector3`, also used for `geometry_msgs/Point`."""
 
     x: float = 0.0
     y: float = 0.0
@@ -39,7 +39,7 @@ class Vector3(NamedTuple):
 
 
 class Quaternion(NamedTuple):
-    """`geometry_msgs/Quaternion`. MuJoCo keeps w first; this keeps it last."""
+    """ROS message `geometry_msgs/Quaternion` with w last (MuJoCo has w first)."""
 
     x: float = 0.0
     y: float = 0.0
@@ -48,14 +48,14 @@ class Quaternion(NamedTuple):
 
 
 class Transform(NamedTuple):
-    """`geometry_msgs/Transform`."""
+    """ROS message `geometry_msgs/Transform`."""
 
     translation: Vector3 = Vector3()
     rotation: Quaternion = Quaternion()
 
 
 class TransformStamped(NamedTuple):
-    """`geometry_msgs/TransformStamped`: where the child frame is, seen from the header's frame."""
+    """ROS message `geometry_msgs/TransformStamped`: pose of the child frame in the header's frame."""
 
     header: Header
     child_frame_id: str
@@ -63,21 +63,21 @@ class TransformStamped(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """`geometry_msgs/Pose`."""
+    """ROS message `geometry_msgs/Pose`."""
 
     position: Vector3 = Vector3()
     orientation: Quaternion = Quaternion()
 
 
 class Twist(NamedTuple):
-    """`geometry_msgs/Twist`: metres and radians per second."""
+    """ROS message `geometry_msgs/Twist`, in metres and radians per second."""
 
     linear: Vector3 = Vector3()
     angular: Vector3 = Vector3()
 
 
 class Clock(NamedTuple):
-    """`rosgraph_msgs/Clock`, by custom on the topic `/clock`."""
+    """ROS message `rosgraph_msgs/Clock`, by custom on the topic `/clock`."""
 
     clock: Time
 
@@ -85,7 +85,7 @@ class Clock(NamedTuple):
 
 
 class TFMessage(NamedTuple):
-    """`tf2_msgs/TFMessage`, by custom on `/tf` and `/tf_static`."""
+    """ROS message `tf2_msgs/TFMessage`, by custom on `/tf` and `/tf_static`."""
 
     transforms: Sequence[TransformStamped]
 
@@ -97,7 +97,7 @@ NO_COVARIANCE_3X3 = (0.0,) * 9
 
 
 class Odometry(NamedTuple):
-    """`nav_msgs/Odometry`: pose in the header's frame, twist in the child's; covariances 6 x 6 by rows."""
+    """ROS message `nav_msgs/Odometry`: pose in the header's frame, twist in the child's; covariances 6 x 6 by rows."""
 
     header: Header
     child_frame_id: str
@@ -113,7 +113,7 @@ NO_INTENSITIES: NDArray[np.float32] = np.zeros(0, dtype=np.float32)
 
 
 class LaserScan(NamedTuple):
-    """`sensor_msgs/LaserScan`: ranges in metres, counter-clockwise from `angle_min` in radians."""
+    """ROS message `sensor_msgs/LaserScan`: ranges in metres, counter-clockwise from `angle_min` in radians."""
 
     header: Header
     angle_min: float
@@ -130,7 +130,7 @@ class LaserScan(NamedTuple):
 
 
 class JointState(NamedTuple):
-    """`sensor_msgs/JointState`: radians or metres, their rates, and N m or N; lists may be empty."""
+    """ROS message `sensor_msgs/JointState`: radians or metres, their rates, and N m or N; lists may be empty."""
 
     header: Header
     name: Sequence[str]
@@ -142,7 +142,7 @@ class JointState(NamedTuple):
 
 
 class Imu(NamedTuple):
-    """`sensor_msgs/Imu`: rad/s and m/s²; covariances 3 x 3 by rows, first element -1 for "not measured"."""
+    """ROS message `sensor_msgs/Imu`: rad/s and m/s²; covariances 3 x 3 by rows, first element -1 if not measured."""
 
     header: Header
     orientation: Quaternion
@@ -163,7 +163,7 @@ _NO_BYTES = np.zeros(0, np.uint8)
 
 
 class PoseStamped(NamedTuple):
-    """`geometry_msgs/PoseStamped`, by custom on `/goal_pose`."""
+    """ROS message `geometry_msgs/PoseStamped`, by custom on `/goal_pose`."""
 
     header: Header
     pose: Pose
@@ -172,7 +172,7 @@ class PoseStamped(NamedTuple):
 
 
 class PoseWithCovarianceStamped(NamedTuple):
-    """`geometry_msgs/PoseWithCovarianceStamped`, by custom on `/initialpose`; covariance 6 x 6 by rows."""
+    """ROS message `geometry_msgs/PoseWithCovarianceStamped`, by custom on `/initialpose`."""
 
     header: Header
     pose: Pose
@@ -182,7 +182,7 @@ class PoseWithCovarianceStamped(NamedTuple):
 
 
 class String(NamedTuple):
-    """`std_msgs/String`, by custom on `/robot_description`."""
+    """ROS message `std_msgs/String`, by custom on `/robot_description`."""
 
     data: str
 
@@ -190,7 +190,7 @@ class String(NamedTuple):
 
 
 class Path(NamedTuple):
-    """`nav_msgs/Path`, by custom on `/plan`."""
+    """ROS message `nav_msgs/Path`, by custom on `/plan`."""
 
     header: Header
     poses: Sequence[PoseStamped]
@@ -199,7 +199,7 @@ class Path(NamedTuple):
 
 
 class CompressedImage(NamedTuple):
-    """`sensor_msgs/CompressedImage`: a picture as a file, x to the right, y down, seen along z."""
+    """ROS message `sensor_msgs/CompressedImage`: a JPEG or PNG; x points right, y down, z into the picture."""
 
     header: Header
     format: str
@@ -211,7 +211,7 @@ class CompressedImage(NamedTuple):
 
 
 class CameraInfo(NamedTuple):
-    """`sensor_msgs/CameraInfo` of a camera without distortion, by custom on `camera_info` beside its pictures.
+    """ROS message `sensor_msgs/CameraInfo` of a camera without distortion.
 
     Pixels are counted as ROS and OpenCV do: (0, 0) is the middle of the first one.
     """
@@ -234,7 +234,7 @@ class CameraInfo(NamedTuple):
 
 
 class OccupancyGrid(NamedTuple):
-    """`nav_msgs/OccupancyGrid`, by custom on `/map`: rows from the south, columns from the west."""
+    """ROS message `nav_msgs/OccupancyGrid`, by custom on `/map`: rows from the south, columns from the west."""
 
     header: Header
     resolution: float
@@ -252,7 +252,7 @@ class OccupancyGrid(NamedTuple):
 
 
 class ColorRGBA(NamedTuple):
-    """`std_msgs/ColorRGBA`: 0 to 1."""
+    """ROS message `std_msgs/ColorRGBA`, values from 0 to 1."""
 
     r: float
     g: float
@@ -261,7 +261,7 @@ class ColorRGBA(NamedTuple):
 
 
 class MarkerType(IntEnum):
-    """Shapes of markers (those that are used here)."""
+    """Shapes of ROS markers (`visualization_msgs/Marker`) that are used here."""
 
     ARROW = 0
     CUBE = 1
@@ -271,7 +271,7 @@ class MarkerType(IntEnum):
 
 
 class Marker(NamedTuple):
-    """`visualization_msgs/Marker` without textures, meshes and a colour per point, which are always empty."""
+    """ROS message `visualization_msgs/Marker` without textures, meshes and point colours."""
 
     header: Header
     ns: str
@@ -300,7 +300,7 @@ class Marker(NamedTuple):
 
 
 class MarkerArray(NamedTuple):
-    """`visualization_msgs/MarkerArray`."""
+    """ROS message `visualization_msgs/MarkerArray`."""
 
     markers: Sequence[Marker]
 

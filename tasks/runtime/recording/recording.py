@@ -15,7 +15,7 @@ from .messages import TFMessage, TransformStamped
 
 
 class Frames(NamedTuple):
-    """Names of the frames that the built-in simulation tells of."""
+    """Names of the ROS frames that the built-in simulation publishes."""
 
     map: str = "map"
     odometry: str = "odom"
@@ -31,7 +31,7 @@ DEFAULT_FRAMES = Frames()
 
 
 class Recorder:
-    """Takes ROS 2 messages; this one drops them, as of a run that is not recorded."""
+    """Recorder of ROS 2 messages that drops them, for runs that are not recorded; base of real recorders."""
 
     enabled: bool = False
     """Whether anything is written; producers skip making messages when it is not."""
@@ -41,31 +41,31 @@ class Recorder:
     """Topics that have messages; known when it is closed."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
-        """Record a message of `prefect_robomaker.tasks.runtime.recording.messages` at a simulated time."""
+        """Records a ROS message at a simulated time."""
 
     def add(self, topic: str, kind: type, data: bytes, time_s: float) -> None:
-        """Record a message that is encoded already; see `write`."""
+        """Records an already encoded ROS message; see `write`."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
-        """Record where frames are that do not move, on `/tf_static`, with all that were recorded before."""
+        """Records the poses of frames that do not move, on `/tf_static`."""
 
     def add_series(self, series: Series) -> None:
-        """Record what a series of messages gathers, from now on."""
+        """Records the messages that a series collects, from now on."""
 
     def remove_series(self, series: Series) -> None:
-        """Write what a series has gathered, and forget the series."""
+        """Writes the messages of a series, and stops recording it."""
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Write what has gathered if it is time, or if a series is full."""
+        """Writes collected messages if it is time, or if a series is full."""
 
     def state(self) -> Any:
-        """Write what is pending; return what `restore` needs."""
+        """Writes pending messages, and returns the state for a checkpoint."""
 
     def restore(self, state: Any) -> None:
-        """Continue from where `state` was taken."""
+        """Continues from a checkpoint's state."""
 
     def close(self) -> None:
-        """Finish the file."""
+        """Finishes the recording file."""
 
 
 _CHUNK_BYTES = 768 * 1024
@@ -77,11 +77,11 @@ STATIC_TOPIC = "/tf_static"
 
 
 class RecordingError(OSError):
-    """The recording cannot be written, for example because the disk is full."""
+    """Raised when the recording cannot be written, for example because the disk is full."""
 
 
 class McapRecorder(Recorder):
-    """Writes messages to an MCAP file: profile `ros2`, CDR, zstd chunks.
+    """Recorder that writes ROS 2 messages to an MCAP file.
 
     Memory stays bounded however long the run, and every finished chunk is on its way to the disk at
     once, at the latest after two seconds, so that the file of a killed process can be read up to its
@@ -112,7 +112,7 @@ class McapRecorder(Recorder):
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def write(self, topic: str, message: Message, time_s: float) -> None:
-        """Records a message.
+        """Records a ROS message.
 
         Args:
             topic: ROS topic, `/odom`.
@@ -127,7 +127,7 @@ class McapRecorder(Recorder):
         self.add(topic, type(message), encode(message), time_s)
 
     def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
-        """Records a message that is encoded already; see `write`."""
+        """Records an already encoded ROS message; see `write`."""
         channel = self._channel(topic, kind)
         time_ns = max(0, round(time_s * _NANOSECONDS))
         try:
@@ -137,7 +137,7 @@ class McapRecorder(Recorder):
         self.flush_when_due()
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
-        """Records where frames are that do not move.
+        """Records the poses of frames that do not move.
 
         What is known of all such frames goes into one message on `/tf_static`, as tf2's broadcaster does it: players
         and viewers may keep the last message of a topic only. Nothing is written where nothing is new.
@@ -153,7 +153,7 @@ class McapRecorder(Recorder):
             self.write(STATIC_TOPIC, self._static.message(), time_s)
 
     def add_series(self, series: Series) -> None:
-        """Records what a series of messages gathers, from now on.
+        """Records the messages that a series collects, from now on.
 
         Args:
             series: Asked for what it has whenever a chunk is written.
@@ -165,7 +165,7 @@ class McapRecorder(Recorder):
         self._series.append((series, RowEncoder(columns)))
 
     def remove_series(self, series: Series) -> None:
-        """Writes what a series has gathered and forgets it.
+        """Writes the messages of a series, and stops recording it.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -174,7 +174,7 @@ class McapRecorder(Recorder):
         self._series = [item for item in self._series if item[0] is not series]
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Writes a chunk if the last one is two seconds of wall-clock time ago.
+        """Writes a chunk if the last one was two seconds ago (wall-clock time).
 
         Args:
             full: Something has no more room; the chunk is written in any case.
@@ -189,7 +189,7 @@ class McapRecorder(Recorder):
                 self._file.flush()
 
     def state(self) -> dict[str, Any]:
-        """Writes what is pending; returns what `restore` needs.
+        """Writes pending messages, and returns the state for a checkpoint.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -199,7 +199,7 @@ class McapRecorder(Recorder):
             return {"file": self._file.state(), "kinds": kinds, "static": self._static.known}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Goes on from where `state` was called; what the file has beyond is cut off.
+        """Continues from a checkpoint's state; later content of the file is cut off.
 
         Series that were added since are recorded from now on.
 
@@ -219,7 +219,7 @@ class McapRecorder(Recorder):
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def close(self) -> None:
-        """Writes what is pending, the index and what lies beside; a second call does nothing.
+        """Finishes the file with its index, and writes the files beside it; a second call does nothing.
 
         Raises:
             RecordingError: The file cannot be written.
@@ -287,13 +287,13 @@ class McapRecorder(Recorder):
 
 
 class StaticTransforms:
-    """Frames that do not move, by child frame."""
+    """Poses of ROS frames that do not move, by child frame."""
 
     def __init__(self, known: Mapping[str, TransformStamped] | None = None) -> None:
         self.known = dict(known or {})
 
     def add(self, transforms: Sequence[TransformStamped]) -> bool:
-        """Adds frames; says whether anything is new."""
+        """Adds frames; returns whether any is new or changed."""
         fresh = {item.child_frame_id: item for item in transforms}
         if all(_same_place(self.known.get(child), item) for child, item in fresh.items()):
             return False
@@ -301,7 +301,7 @@ class StaticTransforms:
         return True
 
     def message(self, without: Collection[str] = ()) -> TFMessage:
-        """All of them, but for some child frames."""
+        """Returns a `/tf_static` message with all frames but some."""
         return TFMessage(tuple(item for child, item in self.known.items() if child not in without))
 
 

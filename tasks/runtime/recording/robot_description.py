@@ -29,7 +29,7 @@ def robot_description(
     joints: Mapping[int, str],
     mounts: Iterable[TransformStamped],
 ) -> str:
-    """Describes a robot for `robot_state_publisher`, RViz and other readers of URDF.
+    """Makes a URDF description of a simulated robot, for RViz and `robot_state_publisher`.
 
     Meshes are boxes around them. Bodies that one hinge or slide through their own origin moves are links with joints;
     others that move are fixed where they are now.

@@ -26,7 +26,7 @@ _XYZW = (4, 5, 6, 3)
 
 
 class StateSeries:
-    """Samples joints for a recorder.
+    """Samples a robot's joints, pose and velocity, and turns them into ROS messages for a recorder.
 
     | topic | what |
     | --- | --- |
@@ -90,18 +90,18 @@ class StateSeries:
         """Positions, velocities and forces."""
 
     def twin(self) -> "StateSeries":
-        """Returns a series of the same state, with samples of its own."""
+        """Returns another series of the same robot with its own samples."""
         other = copy(self)
         other._times, other._samples = [], ([], [], [])
         return other
 
     @property
     def data(self) -> mujoco.MjData:
-        """The simulation data whose state is sampled."""
+        """MuJoCo data whose state is sampled."""
         return self._data
 
     def sample(self, recorder: Recorder) -> None:
-        """Notes the state as it is now.
+        """Samples the current state.
 
         Args:
             recorder: Who was given the series; it writes what there is when no more fits.
@@ -118,7 +118,7 @@ class StateSeries:
         recorder.flush_when_due(full=len(times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[Numbers]]]:
-        """Returns what was sampled since the last time: times, and for each topic its numbers, a row per time."""
+        """Returns the samples since the last call: times, and for each topic its numbers, a row for each time."""
         times, self._times = self._times, []
         samples, self._samples = self._samples, ([], [], [])
         # A signal may have interrupted the last sample.
@@ -145,7 +145,7 @@ class StateSeries:
 
 
 def hinges_and_slides(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Returns the ids of the joints that joint states can tell of: those with one number each."""
+    """Returns the ids of the hinge and slide joints, which ROS joint states can contain."""
     return np.flatnonzero(np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)))
 
 
@@ -200,7 +200,7 @@ _MAX_ROW_BYTES = 256 * 1024
 
 
 class RowSeries:
-    """Gathers a sensor's measurements for a recorder; messages are made when a chunk is written."""
+    """Collects a sensor's measurements, which become ROS messages when a chunk is written."""
 
     def __init__(self, topic: str, columns: Columns) -> None:
         """Prepares a series; `Recorder.add_series` takes it.
@@ -218,7 +218,7 @@ class RowSeries:
         self._rows: list[bytes] = []
 
     def add(self, recorder: Recorder, time_s: float, numbers: AnyNumbers) -> None:
-        """Notes a measurement.
+        """Adds a measurement.
 
         Args:
             recorder: Who was given the series; it writes what there is when no more fits.
@@ -237,7 +237,7 @@ class RowSeries:
         recorder.flush_when_due(full=len(self._times) >= self._capacity)
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns what was noted since the last time: times, and the numbers, a row per time."""
+        """Returns the measurements since the last call: times, and the numbers, a row for each time."""
         times, self._times = self._times, []
         rows, self._rows = self._rows, []
         found = np.frombuffer(b"".join(rows[: len(times)]), self._dtype).reshape(len(times), sum(self._widths))

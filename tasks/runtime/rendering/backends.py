@@ -28,7 +28,7 @@ assert picture[24, 32, 0] > picture[24, 32, 2], "it draws the wrong colours"
 
 @dataclass(frozen=True)
 class VideoBackend:
-    """One way of rendering videos."""
+    """A way of rendering videos (EGL, OSMesa or ray casting), and whether it works on this machine."""
 
     name: str
     """`egl`, `osmesa` or `rays`."""
@@ -44,7 +44,7 @@ class VideoBackend:
 
 
 def available_video_backends() -> list[VideoBackend]:
-    """Tries every way of rendering, best first; takes a second or two the first time.
+    """Tries every way of rendering videos, best first; takes a second or two the first time.
 
     Returns:
         EGL (hardware, or Mesa's software), OSMesa, and casting rays, which always works but shows flat
@@ -54,7 +54,7 @@ def available_video_backends() -> list[VideoBackend]:
 
 
 def best_video_backend() -> str:
-    """Returns the name of the best way that works."""
+    """Returns the name of the best way of rendering that works on this machine."""
     return next(name for name in _PACKAGES if name == "rays" or _probe(name).works)
 
 

@@ -20,7 +20,7 @@ _SUN, _LAMP, _SKY = "sun", "lamp_", "sky"
 
 
 class Relighting:
-    """Lights scenes of one model as an appearance says; what the world has not, such as lamps, is left out."""
+    """Changes the lights of rendered scenes to a chosen appearance (day, night, ...)."""
 
     def __init__(self, model: mujoco.MjModel, appearance: Appearance) -> None:
         """Finds what shines."""
@@ -38,7 +38,7 @@ class Relighting:
         }
 
     def light(self, scene: mujoco.MjvScene) -> None:
-        """Lights a scene that was just made."""
+        """Sets the lights of a new scene."""
         for light in scene.lights[: scene.nlight]:
             if light.headlight:
                 light.ambient[:], light.diffuse[:] = self._appearance.ambient, self._appearance.headlight
@@ -51,7 +51,7 @@ class Relighting:
 
     @contextmanager
     def sky(self, model: mujoco.MjModel) -> Iterator[None]:
-        """Gives a model the sky of the appearance, for as long as a renderer is made; it has its own afterwards."""
+        """Replaces a model's sky inside the `with` block, while a renderer is created."""
         found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_TEXTURE.value, _SKY)
         if self._appearance.sky is None or found < 0:
             yield
@@ -77,7 +77,7 @@ DISABLED = "disable"
 
 
 def follow_environment() -> None:
-    """Makes MuJoCo and dm_control use what `MUJOCO_GL` asks for now; nothing to do without OpenGL.
+    """Makes MuJoCo and dm_control use the OpenGL backend that `MUJOCO_GL` names now.
 
     Raises:
         Exception: The OpenGL asked for is not there; the kind depends on what is missing.
@@ -89,7 +89,7 @@ def follow_environment() -> None:
 
 
 def make_context(width: int, height: int, backend: str | None = None) -> Any:
-    """Makes an OpenGL context without touching what MuJoCo and dm_control have chosen.
+    """Creates an OpenGL context, independent of MuJoCo's and dm_control's choice.
 
     Args:
         width: Pixels at most.
@@ -122,10 +122,10 @@ _THROUGH_ROOFS = 0.35
 
 
 class Camera(Protocol):
-    """Takes pictures of one model."""
+    """Interface of a renderer that takes pictures of a simulation model."""
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
-        """Returns what `view` sees of the state in `data`.
+        """Renders what a view sees of a simulation state.
 
         Args:
             data: The state.
@@ -135,12 +135,12 @@ class Camera(Protocol):
         ...
 
     def close(self) -> None:
-        """Frees the driver's memory."""
+        """Frees the renderer's memory."""
         ...
 
 
 class GlCamera:
-    """Renders with MuJoCo's classic renderer and OpenGL; used and closed by the thread that made it."""
+    """Renderer with MuJoCo's classic OpenGL renderer; used and closed by the thread that made it."""
 
     def __init__(
         self,

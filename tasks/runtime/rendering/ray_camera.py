@@ -36,7 +36,7 @@ class _Window(NamedTuple):
 
 
 class RayCamera:
-    """Casts a ray per pixel: flat colours, one light, no textures; needs no driver at all."""
+    """Renderer that casts a ray for each pixel: flat colours, no textures; needs no graphics driver."""
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         """Prepares colours.
@@ -142,7 +142,7 @@ class _Buffers:
         self._in_grid[self.grid] = True
 
     def directions(self, window: _Window) -> _Vectors:
-        """Unit vectors through the pixels as (forward, up, right), row by row from the top."""
+        """Returns unit vectors through the pixels as (forward, up, right), row by row from the top."""
         if window != self._window:
             height, width = self._shape
             rays = np.ones((height, width, 3))
@@ -154,7 +154,7 @@ class _Buffers:
         return self._directions
 
     def between(self) -> _Pixels:
-        """Fills the grid's cells whose corners see one flat surface; returns the other pixels between the grid's."""
+        """Fills grid cells whose corners see one flat surface; returns the pixels that remain to be cast."""
         geoms = self.geoms[self.grid].reshape(self._grid_shape)
         normals = self.normals[self.grid].reshape(*self._grid_shape, 3)
         first, first_normal = geoms[:-1, :-1], normals[:-1, :-1]
@@ -181,7 +181,7 @@ def _grid_lines(length: int) -> _Pixels:
 
 
 def geom_colours(model: mujoco.MjModel, geoms: NDArray[np.intp] | None = None) -> NDArray[np.float64]:
-    """Returns a colour per geom: the mean of its texture where it has one, otherwise its own or its material's.
+    """Returns a colour for each geom: the mean of its texture, or its own or its material's colour.
 
     Args:
         model: The model.

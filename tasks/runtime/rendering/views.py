@@ -35,13 +35,13 @@ _Vector = NDArray[np.float64]
 
 
 class CameraNameError(ValueError):
-    """A camera was asked for that the model does not have; the message says by what, and which there are."""
+    """Raised for a camera name that the model does not have; the message lists the names it has."""
 
 
 def choose_views(
     model: mujoco.MjModel, name: str | None, said_by: str = "the environment's video_camera", aspect: float = 4 / 3
 ) -> tuple[View, View | None]:
-    """Returns the main view, and the one shown small in a corner for `both`.
+    """Returns the main camera view of a video, and for `both` the inset view.
 
     Args:
         model: The model.
@@ -60,7 +60,7 @@ def choose_views(
 def choose_view(
     model: mujoco.MjModel, name: str | None, said_by: str = "the environment's video_camera", aspect: float = 4 / 3
 ) -> View:
-    """Returns one view.
+    """Returns the camera view of a name.
 
     A camera of the model goes first, so a robot may bring its own `follow` and a world its own `top`. Where a robot's
     `follow` is fixed to it, the view keeps that camera's distance, side and slope, but not its tilt. Cameras of
@@ -98,7 +98,7 @@ def choose_view(
 
 
 class FollowView:
-    """Stands behind a robot and above it, turns with it slowly, and keeps the horizon level when it tips over.
+    """Camera view from behind and above a robot, which follows it with a level horizon.
 
     Where something fixed is in between it rises to look over it, and comes closer where that does not help.
     """
@@ -184,7 +184,7 @@ class FollowView:
 
 
 class TopView:
-    """Looks straight down on everything that is fixed, or on the robot where nothing is."""
+    """Camera view straight down on the whole world, or on the robot where nothing is fixed."""
 
     def __init__(self, model: mujoco.MjModel, aspect: float) -> None:
         """Prepares the view; where things are is read from the first state.
@@ -225,7 +225,7 @@ class TopView:
 
 
 def fixed_extent(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[_Vector, _Vector] | None:
-    """Returns the lowest and highest corner of what is fixed and shown; None when that is at most a floor."""
+    """Returns the corners of the visible fixed geometry's bounding box; `None` if there is only a floor."""
     solid = model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE.value
     fixed = model.body_weldid[model.geom_bodyid] == 0
     shown = SHOWN_GROUPS[np.clip(model.geom_group, 0, 5)].astype(bool) & (model.geom_rgba[:, 3] > 0)
@@ -286,14 +286,14 @@ _ROOFS = ("ceiling_", "lamp_")
 
 
 def roofs(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """Numbers of the geoms that worlds show from below only: trays that are open at the top."""
+    """Returns the geoms that are ceilings, which worlds show from below only."""
     meshes = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_MESH.value)
     return np.array([geom for geom in meshes if model.geom(int(geom)).name.startswith(_ROOFS)], np.intp)
 
 
 @contextmanager
 def hidden(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Iterator[None]:
-    """Hides geoms for as long as a picture is made of the rest; their `geom_group` is as before afterwards."""
+    """Hides geoms inside the `with` block, while a picture is rendered."""
     groups = model.geom_group[geoms]
     with MODEL_BORROWED:
         model.geom_group[geoms] = _HIDDEN_GROUP
@@ -305,7 +305,7 @@ def hidden(model: mujoco.MjModel, geoms: NDArray[np.intp]) -> Iterator[None]:
 
 @contextmanager
 def without_unseen(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.MjvScene, aspect: float) -> Iterator[None]:
-    """Hides geoms that lie outside of a camera's view, for as long as a scene is made of the rest.
+    """Hides geoms outside a camera's view inside the `with` block, to render faster.
 
     Args:
         model: Its `geom_group` is as before afterwards.
@@ -319,7 +319,7 @@ def without_unseen(model: mujoco.MjModel, data: mujoco.MjData, scene: mujoco.Mjv
 
 
 def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: float) -> NDArray[np.intp]:
-    """Returns the numbers of spheres of which nothing is in the view frustum of a scene's camera.
+    """Returns the numbers of the spheres that are completely outside a camera's view.
 
     Args:
         middles: Of the spheres, metres, shape (n, 3).
@@ -351,13 +351,13 @@ def outside(middles: _Vector, radii_m: _Vector, scene: mujoco.MjvScene, aspect: 
 
 
 def awake(model: mujoco.MjModel) -> mujoco.MjModel:
-    """Switches sleep off in a model, and returns it: sleeping bodies would not follow their `qpos`."""
+    """Switches off sleeping bodies in a model, because their poses would not follow `qpos`; returns it."""
     model.opt.enableflags &= ~mujoco.mjtEnableBit.mjENBL_SLEEP.value
     return model
 
 
 def work_out_places(model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Updates all poses from `qpos`, without collisions and forces."""
+    """Updates all poses from `qpos`, without computing collisions and forces."""
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)

@@ -24,7 +24,7 @@ _FACTS = {"python": "Python", "system": "the system", "libc": "the C library"}
 
 @dataclass(frozen=True)
 class RunOutputs:
-    """Stored outputs of a run, as far as they exist."""
+    """Output files of a run, parsed: provenance, state hashes, result, as far as they exist."""
 
     provenance: Provenance
     timeline: StateTimeline | None
@@ -38,7 +38,7 @@ class RunOutputs:
 
 
 def read_outputs(folder: Path) -> RunOutputs:
-    """Reads a run's outputs.
+    """Reads a run's output files.
 
     Raises:
         FileNotFoundError: There is no `provenance.json`.
@@ -55,7 +55,7 @@ def read_outputs(folder: Path) -> RunOutputs:
 
 
 def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[str]:
-    """Returns why a rerun may have other states, by the names of the causes; empty when it has to be identical.
+    """Lists reasons for which a rerun may have other states; empty if it must be identical.
 
     Recorded actions repeat a robot program, with all that its tools contributed.
 
@@ -76,7 +76,7 @@ def why_not_repeatable(run: RunOutputs, *, run_program: bool = False) -> list[st
 
 
 def without_robot(plan: RunPlan) -> RunPlan:
-    """Returns a plan that needs no robot application: its recorded actions take its place."""
+    """Returns a plan in which recorded actions replace the robot application."""
     robot, nothing = plan.robot_application, {"path": None, "package": None}
     return plan.model_copy(
         update={
@@ -87,7 +87,7 @@ def without_robot(plan: RunPlan) -> RunPlan:
 
 
 def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
-    """Returns differences of two machines that can change the last bit of a number; a processor's name alone cannot."""
+    """Lists differences of two machines that can change the last bit of a number."""
     reasons = [
         f"{words} is {getattr(one, name)} there and {getattr(other, name)} here"
         for name, words in _FACTS.items()
@@ -105,7 +105,7 @@ def why_not_comparable(one: MachineFacts, other: MachineFacts) -> list[str]:
 
 
 def why_other_inputs(one: Provenance, other: Provenance) -> list[str]:
-    """Returns inputs of a rerun that differ from the run's: another world, other applications, another seed."""
+    """Lists inputs of a rerun that differ from the run's: world, applications, seed."""
     there = {each.role: each.sha256 for each in one.applications}
     reasons = [
         f"the {each.role} application {each.name} is not what it was"
@@ -131,7 +131,7 @@ def _images(plan: RunPlan) -> dict[str, str]:
 
 
 def rerun_plan(plan: RunPlan, of: RunOutputs, folder: Path, video: VideoPolicy = "none") -> RunPlan:
-    """Makes the plan of a rerun: the same run in folders of its own, ended where the first was stopped.
+    """Makes the plan of a rerun: the same run in other folders, ended where the first was stopped.
 
     Args:
         plan: The run, with the folders of this machine.
@@ -204,14 +204,14 @@ def _about_robot(run: RunOutputs) -> str:
 
 @dataclass(frozen=True)
 class JointNames:
-    """Names of the joints that the numbers of a state belong to."""
+    """Names of the joints that the numbers of a state vector belong to."""
 
     joints: Sequence[JointPlace]
     positions: int
     """How many positions there are; velocities follow."""
 
     def of(self, index: int) -> tuple[str, Literal["qpos", "qvel"]]:
-        """Joint and kind of the number at an index into positions and velocities."""
+        """Returns the joint of the number at an index of the state, and whether it is a position or velocity."""
         quantity: Literal["qpos", "qvel"] = "qpos" if index < self.positions else "qvel"
         place = index if quantity == "qpos" else index - self.positions
         owners = [joint for joint in self.joints if getattr(joint, quantity) <= place]
@@ -219,7 +219,7 @@ class JointNames:
 
 
 def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
-    """Finds where two runs part.
+    """Finds the first difference between the states of two runs.
 
     Args:
         one: The run; one that was killed is compared as far as it got.
@@ -242,7 +242,7 @@ def first_difference(one: RunOutputs, other: RunOutputs) -> Divergence | None:
 def compare_timelines(
     one: StateTimeline, other: StateTimeline, names: JointNames, *, whole: bool = True
 ) -> Divergence | None:
-    """Finds where two runs of one model part.
+    """Finds the first difference between the state histories of two runs of one model.
 
     Args:
         one: States of the run.
@@ -317,7 +317,7 @@ def _difference(
 
 
 def result_difference(first: RunResult | None, again: RunResult | None) -> str | None:
-    """Says how the results of two runs with the same states differ: by verdict, by a requirement; None: not at all.
+    """Describes how the results of two runs with equal states differ; `None` if they do not.
 
     The same states have the same results, unless a file was changed afterwards or something is judged that is no state.
 

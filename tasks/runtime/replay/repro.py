@@ -56,7 +56,7 @@ def test_its_states_are_the_same(rerun: Rerun) -> None:
 
 @dataclass(frozen=True)
 class Rerun:
-    """A rerun and its outcome."""
+    """A rerun of a recorded run, with its outputs and failure code."""
 
     outcome: RunOutcome
     outputs: RunOutputs
@@ -65,18 +65,18 @@ class Rerun:
 
     @property
     def ending(self) -> dict[str, Any]:
-        """Its outcome, for people to compare; see `ending_of`."""
+        """Outcome of the rerun for comparison: verdict and missed requirements, or failure code; see `ending_of`."""
         return ending_of(self.outputs, self.outcome.failure_code)
 
     @property
     def state_digest(self) -> str | None:
-        """Digest of its states; None without physics."""
+        """Hash of the rerun's simulation states; `None` without physics."""
         digest = self.outputs.provenance.digest
         return digest.value if digest else None
 
 
 class Reproduction:
-    """A folder that `write_reproduction` has written."""
+    """A folder with everything to repeat a run, which `write_reproduction` has written."""
 
     def __init__(self, folder: Path) -> None:
         """Opens the folder.
@@ -93,19 +93,19 @@ class Reproduction:
 
     @cached_property
     def first(self) -> RunOutputs:
-        """Outputs of the run itself."""
+        """Outputs of the original run."""
         return read_outputs(self.folder / FIRST_OUTPUTS)
 
     def why_not_comparable(self, rerun: Rerun) -> list[str]:
-        """Why a rerun on this machine may have other states than the run; empty when it has to have the same."""
+        """Lists reasons for which a rerun on this machine may have other states than the run."""
         return why_not_comparable(self.first.provenance.machine, machine_facts()) + self.other_inputs(rerun)
 
     def other_inputs(self, rerun: Rerun) -> list[str]:
-        """Inputs of a rerun that differ from the run's, such as an application that has changed since."""
+        """Lists inputs of a rerun that differ from the run's, such as a changed application."""
         return why_other_inputs(self.first.provenance, rerun.outputs.provenance)
 
     def rerun(self, folder: Path, video: VideoPolicy = "none", launcher: Launcher | None = None) -> Rerun:
-        """Runs it again, in processes of its own.
+        """Runs the reproduced run again, in separate processes.
 
         Args:
             folder: Where it works and writes; what was there of an earlier rerun is removed.
@@ -128,7 +128,7 @@ class Reproduction:
 
 
 def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """Outcome of a run: its verdict and the requirements it missed, or its failure code."""
+    """Returns the outcome of a run for comparison: verdict and missed requirements, or failure code."""
     if outputs.result is None:
         return {"failure_code": failure_code}
     missed = [each.name for each in outputs.result.requirements if not each.satisfied]
@@ -136,7 +136,7 @@ def ending_of(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
 
 
 def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any]:
-    """Returns the expected outcome of an identical rerun.
+    """Returns the outcome that an identical rerun must have.
 
     A run that was cancelled has no verdict; its rerun ends by itself at that time, and has one.
     """
@@ -147,12 +147,12 @@ def rerun_ending(outputs: RunOutputs, failure_code: str | None) -> dict[str, Any
 
 
 def is_expected(ending: Mapping[str, Any], expected: Mapping[str, Any]) -> bool:
-    """Whether the outcome of a rerun is all that `rerun_ending` says."""
+    """Whether a rerun's outcome is the expected one."""
     return all(ending.get(name) == value for name, value in expected.items())
 
 
 def in_words(ending: dict[str, Any]) -> str:
-    """Returns the outcome of a run as a clause."""
+    """Describes the outcome of a run as a clause."""
     if "failure_code" in ending:
         return f"failed with {ending['failure_code']}"
     if "verdict" not in ending:

@@ -19,7 +19,7 @@ from .views import Sight, View, ordered, paths_in, python_paths, system_sights
 
 
 def fork_beside(become: Callable[[], NoReturn]) -> int:
-    """Forks a process in a session of its own, which dies with this process.
+    """Forks a process in its own session, which dies with this process.
 
     Args:
         become: What it does; it must not return.
@@ -51,7 +51,7 @@ _TEMPORARY_BYTES = 1 << 30
 
 
 class Furnishing:
-    """The root of a box while it is made, by its process 1.
+    """Builds the root file system of a sandbox, inside its first process.
 
     The new root lies on a folder that is hidden by it meanwhile, in the box's own mount namespace only.
 
@@ -82,7 +82,7 @@ class Furnishing:
             self._show(sight)
 
     def finish(self, sights: Sequence[Sight], network: BoxNetwork, services: Sequence[int] = ()) -> list[socket.socket]:
-        """Adds what a run sees, makes it all there is, and gives up the right to change it.
+        """Adds the files a run may see, makes them the root, and gives up the right to change it.
 
         Args:
             sights: files and folders of the run.
@@ -184,11 +184,11 @@ _MOST_SERVICES = 16
 
 
 class BoxError(OSError):
-    """A box cannot be made here, or not like this; says why."""
+    """Raised when a sandbox cannot be created on this machine; says why."""
 
 
 class Box:
-    """One box, seen from the supervisor of its run, which has to adopt orphans.
+    """Sandbox of a run's processes (Linux namespaces), as its supervisor controls it.
 
     Raises:
         BoxError: This machine or this user may not have one.
@@ -207,7 +207,7 @@ class Box:
                 raise
 
     def furnish(self, sights: Sequence[Sight], network: BoxNetwork, services: Sequence[int] = ()) -> None:
-        """Adds what a run sees, and closes the box: nothing else can be reached from now on.
+        """Adds the files and network that the run may access, and closes the sandbox.
 
         Args:
             sights: files and folders of the run.
@@ -232,7 +232,7 @@ class Box:
         self.doors = [(socket.socket(fileno=number), port) for number, port in zip(found, services, strict=True)]
 
     def fork(self, become: Callable[[], NoReturn]) -> int:
-        """Forks a process that is in the box and dies with this process.
+        """Forks a process into the sandbox, which dies with this process.
 
         Args:
             become: What it does; it must not return.
@@ -246,7 +246,7 @@ class Box:
         return _orphan(lambda: kernel.enter_namespaces(self.keeper, self._kinds), become)
 
     def join_network(self) -> None:
-        """Moves this process into the network of the box, and with it into its user namespace."""
+        """Moves this process into the sandbox's network and user namespace."""
         if self._network != "full":
             kernel.enter_namespaces(self.keeper, kernel.NEW_USER | kernel.NEW_NETWORK)
 
@@ -255,11 +255,11 @@ class Box:
         return _ALL | (kernel.NEW_NETWORK if self._network != "full" else 0)
 
     def close_in_child(self) -> None:
-        """Lets go of the keeper in a fork that has nothing to tell it."""
+        """Closes the connection to the sandbox's first process, in a fork that does not need it."""
         self._control.close()
 
     def close(self) -> None:
-        """Ends all processes of the box; waits for none but its keeper."""
+        """Ends all processes in the sandbox."""
         self._control.close()
         for door, _ in self.doors:
             door.close()
@@ -270,7 +270,7 @@ class Box:
 
 
 def enter_network_of_keeper(network: BoxNetwork) -> None:
-    """Moves a process of the box, which was forked before its network was made, into that."""
+    """Moves a process that was forked early into the network of its sandbox."""
     if network != "full":
         kernel.enter_namespaces(1, kernel.NEW_NETWORK)
 

@@ -31,7 +31,7 @@ class _Mark(Model):
 
 
 def mark_run(folder: Path, job: str) -> None:
-    """Notes that this process supervises a run.
+    """Records that this process supervises a run, so that its callers can be identified.
 
     Args:
         folder: the run's own.
@@ -48,7 +48,7 @@ def mark_run(folder: Path, job: str) -> None:
 
 
 def marked_runs(home: Path) -> Mapping[int, str]:
-    """The supervisors that live, by process, with the ARNs of their jobs.
+    """Returns the living supervisor processes, each with the ARN of its job.
 
     Args:
         home: the data home of the job workers.
@@ -65,7 +65,7 @@ def marked_runs(home: Path) -> Mapping[int, str]:
 
 
 def ancestors(pid: int) -> list[int] | None:
-    """A process and those that it descends from, up to the first; `None` if one of them has ended meanwhile."""
+    """Returns a process and all its ancestors; `None` if one of them has ended meanwhile."""
     found = [pid]
     while len(found) < _MOST_ANCESTORS:
         process = process_state(found[-1])
@@ -95,7 +95,7 @@ _KNOWN_S = 60.0
 
 
 class ConnectionEnd(NamedTuple):
-    """The other end of a connection."""
+    """The process end of a TCP connection: its user and socket."""
 
     user: int
     inode: int
@@ -103,7 +103,7 @@ class ConnectionEnd(NamedTuple):
 
 @dataclass(frozen=True)
 class Caller:
-    """The process at the other end of a connection."""
+    """The process at the other end of a local connection, and the job it belongs to."""
 
     job: str | None = None
     """ARN of the job whose process it is; `None`: no job's."""
@@ -113,7 +113,7 @@ class Caller:
 
 
 class Callers:
-    """Finds out who calls; what was found of a connection is remembered as long as it is there.
+    """Finds which process, and so which job, has opened a local TCP connection.
 
     Args:
         home: the data home of the job workers of this machine.
@@ -127,7 +127,7 @@ class Callers:
         self._can_tell = os.path.exists("/proc/self/ns/pid")  # else there are no boxes either
 
     def who(self, peer: Address, server: Address) -> Caller:
-        """Finds the process that has the other end of a connection.
+        """Finds the process that has opened a connection.
 
         Args:
             peer: its address there.
@@ -163,7 +163,7 @@ class Callers:
 
 
 def end_of_connection(peer: Address, server: Address) -> ConnectionEnd | None:
-    """Asks the kernel for the other end of a connection on this machine; `None` if there is none any more."""
+    """Asks the kernel for the other end of a local connection; `None` if it has ended."""
     try:
         return _asked(peer, server)
     except OSError:  # such questions are refused here
@@ -258,7 +258,7 @@ def _is_contained(pid: str, user: int) -> bool:
 
 
 def as_address(given: object) -> Address | None:
-    """An address as a server has it, without what is of IPv6 only; `None`: it is none of TCP."""
+    """Normalises a TCP address (IPv6-mapped IPv4, scope); `None` if it is not one."""
     if not isinstance(given, tuple) or len(given) < 2:
         return None
     host, port = given[0], given[1]

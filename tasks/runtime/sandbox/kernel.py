@@ -35,12 +35,12 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
 def unshare(kinds: int) -> None:
-    """Gives this process namespaces of its own."""
+    """Creates new namespaces for this process (`unshare`)."""
     _check(_LIBC.unshare(kinds), "unshare")
 
 
 def enter_namespaces(pid: int, kinds: int) -> None:
-    """Moves this process into namespaces of another one; those of processes only count for its children."""
+    """Moves this process into another process's namespaces; process namespaces only affect its children."""
     descriptor = os.pidfd_open(pid)
     try:
         _check(_LIBC.setns(descriptor, kinds), "setns")
@@ -49,7 +49,7 @@ def enter_namespaces(pid: int, kinds: int) -> None:
 
 
 def keep_identity(user: int, group: int) -> None:
-    """Lets a new user namespace know this user and group, by their own numbers."""
+    """Maps this user and group to themselves in a new user namespace."""
     Path("/proc/self/setgroups").write_text("deny")
     Path("/proc/self/uid_map").write_text(f"{user} {user} 1")
     Path("/proc/self/gid_map").write_text(f"{group} {group} 1")
@@ -61,17 +61,17 @@ def mount_new(kind: str, target: str, attributes: int, options: str = "") -> Non
 
 
 def bind(source: str, target: str) -> None:
-    """Shows a file or folder, and what is mounted below it, in another place too."""
+    """Bind-mounts a file or folder, with mounts below it, at another path."""
     _mount(source, target, None, _MS_BIND | _MS_REC, "")
 
 
 def keep_mounts_inside() -> None:
-    """Keeps mounts of this namespace from others; theirs still come in, where the machine passes them on."""
+    """Keeps mounts of this namespace invisible to others."""
     _mount("none", "/", None, _MS_REC | _MS_SLAVE, "")
 
 
 def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
-    """Adds attributes to a mount, and to all below it."""
+    """Adds restrictions (such as read-only) to a mount, and to all mounts below it."""
     values = struct.pack("QQQQ", attributes, 0, 0, 0)
     flags = _AT_RECURSIVE if below else 0
     done = _LIBC.syscall(_MOUNT_SETATTR, _AT_FDCWD, os.fsencode(target), flags, values, ctypes.c_size_t(len(values)))
@@ -79,7 +79,7 @@ def restrict_mount(target: str, attributes: int, *, below: bool = True) -> None:
 
 
 def change_root(folder: str) -> None:
-    """Makes a mounted folder the root of this mount namespace; nothing else stays reachable."""
+    """Makes a mounted folder the root of this mount namespace."""
     os.chdir(folder)
     _check(_LIBC.syscall(_number(_PIVOT_ROOT), b".", b"."), "pivot_root")
     _check(_LIBC.umount2(b".", _MNT_DETACH), "umount")
@@ -87,7 +87,7 @@ def change_root(folder: str) -> None:
 
 
 def raise_loopback() -> None:
-    """Starts `lo` of a new network namespace."""
+    """Activates the loopback interface of a new network namespace."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as any_socket:
         request = struct.pack("16sh22x", b"lo", 0)
         (flags,) = struct.unpack_from("h", fcntl.ioctl(any_socket, _SIOCGIFFLAGS, request), 16)
@@ -95,7 +95,7 @@ def raise_loopback() -> None:
 
 
 def forgo_privileges() -> None:
-    """Gives up all capabilities, for good: no program that is executed later gets any."""
+    """Gives up all capabilities for good, also for programs that are executed later."""
     _check(_LIBC.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0), "PR_SET_NO_NEW_PRIVS")
     _LIBC.prctl(_PR_CAP_AMBIENT, _PR_CAP_AMBIENT_CLEAR_ALL, 0, 0, 0)
     for capability in range(_MOST_CAPABILITIES):
@@ -106,12 +106,12 @@ def forgo_privileges() -> None:
 
 
 def stay_visible() -> None:
-    """Lets the same user look into this process, which changing its rights has ended: its supervisor measures it."""
+    """Allows the same user to inspect this process again, so that its supervisor can measure it."""
     _check(_LIBC.prctl(_PR_SET_DUMPABLE, 1, 0, 0, 0), "PR_SET_DUMPABLE")
 
 
 def leave_keyrings() -> None:
-    """Gives this process a session keyring of its own, where the kernel has keyrings."""
+    """Gives this process its own session keyring, where the kernel has keyrings."""
     _LIBC.syscall(_number(_KEYCTL), _KEYCTL_JOIN_SESSION_KEYRING, None)
 
 
@@ -147,19 +147,19 @@ _SCOPES = 3
 
 @dataclass(frozen=True)
 class Rules:
-    """Access to a file, or to all files in a folder."""
+    """Landlock rule (kernel sandbox): access to a file, or to all files in a folder."""
 
     path: str
     writable: bool
 
 
 def landlock_version() -> int:
-    """Version of the kernel's Landlock interface; 0: it has none."""
+    """Returns the version of the kernel's Landlock interface; 0 if it has none."""
     return max(0, _LIBC.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION_FLAG))
 
 
 def restrict(rules: Sequence[Rules]) -> None:
-    """Confines this process and all that it starts to some files; it must have `no_new_privs`.
+    """Confines this process and its children to some files with Landlock; needs `no_new_privs`.
 
     Args:
         rules: what it still reaches; what is not there is left out.
@@ -250,7 +250,7 @@ _MACHINES = {
 
 
 def filter_system_calls() -> bool:
-    """Refuses the calls to this process and all that it starts; it must have `no_new_privs`.
+    """Blocks dangerous system calls for this process and its children (seccomp); needs `no_new_privs`.
 
     Returns:
         Whether it did: not on other machines than 64-bit x86 and ARM, nor where the kernel has no filters.
@@ -273,7 +273,7 @@ def filter_system_calls() -> bool:
 
 
 def rules_for(machines: Sequence[_Machine]) -> Iterator[bytes]:
-    """The filter as instructions of the kernel: for each kind of programs what it is refused, for others everything."""
+    """Yields the seccomp filter's kernel instructions for each machine type."""
     yield _instruction(_LOAD, _MACHINE_AT)
     for machine in machines:
         rules = list(_rules_of(machine))
@@ -314,7 +314,7 @@ def _instruction(code: int, value: int, *, then: int = 0, otherwise: int = 0) ->
 
 
 def give_up_rights(level: BoxLevel, rules: Sequence[Rules] = ()) -> None:
-    """Confines this process and all that it starts, for good.
+    """Confines this process and its children for good, at a given sandbox level.
 
     Args:
         level: `box`: it is in one already, and gives up what it could do to it; `landlock`: it gets rules; `none`.

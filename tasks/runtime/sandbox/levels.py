@@ -12,7 +12,7 @@ from .views import Sight, system_sights
 
 
 class Confinement(NamedTuple):
-    """The strongest level there is."""
+    """The strongest sandbox level that this machine supports, and why not a stronger one."""
 
     level: BoxLevel
     why_not_more: str = ""
@@ -20,7 +20,7 @@ class Confinement(NamedTuple):
 
 
 def strongest_level() -> Confinement:
-    """Tries the levels, the strongest first; this process has one thread, and adopts orphans from now on."""
+    """Tries the sandbox levels, strongest first, and returns the first that works."""
     adopt_orphans()
     system_sights()  # looked for once, and known to all that is forked from this process
     try:

@@ -34,7 +34,7 @@ View = Literal["read", "write", "hide"]
 
 @dataclass(frozen=True)
 class Sight:
-    """One file or folder, and what a run may do with it."""
+    """A file or folder that a sandboxed run may see, and whether it may write to it."""
 
     path: str
     view: View
@@ -42,7 +42,7 @@ class Sight:
 
 @cache
 def system_sights() -> tuple[Sight, ...]:
-    """Returns the sights of every run: programs and libraries of the system, without files that only root may read."""
+    """Lists the system files that every sandboxed run may see: programs and libraries."""
     shown = [Sight(path, "read") for path in _SYSTEM if os.path.lexists(path)]
     if os.path.islink("/etc/resolv.conf"):  # often into /run, which runs do not see
         shown.append(Sight(os.path.realpath("/etc/resolv.conf"), "read"))
@@ -50,7 +50,7 @@ def system_sights() -> tuple[Sight, ...]:
 
 
 def python_paths(import_path: Iterable[str]) -> list[Path]:
-    """Returns the folders of Python and of what it imports; a folder that holds much more than that is left out.
+    """Returns the folders of Python and its imports, which a sandboxed run has to see.
 
     Args:
         import_path: `sys.path` of the process that asked for the run.
@@ -65,7 +65,7 @@ def python_paths(import_path: Iterable[str]) -> list[Path]:
 
 
 def paths_in(variables: Mapping[str, str]) -> list[Path]:
-    """Returns the folders of programs, libraries and settings that variables of the job worker name."""
+    """Returns the folders of programs and libraries that the job worker's environment variables name."""
     named = {path for name in _PATH_VARIABLES for path in variables.get(name, "").split(os.pathsep)}
     return _worth_showing(each for path in named if os.path.isabs(path) for each in (path, *_beside(path)))
 
@@ -88,7 +88,7 @@ def _worth_showing(paths: Iterable[str]) -> list[Path]:
 
 
 def ordered(sights: Iterable[Sight]) -> list[Sight]:
-    """Sights in the order in which they are mounted: folders before what is in them, and of one path the last."""
+    """Sorts visible files in the order in which they are mounted: folders before their content."""
     return sorted({sight.path: sight for sight in sights}.values(), key=lambda sight: sight.path.count("/"))
 
 
@@ -107,7 +107,7 @@ def _secrets_below(folder: str) -> list[str]:
 
 
 def readable_rules(sights: Iterable[Sight]) -> list[Rules]:
-    """Returns a run's sights as rules for Landlock, which can only allow: folders with hidden parts are split up."""
+    """Converts a run's visible files to Landlock rules."""
     every = [*system_sights(), *sights]
     hidden = {os.path.realpath(sight.path) for sight in every if sight.view == "hide"}
     rules = [Rules(path, writable=True) for path in (f"/dev/{name}" for name in _DEVICES)]

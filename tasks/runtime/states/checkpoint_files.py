@@ -26,15 +26,15 @@ _MOST_REASON_BYTES = 64 * 1024
 
 
 class CheckpointError(Exception):
-    """A checkpoint cannot be continued from; the message says why."""
+    """Raised when a run cannot be continued from a checkpoint; the message says why."""
 
 
 class RunTakenError(CheckpointError):
-    """Another process runs the run."""
+    """Raised when another process already continues the run."""
 
 
 class CheckpointHeader(Model):
-    """Header of a checkpoint, read without unpickling it."""
+    """Header of a checkpoint file, which can be read without unpickling."""
 
     sim_time_s: float = Field(description="Simulated time.")
     steps: int = Field(description="Steps of the environment so far.")
@@ -46,13 +46,13 @@ class CheckpointHeader(Model):
 
 
 def discard_checkpoints(folder: Path) -> None:
-    """Removes all checkpoints, so that the run begins anew."""
+    """Deletes all checkpoints, so that the run begins anew."""
     for path in checkpoints_in(folder):
         path.unlink()
 
 
 def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
-    """Finds the last checkpoint that is whole."""
+    """Finds the last complete checkpoint of a run."""
     for path in reversed(checkpoints_in(folder)):
         with suppress(OSError, ValidationError, CheckpointError):
             header = CheckpointHeader.model_validate_json(read_left(path, _MOST_BYTES).partition(b"\n")[0])
@@ -62,13 +62,13 @@ def last_checkpoint(folder: Path) -> tuple[Path, CheckpointHeader] | None:
 
 
 def wall_time_used_s(plan: RunPlan) -> float:
-    """Wall-clock time that a run had taken by its last checkpoint; 0 without one."""
+    """Returns the wall-clock time in seconds until the last checkpoint; 0 without one."""
     last = last_checkpoint(plan.checkpoint_dir) if plan.checkpoint_dir else None
     return last[1].wall_time_s if last else 0.0
 
 
 def resumable_plan(folder: Path) -> tuple[RunPlan, CheckpointHeader]:
-    """Returns the plan of a dead process's run, and its last checkpoint.
+    """Returns the plan of an interrupted run, and its last checkpoint.
 
     Args:
         folder: The plan's `checkpoint_dir`.
@@ -95,7 +95,7 @@ def _reason_in(folder: Path) -> str:
 
 
 def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
-    """Take the folder of a run's checkpoints and store the plan there.
+    """Locks the checkpoint folder of a run, and stores the plan there.
 
     Returns:
         The lock, which is held until this descriptor is closed.
@@ -113,7 +113,7 @@ def begin_checkpoints(folder: Path, plan: RunPlan) -> int:
 def write_checkpoint(
     folder: Path, number: int, payload: bytes, *, sim_time_s: float, steps: int, wall_time_s: float
 ) -> None:
-    """Write a checkpoint and remove those before the last two.
+    """Writes a checkpoint, and deletes those before the last two.
 
     Args:
         folder: The plan's `checkpoint_dir`.
@@ -140,17 +140,17 @@ def write_checkpoint(
 
 
 def number_of(path: Path) -> int:
-    """Return the number of a checkpoint."""
+    """Returns the number of a checkpoint from its file name."""
     return int(path.stem.rpartition("-")[2])
 
 
 def checkpoints_in(folder: Path) -> list[Path]:
-    """Returns the checkpoints, whole or not, oldest first."""
+    """Lists the checkpoints in a folder, complete or not, oldest first."""
     return sorted(folder.glob(_PATTERN))
 
 
 def payload_of(path: Path, header: CheckpointHeader) -> bytes:
-    """Returns what follows the header.
+    """Reads the content of a checkpoint after its header.
 
     Raises:
         CheckpointError: It is not whole.
@@ -171,7 +171,7 @@ def write_whole(path: Path, *parts: bytes) -> None:
 
 
 def take_lock(path: Path) -> int:
-    """Takes a lock until the descriptor is closed, or this process ends.
+    """Takes a file lock until the descriptor is closed, or this process ends.
 
     Raises:
         RunTakenError: Another process has it.
@@ -191,7 +191,7 @@ _PAYLOAD = b"the trials are in the journal"
 
 
 class TrialCheckpoints:
-    """Makes the checkpoints of one run; none where the run keeps none."""
+    """Checkpoints of a run with trials: how many trials are done."""
 
     def __init__(self, plan: RunPlan) -> None:
         """Takes the folder.
@@ -215,7 +215,7 @@ class TrialCheckpoints:
             self._number, self._used_s = number_of(last[0]), last[1].wall_time_s
 
     def save_if_due(self, trials: int, sim_time_s: float) -> None:
-        """Makes a checkpoint if the last one is a while ago.
+        """Writes a checkpoint if the last one is old enough.
 
         Args:
             trials: How many have finished.
@@ -235,7 +235,7 @@ class TrialCheckpoints:
         )
 
     def close(self) -> None:
-        """Gives the folder back."""
+        """Releases the checkpoint folder."""
         if self._lock is not None:
             os.close(self._lock)
             self._lock = None

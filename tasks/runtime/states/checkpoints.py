@@ -37,7 +37,7 @@ _MOST_MODELS = 3
 
 
 class KeptPhysics:
-    """MuJoCo's data as bytes, without the model that comes with them: it is most of them, and hardly ever changes."""
+    """Stores MuJoCo's data without the model, which is large and is written to a file once."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -46,7 +46,7 @@ class KeptPhysics:
         self._models = 0
 
     def kept(self, data: mujoco.MjData) -> tuple[str, bytes]:
-        """Returns the file with the common beginning, and what is different."""
+        """Returns the model file's name and the bytes that differ from it."""
         whole = data.__getstate__()
         if not (self._common and whole.startswith(self._common)) and self._models < _MOST_MODELS:
             self._keep_model(data.model, whole)
@@ -55,7 +55,7 @@ class KeptPhysics:
         return self._name, whole[len(self._common) :]
 
     def read(self, name: str, rest: bytes) -> mujoco.MjData:
-        """Returns the data that `kept` was given.
+        """Restores the MuJoCo data that `kept` stored.
 
         Raises:
             CheckpointError: The file with the model is gone, or not whole.
@@ -89,7 +89,7 @@ def _model_file(content: bytes) -> str:
 
 
 def copy_physics(kept: mujoco.MjData, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Puts kept physics in the place of what an environment has just made.
+    """Copies restored MuJoCo data into a newly made environment.
 
     Raises:
         CheckpointError: The environment made another model.
@@ -108,20 +108,20 @@ _WORTH_KEEPING = 0.1
 
 @runtime_checkable
 class Resumable(Protocol):
-    """The interface of environments and agents whose runs can be resumed."""
+    """Interface of environments and agents whose runs can be resumed from a checkpoint."""
 
     def state(self) -> Any:
-        """Returns all that changed since it was made and counts from here on, as something that can be pickled."""
+        """Returns everything that has changed since the object was made and matters later; it must be picklable."""
         ...
 
     def restore(self, state: Any) -> None:
-        """Goes on from where `state` was taken, in a new process, after `reset`; the physics is as it was then."""
+        """Restores the object from `state`, in a new process after `reset`; the physics is restored already."""
         ...
 
 
 @dataclass(frozen=True)
 class RunParts:
-    """Parts of a run: environment, agent, watchers, recorder."""
+    """Parts of a run that a checkpoint saves: environment, agent, observers, recorder."""
 
     environment: Any
     agent: Any
@@ -131,7 +131,7 @@ class RunParts:
 
 @dataclass(frozen=True)
 class LoopState:
-    """State of a run's loop between two steps."""
+    """State of a run's loop between two steps, for a checkpoint."""
 
     timestep: Any
     steps: int
@@ -142,7 +142,7 @@ class LoopState:
 
 
 class Checkpointer:
-    """Makes the checkpoints of one run, and continues from the last one.
+    """Writes the checkpoints of one run, and resumes from the last one.
 
     Used by the run's process only, which holds the folder's lock for as long as it lives.
     """
@@ -179,11 +179,11 @@ class Checkpointer:
 
     @property
     def resumes(self) -> bool:
-        """Whether there is a checkpoint to continue from."""
+        """Whether there is a checkpoint to resume from."""
         return self._resumed is not None
 
     def begin(self, parts: RunParts) -> None:
-        """Finds out whether everything opted in; else no checkpoints are made, and a file says why."""
+        """Checks that environment and agent support checkpoints; otherwise a file says why there are none."""
         programs = [
             f"{program_in_words(program, self._plan)} is a program of its own, whose state cannot be restored"
             for program in self._plan.programs
@@ -192,17 +192,17 @@ class Checkpointer:
             self.give_up("; ".join(reasons))
 
     def give_up(self, reason: str) -> None:
-        """Stops making checkpoints and stores the reason, for a worker that would resume the run."""
+        """Stops writing checkpoints, and stores the reason."""
         self._next_time_s = float("inf")
         write_whole(self._folder / REASON_FILE, reason.encode())
 
     def due(self, time_s: float) -> bool:
-        """Whether a checkpoint is to be made at a simulated time."""
+        """Whether a checkpoint is due at a simulated time."""
         # Half a microsecond forgives rounding in sums of time steps.
         return time_s >= self._next_time_s - 5e-7 and time.perf_counter() >= self._not_before
 
     def save(self, parts: RunParts, loop: LoopState) -> None:
-        """Writes a checkpoint and removes those before the last two.
+        """Writes a checkpoint, and deletes those before the last two.
 
         What cannot be pickled, or fails in `state()`, ends the making of checkpoints, not the run.
 
@@ -228,7 +228,7 @@ class Checkpointer:
         self._not_before = now + (now - began) * (1 / COST_SHARE - 1)
 
     def resume(self, parts: RunParts) -> LoopState:
-        """Puts everything where it was at the last checkpoint.
+        """Restores all parts of the run from the last checkpoint.
 
         Args:
             parts: Made anew, and the environment reset.
@@ -254,7 +254,7 @@ class Checkpointer:
         return kept["loop"]
 
     def close(self) -> None:
-        """Gives the folder back."""
+        """Releases the checkpoint folder."""
         os.close(self._lock)
 
     def _payload(self, parts: RunParts, loop: LoopState) -> bytes:

@@ -45,7 +45,7 @@ _KEPT = ("_state_due_s", "_written_bytes", "_looks", "_last_s", "model_sha256", 
 
 
 class StateDigest:
-    """Hashes states and keeps a few of them in a file that stays readable when the run is killed."""
+    """Builds the hash chain over a run's simulation states, and stores some states in `digest.bin`."""
 
     def __init__(self, path: Path | None, of_model: Callable[[mujoco.MjModel], str] | None = None) -> None:
         """Prepares a digest; the file is made with the first state.
@@ -76,7 +76,7 @@ class StateDigest:
         """How many the first model has."""
 
     def look(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Adds a link for the state in `data`.
+        """Adds the current state to the hash chain.
 
         Raises:
             OSError: The file cannot be written.
@@ -94,7 +94,7 @@ class StateDigest:
             self._keep_state(time_s)
 
     def finish(self, data: mujoco.MjData | None = None) -> StateDigestSummary | None:
-        """Adds the last state, completes the file and returns the whole digest.
+        """Adds the last state, completes the file, and returns the final digest.
 
         Args:
             data: The state at the end, of the model looked at last; None: the last look was at the end.
@@ -113,12 +113,12 @@ class StateDigest:
         return StateDigestSummary(looks=self._looks, until_s=self._last_s, value=value)
 
     def state(self) -> dict[str, Any]:
-        """Returns the state that `restore` continues from; everything so far is in the file."""
+        """Returns the hash chain's state for a checkpoint."""
         self._write_block()
         return {"chain": bytes(self._bytes[:_CHAIN_BYTES]), **{name: getattr(self, name) for name in _KEPT}}
 
     def restore(self, state: dict[str, Any], model: mujoco.MjModel | None) -> None:
-        """Goes on from where `state` was taken; what the file has beyond is cut off.
+        """Continues the hash chain from a checkpoint; later content of the file is cut off.
 
         Args:
             state: From `state`.
@@ -192,7 +192,7 @@ class StateDigest:
 
 @dataclass(frozen=True)
 class StateTimeline:
-    """The content of `digest.bin`."""
+    """Content of `digest.bin`: hash chain and some states of a run."""
 
     times_s: NDArray[np.float64]
     """Simulated times of the links."""
@@ -205,7 +205,7 @@ class StateTimeline:
 
 
 def read_timeline(path: Path) -> StateTimeline:
-    """Reads what a run kept of its states, up to the last whole block.
+    """Reads `digest.bin`, the hash chain of a run's states, up to the last complete block.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -239,7 +239,7 @@ def read_timeline(path: Path) -> StateTimeline:
 
 
 class ModelDigests:
-    """Gives the digest of one model again and again, quickly as long as nothing in it has changed."""
+    """Computes the hash of a MuJoCo model repeatedly, fast if nothing has changed."""
 
     def __init__(self) -> None:
         self._seen = b""
@@ -256,7 +256,7 @@ class ModelDigests:
 
 
 def digest_of_model(model: mujoco.MjModel) -> str:
-    """SHA-256 of a compiled model, in hexadecimal; equal only with the same version of MuJoCo.
+    """Computes the SHA-256 of a compiled MuJoCo model, independent of the paths of its files.
 
     Where the model's files were read from does not count: the same world in another folder is the same model.
     """
@@ -289,7 +289,7 @@ def _members(kind: type) -> list[tuple[str, bytes]]:
 
 
 def joints_of(model: mujoco.MjModel) -> list[JointPlace]:
-    """The joints of a model, by name or by their body's."""
+    """Lists a model's joints with the indices of their numbers in the state."""
     return [
         JointPlace(
             name=model.joint(joint).name or model.body(int(model.jnt_bodyid[joint])).name or f"joint_{joint}",

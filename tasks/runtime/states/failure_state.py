@@ -38,7 +38,7 @@ _OF_A_VELOCITY = (mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BAD
 
 
 class FailureRecorder(Observer):
-    """Observes a run; counts MuJoCo's warnings, and writes the state down when the run breaks after one."""
+    """Observer that counts MuJoCo's warnings, and stores the state if the physics breaks."""
 
     def __init__(self, output_dir: Path, keep_every_s: float = KEEP_EVERY_S) -> None:
         """Prepares the notes.
@@ -55,7 +55,7 @@ class FailureRecorder(Observer):
         self._warned = np.zeros(0, dtype=np.int64)
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Keeps the present state in place of the older of two."""
+        """Stores the current state in place of the older of two."""
         model, data = raw_physics(environment.physics)
         if model is not self._model:
             self._model, self._data = model, data
@@ -66,10 +66,10 @@ class FailureRecorder(Observer):
         self.next_time_s = time_s + self._keep_every_s
 
     def restore(self, state: float, environment: Any) -> None:
-        """Keep nothing: a run that is continued looks at its states anew, at once."""
+        """Restores nothing: a resumed run stores its states anew."""
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns how often MuJoCo warned; writes the files if a run failed through its physics.
+        """Returns MuJoCo's warnings; writes the stored states if the physics has failed.
 
         Args:
             ended_by: What ended the run; None when it failed.
@@ -88,7 +88,7 @@ class FailureRecorder(Observer):
         return Findings(extra={"mujoco_warnings": found}, metrics={"mujoco_warnings": float(sum(found.values()))})
 
     def explain(self) -> str:
-        """Names the joints whose numbers MuJoCo found bad; empty where it named none.
+        """Names the joints whose numbers MuJoCo found bad; empty if it named none.
 
         MuJoCo's own words give the number of a degree of freedom, which says nothing to people.
         """

@@ -18,7 +18,7 @@ _PREVIEW_FILE = "preview.png"
 
 
 def digest_of_folder(folder: Path, suffix: str = "") -> str:
-    """SHA-256 over the names and bytes of a folder's files, also behind links; previews and byte code are left out.
+    """Computes the SHA-256 over the names and contents of a folder's files, without byte code and previews.
 
     Args:
         folder: The folder.
@@ -55,7 +55,7 @@ _DIST_INFO = re.compile(r"(?P<name>.+)-(?P<version>[^-]+)\.(dist|egg)-info")
 
 
 def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[Path] = ()) -> dict[str, str]:
-    """Returns what was imported from outside the standard library, this package and the applications.
+    """Lists the third-party packages and modules that a process has imported, with versions or hashes.
 
     Args:
         modules: The modules of the process, `sys.modules`.
@@ -77,7 +77,7 @@ def imported_code(modules: Mapping[str, ModuleType], application_dirs: Sequence[
 
 
 def changed_code(recorded: Mapping[str, str]) -> str | None:
-    """Returns the first name whose code here is not what was recorded; None: all is the same."""
+    """Returns the first package that differs from a recorded list; `None` if all are the same."""
     return next((name for name, what in sorted(recorded.items()) if _code_here(name) != what), None)
 
 

@@ -41,7 +41,7 @@ Actions = Callable[[], ActionsSummary | None]
 
 
 class ProvenanceRecorder(Observer):
-    """Observes a run, writes `provenance.json` and `digest.bin`.
+    """Observer that writes `provenance.json` and the state hashes in `digest.bin`.
 
     The first is there from the first look on, so that a run that is killed has one too.
     """
@@ -65,7 +65,7 @@ class ProvenanceRecorder(Observer):
         self._resumed_at_s: list[float] = []
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Adds the present state to the digest."""
+        """Adds the current state to the state hashes."""
         model, data = raw_physics(environment.physics)
         self._digest.look(model, data)
         self.next_time_s = time_s + LOOK_EVERY_S
@@ -74,7 +74,7 @@ class ProvenanceRecorder(Observer):
             self._write()
 
     def close(self, ended_by: str | None) -> Findings:
-        """Completes both files; the digest goes into the result.
+        """Completes both files, and returns the digest for the result.
 
         Args:
             ended_by: What ended the run; None when it failed. The applications of a run that was canceled are
@@ -121,7 +121,7 @@ class ProvenanceRecorder(Observer):
 
 
 def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_by: str | None = None) -> None:
-    """Write `provenance.json` of a run that only has programs, or of one with trials, whose table has the digests.
+    """Writes `provenance.json` for a run without an episode, or with trials.
 
     Args:
         plan: The run.
@@ -142,7 +142,7 @@ def note_run(plan: RunPlan, applications: Sequence[ApplicationPlan] = (), ended_
 
 @lru_cache(maxsize=1)
 def machine_facts() -> MachineFacts:
-    """Returns the facts about this machine and its installed software that can change a run's numbers."""
+    """Returns the facts about this machine and its software that can change a run's numbers."""
     cpu_model, features = _cpu()
     return MachineFacts(
         python=platform.python_version(),

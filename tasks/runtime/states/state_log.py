@@ -42,12 +42,12 @@ Rows = NDArray[np.float64]
 
 
 class StateLogError(ValueError):
-    """A log that cannot be read; says where and why."""
+    """Raised for a state log that cannot be read; says where and why."""
 
 
 @dataclass(frozen=True)
 class Segment:
-    """States of one model."""
+    """States of one MuJoCo model in a state log."""
 
     model_path: Path
     """The compiled model, as MJB."""
@@ -62,7 +62,7 @@ class Segment:
     """Frames x 7 nmocap: all positions, then all orientations."""
 
     def set_state(self, data: mujoco.MjData, index: int) -> None:
-        """Puts a state into `data`; what follows from it is to be worked out by the caller."""
+        """Copies a logged state into MuJoCo data; derived quantities have to be recomputed."""
         data.time = self.times[index]
         data.qpos[:] = self.qpos[index]
         if self.mocap.shape[1]:
@@ -73,7 +73,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class StateLog:
-    """A log that was read."""
+    """Reader of a state log, from which videos are rendered after a run."""
 
     rate_hz: float
     """States per simulated second that were meant to be noted."""
@@ -86,17 +86,17 @@ class StateLog:
 
     @property
     def frames(self) -> int:
-        """States in all."""
+        """Number of logged states."""
         return sum(len(segment.times) for segment in self.segments)
 
     @property
     def end_s(self) -> float:
-        """Simulated time of the last state; 0 when there is none."""
+        """Simulated time of the last state in seconds; 0 if there is none."""
         return float(self.segments[-1].times[-1]) if self.segments else 0.0
 
     @classmethod
     def open(cls, folder: Path) -> "StateLog":
-        """Reads a whole log, also of a process that was killed.
+        """Reads a state log, also of a process that was killed.
 
         What follows a damaged chunk is left out.
 
@@ -114,7 +114,7 @@ class StateLog:
 
 
 def model_file(number: int) -> str:
-    """Returns the name of the file of a model, the first being 1."""
+    """Returns the file name of a logged model, numbered from 1."""
     return f"model-{number}.mjb"
 
 
@@ -136,12 +136,12 @@ def _segments(folder: Path, chunks: list[_Chunk]) -> Iterator[Segment]:
 
 
 def columns_of(nq: int, nmocap: int) -> int:
-    """Returns how many numbers a noted state has."""
+    """Returns the number of values in a logged state."""
     return 1 + nq + 7 * nmocap
 
 
 def checksum(members: Sequence[int], packed: bytes) -> int:
-    """Returns the CRC-32 of a chunk's numbers and columns."""
+    """Computes the CRC-32 of a chunk of the state log."""
     return zlib.crc32(packed, zlib.crc32(struct.pack("<5I", *members)))
 
 
@@ -190,7 +190,7 @@ _COMPRESSION_LEVEL = 1
 
 
 class StateLogWriter:
-    """Notes states of one run. What was noted stays readable when the process is killed."""
+    """Writer of a run's state log; logged states survive a killed process."""
 
     def __init__(self, folder: Path, rate_hz: float, camera: str | None = None) -> None:
         """Begins a log.
@@ -217,7 +217,7 @@ class StateLogWriter:
         self._log: BinaryIO = (folder / STATES_FILE).open("wb", buffering=0)
 
     def note(self, model: mujoco.MjModel, data: mujoco.MjData, time_s: float) -> None:
-        """Notes a state.
+        """Logs a state.
 
         Args:
             model: The model; stored the first time, and whenever it is another.
@@ -243,7 +243,7 @@ class StateLogWriter:
             self._flush()
 
     def take_over(self, model: mujoco.MjModel, data: mujoco.MjData, rows: Rows) -> None:
-        """Notes states that were noted before, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
+        """Logs states from an earlier log, as rows of time, `qpos`, `mocap_pos` and `mocap_quat`.
 
         Raises:
             ValueError: They are of another model.
@@ -255,7 +255,7 @@ class StateLogWriter:
             self._noted()
 
     def close(self) -> None:
-        """Moves the last states to the log proper."""
+        """Finishes the state log."""
         self._flush()
         self._log.close()
         (self._folder / TAIL_FILE).unlink(missing_ok=True)
@@ -303,7 +303,7 @@ class StateLogWriter:
 
 
 class StateLogger(Observer):
-    """Observes a run and keeps the log of its states, at the rate of a video.
+    """Observer that logs the simulation states at a video's frame rate, to render videos later.
 
     A log that cannot be written does not fail the run: the reason goes to the error log and, as
     `state_log_error`, to the result.
@@ -321,7 +321,7 @@ class StateLogger(Observer):
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the state."""
+        """Logs the current state."""
         try:
             if self._writer is None:
                 camera = getattr(environment, "video_camera", None)
@@ -333,7 +333,7 @@ class StateLogger(Observer):
             self._give_up(error)
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the log; see `results.Observer`."""
+        """Finishes the state log; see `results.Observer`."""
         del ended_by
         try:
             if self._writer is not None and self._error is None:
@@ -343,7 +343,7 @@ class StateLogger(Observer):
         return Findings({"state_log_error": self._error} if self._error else {})
 
     def restore(self, state: float, environment: Any) -> None:
-        """Goes on with the log of a process that was killed, from a moment that lies before its end."""
+        """Continues the state log of a killed process at an earlier time."""
         super().restore(state, environment)
         try:
             if not self._folder.exists():

@@ -36,7 +36,7 @@ _VERDICTS = get_args(Verdict)
 
 @dataclass(frozen=True)
 class ProgramResult:
-    """Contents of the `result.json` that a program left."""
+    """Content of a `result.json` that a program wrote, and its problems."""
 
     result: RunResult | None = None
     """The result; `None`: there is no file, or it is no result."""
@@ -49,7 +49,7 @@ class ProgramResult:
 
 
 def read_program_result(output_dir: Path, facts: Mapping[str, Any]) -> ProgramResult:
-    """Reads the result that a program wrote.
+    """Reads and completes the `result.json` that a program wrote; only `verdict` is required.
 
     Only `verdict` has to be there: a byte order mark is skipped, members that a result does not have go to `extra`,
     numbers that are not finite go there as text, and what is missing is filled in.
@@ -134,7 +134,7 @@ INVALID_RESULT_FILE = "result.invalid.json"
 def finish_outputs(
     plan: RunPlan, ended: Exit | None, outcome: Outcome, times: tuple[datetime, datetime]
 ) -> tuple[Outcome, bool]:
-    """Writes or removes `result.json` according to the run's outcome.
+    """Writes, corrects or deletes `result.json` according to how the run ended.
 
     A run that only had programs gets a `result.json`, unless one of them wrote a valid one, which loses its verdict
     if the run was cancelled, and does not pass if it failed; one with an episode loses the one it wrote if the run
@@ -285,7 +285,7 @@ def _add_tools(plan: RunPlan, tools: Sequence[ToolEnds]) -> None:
 
 
 def add_result_notes(output_dir: Path, notes: Sequence[str]) -> None:
-    """Adds lines to the notes of a run's result, each once; there may be no result, and nothing to add."""
+    """Adds notes to a run's `result.json`, each once; does nothing without one."""
     if notes:
         _change_result(output_dir, lambda result: {"notes": list(dict.fromkeys([*result.notes, *notes]))})
 
@@ -298,14 +298,14 @@ def _change_result(output_dir: Path, changes: Callable[[RunResult], dict[str, An
 
 
 def remove_verdict(output_dir: Path) -> None:
-    """Takes the verdict out of the result of a run that ended by itself before it was heard that it was cancelled."""
+    """Removes the verdict from the result of a run that was cancelled just before its end was known."""
     if (result := read_result(output_dir)) is not None and result.verdict != "NONE":
         with suppress(OSError):  # an application put something in the way
             write_result(result.unjudged(), output_dir)
 
 
 def read_result(output_dir: Path) -> RunResult | None:
-    """The valid `result.json` of a run; links and other things than files are none."""
+    """Reads the `result.json` of a run; `None` if it is missing or invalid."""
     try:
         return RunResult.model_validate_json(read_left(output_dir / RESULT_FILE, MAX_RESULT_BYTES))
     except (OSError, ValidationError):

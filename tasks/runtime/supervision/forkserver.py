@@ -54,7 +54,7 @@ _MODULES = (
 
 
 def main() -> None:
-    """Imports modules, reports readiness, then starts a supervisor per message."""
+    """Entry point of the warm process: imports modules, then forks a supervisor for each run requested."""
     control = socket.socket(fileno=int(sys.argv[1]))
     try:
         for name in _MODULES:
@@ -111,7 +111,7 @@ class _Supervisors:
         self._standing_by: _StandBy | None = None
 
     def serve(self) -> None:
-        """Hands runs to supervisors and reaps these until the launcher is gone."""
+        """Forks supervisors for runs, and reaps them, until the launcher is gone."""
         while True:
             ready = wait([self._control, *self._alive], self._patience_s())
             if not ready:

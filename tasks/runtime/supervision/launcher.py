@@ -46,7 +46,7 @@ _KILL_TIMEOUT_S = 10.0
 
 
 class StopMonitor:
-    """Watches one run until it ends.
+    """Watches one run until it ends, and stops it on request or at its time limit.
 
     Args:
         channel: Connection to the run's supervisor.
@@ -77,7 +77,7 @@ class StopMonitor:
         """Messages still to be sent, each with the earliest time to send it."""
 
     def until_end(self) -> tuple[Exit | None, RunStop | None]:
-        """Returns how the run ended (None: unknown) and why it was stopped (None: it was not)."""
+        """Returns how the run ended (`None` if unknown) and why it was stopped (`None` if it was not)."""
         while True:
             patience = _KILL_TIMEOUT_S if self._was_killed else self._patience()
             if self._channel.poll(patience):
@@ -139,7 +139,7 @@ OnCrash = Callable[[str, str], None]
 
 
 class Launcher:
-    """Starts runs from one warm process and supervises them; threads may share it.
+    """Starts simulation runs from one warm process, and supervises them; threads may share it.
 
     The warm process starts with the first run (or `start`) and ends with `close`, with the launcher,
     or with this process, however that ends.
@@ -151,7 +151,7 @@ class Launcher:
         self._cores = Cores()
 
     def start(self) -> None:
-        """Starts the warm process, unless it runs already.
+        """Starts the warm process, unless it is running.
 
         Raises:
             LaunchError: It cannot be started.
@@ -160,7 +160,7 @@ class Launcher:
             self._running_server()
 
     def close(self) -> None:
-        """Ends the warm process; runs that are going on are not touched."""
+        """Ends the warm process; current runs continue."""
         with self._lock:
             if self._server is not None:
                 self._server.close()
@@ -186,7 +186,7 @@ class Launcher:
         try_again: Callable[[], bool] = lambda: False,
         clock: Callable[[], float] = time.monotonic,
     ) -> RunOutcome:
-        """Carries out a run and waits until none of its processes is left.
+        """Carries out a simulation run, and waits until all its processes have ended.
 
         Args:
             plan: The run. Its folders are made when they are missing.
@@ -342,20 +342,20 @@ class _FirstCrash:
         self._outcome: Outcome | None = None
 
     def on_crash(self, crashed: Exit) -> None:
-        """Decides the outcome of the crash while its log is fresh, and reports it."""
+        """Determines the outcome of a crash while its log is fresh, and reports it."""
         self._outcome = decided = decide_outcome_with_log(crashed, None, self._plan)
         if self._on_crash is not None:
             self._on_crash(decided.failure_code or _INTERNAL, decided.failure_reason or "")
 
     def outcome(self, stopped_for: RunStop | None) -> Outcome | None:
-        """Returns how the run ended if something had crashed in it: failed, unless it was canceled after that."""
+        """Returns the run's outcome if something crashed in it: failed, unless it was canceled later."""
         if self._outcome is None or stopped_for in (None, RunStop.DURATION_LIMIT):
             return self._outcome
         return decide_outcome(None, stopped_for, self._plan)
 
 
 def decide_outcome_with_log(ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan) -> Outcome:
-    """Judges an end (see `outcomes.decide_outcome`) with the log of the program that it is about."""
+    """Determines how a run ended, with the log of the program concerned."""
     program = ended.crash.program if ended is not None and ended.crash is not None else None
     if ended is not None and program is None and never_connected(ended):
         program = next(

@@ -31,7 +31,7 @@ _CRASH_CODES: dict[ApplicationRole | None, str] = {
 
 @dataclass(frozen=True)
 class Crash:
-    """Something other than the run's process that ended when it should not have, or went over a limit."""
+    """A crash during a run: a program that ended unexpectedly, or exceeded a limit."""
 
     role: ApplicationRole
     """The application that it is or belongs to."""
@@ -78,16 +78,16 @@ class Exit:
 
     @property
     def ended_by(self) -> str | None:
-        """Why the loop ended, of a run that finished its outputs; None for others."""
+        """Cause for which the simulation loop ended, if the run completed its outputs; `None` otherwise."""
         return self.report.get("ended_by") if self.exit_code == 0 else None
 
     def to_message(self) -> dict[str, Any]:
-        """The end as plain values."""
+        """Converts the object to plain values, to send it to the launcher."""
         return {**asdict(replace(self, tools=())), "tools": [tool.model_dump() for tool in self.tools]}
 
     @classmethod
     def from_message(cls, message: dict[str, Any]) -> "Exit":
-        """Reads what `to_message` made."""
+        """Reads the plain values that `to_message` made."""
         read = {
             "phase": Phase(message["phase"]),
             "crash": Crash(**message["crash"]) if message["crash"] else None,
@@ -98,7 +98,7 @@ class Exit:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Status, failure code and reason of a run: the decided part of a `RunOutcome`."""
+    """Decided outcome of a run: status, failure code and reason."""
 
     status: Literal["Completed", "Failed", "Canceled"]
     failure_code: str | None = None
@@ -109,7 +109,7 @@ class Outcome:
 def decide_outcome(
     ended: Exit | None, stopped_for: RunStop | None, plan: RunPlan, log: tuple[str, Sequence[str]] = ("", ())
 ) -> Outcome:
-    """Decides how a run ended.
+    """Determines the outcome of a run from its end.
 
     Args:
         ended: The end of its process; None when its supervisor disappeared without a word.
@@ -147,12 +147,12 @@ def decide_outcome(
 
 
 def never_connected(ended: Exit) -> bool:
-    """Whether the robot's program did not connect to the simulation, so that nothing could be driven."""
+    """Whether the robot program never connected to the simulation."""
     return ended.report.get("code") == "RobotApplicationHealthCheckFailure"
 
 
 def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
-    """Whether a run was killed from outside, and neither stopped nor crashed: for want of memory, or by someone.
+    """Whether a run was killed from outside, for example for lack of memory.
 
     Args:
         ended: The end of its process; None when its supervisor disappeared without a word.
@@ -164,7 +164,7 @@ def was_killed(ended: Exit | None, stopped_for: RunStop | None) -> bool:
 
 
 def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
-    """Returns a reason of at most 1024 characters that ends with as many last log lines as fit."""
+    """Makes a failure reason of at most 1024 characters that ends with the last log lines."""
     head = without_escapes(head)
     if len(head) > _MAX_HEAD_CHARACTERS:
         head = head[: _MAX_HEAD_CHARACTERS - 1] + "…"
@@ -185,7 +185,7 @@ def failure_reason(head: str, log_name: str, lines: Sequence[str]) -> str:
 
 
 def how_it_ended(status: int) -> str:
-    """A wait status in words: `exited with code 3`, `was killed by SIGSEGV`."""
+    """Describes a process's wait status: `exited with code 3`, `was killed by SIGSEGV`."""
     if os.WIFSIGNALED(status):
         return f"was killed by {signal_name(os.WTERMSIG(status))}"
     return f"exited with code {os.WEXITSTATUS(status)}"
@@ -240,7 +240,7 @@ def _in_trial(ended: Exit) -> str:
 
 
 def signal_name(number: int) -> str:
-    """Name of a signal, `SIGSEGV`."""
+    """Returns the name of a signal: `SIGSEGV`."""
     try:
         return signal.Signals(number).name
     except ValueError:
@@ -248,7 +248,7 @@ def signal_name(number: int) -> str:
 
 
 def attribute_disk_use(ended: Exit, plan: RunPlan) -> Exit:
-    """Measures the folders of a run of containers a last time, after the containers have ended.
+    """Measures the disk use of a run's containers after their end, and adds a crash if it exceeds the limit.
 
     While they run, their root user may have folders that other users cannot read.
 

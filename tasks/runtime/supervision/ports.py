@@ -17,7 +17,7 @@ _FAILURE_CODE = "InvalidInput"
 
 
 def open_ports(ports: Sequence[PortPlan], *, is_shared: bool = True) -> list[tuple[socket.socket, int]]:
-    """Listens on the job's ports.
+    """Opens listening sockets for the job's forwarded ports.
 
     Args:
         ports: What to forward. A port that keeps its number is only looked at: the application itself
@@ -62,7 +62,7 @@ def _listen(port: PortPlan) -> socket.socket:
 
 
 def fork_forwarder(ports: Sequence[tuple[socket.socket, int]], join_network: Callable[[], None] = lambda: None) -> int:
-    """Forwards connections in a process of its own, which ends with this one; returns its pid.
+    """Starts a child process that forwards connections to the application's ports; returns its process id.
 
     The sockets are closed here and live on there, in the network that they are of.
 

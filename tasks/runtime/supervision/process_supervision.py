@@ -41,7 +41,7 @@ _CLEAN_UP_POLL_S = 0.02
 
 
 class Supervision:
-    """The processes of one run, from the first to the last.
+    """Supervises the processes of one run, from the first to the last.
 
     Args:
         channel: Connection to the launcher.
@@ -100,7 +100,7 @@ class Supervision:
     # Beginning
 
     def prepare(self) -> None:
-        """Opens ports and logs; starts nothing yet.
+        """Opens ports and logs, before any process starts.
 
         Raises:
             LaunchError: A port is taken.
@@ -133,7 +133,7 @@ class Supervision:
             self._logs += self._programs[-1].logs
 
     def start(self) -> None:
-        """Starts the run's process and programs."""
+        """Starts the simulation process and the programs of the run."""
         if self._plan.has_episode:
             self._run_pid = self._begin_run()
             self._run_ended = os.pidfd_open(self._run_pid)
@@ -154,7 +154,7 @@ class Supervision:
     # Watching
 
     def until_end(self) -> None:
-        """Returns when the run has ended and its processes had their time to end by themselves."""
+        """Waits until the run has ended and its processes had time to finish."""
         while not self._is_over:
             now = time.monotonic()
             due = min([self._next_look_s, *(timer[0] for timer in self._timers[:1])])
@@ -341,7 +341,7 @@ class Supervision:
             self._progress.request_stop(AGENT_GONE)
 
     def finish(self) -> Exit:
-        """Ends all processes of the run and cleans up.
+        """Ends all processes of the run, and cleans up.
 
         Returns:
             How it ended.

@@ -30,7 +30,7 @@ _TRACEBACK = (b" ", b"\t", b"Traceback ")
 
 
 class LaunchWatch:
-    """Reads a log as it grows, from where it ends now.
+    """Watches a ROS launch program's log for nodes that failed to start or died.
 
     Args:
         descriptor: The log.
@@ -46,7 +46,7 @@ class LaunchWatch:
         """The reader of the line after one that does not say all."""
 
     def look(self) -> str | None:
-        """Returns the first new line that says that something could not be launched, or that a required node died."""
+        """Returns the first new log line that reports a failed launch or a dead required node."""
         found = (self._failure_in(line) for line in self._new_lines())
         said = next((each for each in found if each is not None), None)
         return None if said is None else said.decode(errors="replace").strip()
@@ -108,11 +108,11 @@ Fork = Callable[[Callable[[], NoReturn]], int]
 
 
 class StartError(Exception):
-    """A program cannot be started; says why."""
+    """Raised when a program cannot be started; says why."""
 
 
 class Program:
-    """One program of a run, alive or not.
+    """A program of a run as a process, which can be started, watched and restarted.
 
     Args:
         plan: What to start.
@@ -156,11 +156,11 @@ class Program:
 
     @property
     def is_running(self) -> bool:
-        """Whether it was started and has not been seen to end."""
+        """Whether the program was started and has not ended, as far as known."""
         return self.ended is not None
 
     def start(self) -> None:
-        """Starts it.
+        """Starts the program.
 
         Raises:
             StartError: There is no such program, or it cannot be executed.
@@ -173,11 +173,11 @@ class Program:
         self.ended = os.pidfd_open(self.pid)
 
     def launch_failure(self) -> str | None:
-        """Finds out what a launching program of ROS could not launch, if it has said so since the last call."""
+        """Returns what a ROS launch program could not launch, if its log says so since the last call."""
         return next((said for watch in self._watches if (said := watch.look()) is not None), None)
 
     def see_end(self) -> int:
-        """Returns the wait status of a program that has ended, and leaves it to be reaped.
+        """Returns the wait status of the ended program, without reaping it.
 
         Until it is reaped no other process can get its number, so that its group can be killed safely.
         """
@@ -189,13 +189,13 @@ class Program:
         return status
 
     def terminate(self) -> None:
-        """Asks it and its process group to end."""
+        """Asks the program and its process group to end (SIGTERM)."""
         if self.pid is not None:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGTERM)
 
     def clear_away(self) -> None:
-        """Kills what it left in its process group and reaps it."""
+        """Kills the rest of the program's process group, and reaps the program."""
         if self.pid is not None:
             with suppress(ProcessLookupError, PermissionError):
                 os.killpg(self.pid, signal.SIGKILL)
@@ -203,7 +203,7 @@ class Program:
             self.pid = None
 
     def pause(self, how: str) -> float:
-        """Returns how long to wait before it is started again, in seconds; notes that, in its log too.
+        """Returns how long to wait before the program's restart, in seconds, and notes that in its log.
 
         Args:
             how: How it ended.
@@ -217,7 +217,7 @@ class Program:
 
     @property
     def restarts(self) -> ToolEnds | None:
-        """How often it had to be started again, and why the last time; None if it never had."""
+        """How often the program was restarted, and why the last time; `None` if never."""
         if not self._ends:
             return None
         plan = self.plan
@@ -225,7 +225,7 @@ class Program:
         return ToolEnds(role=plan.role, name=name, ends=self._ends, last_end=self._last_end)
 
     def clean_up(self) -> int | None:
-        """Starts the cleanup command, for what killing does not reach; returns its pid, None if there is none."""
+        """Starts the program's cleanup command (such as removing a container); returns its process id."""
         if self.plan.cleanup_argv is None or self._starts == 0:
             return None
         try:
@@ -246,7 +246,7 @@ def spawn(
     confine: Callable[[], None],
     fork: Fork = fork_beside,
 ) -> int:
-    """Starts a program in a session of its own, with nothing open but its logs; it dies with this process.
+    """Starts an executable in its own session with only its logs open; it dies with this process.
 
     Args:
         argv: Program, looked for along the environment's `PATH`, and its arguments.

@@ -44,7 +44,7 @@ _MAX_REASON_CHARACTERS = 300
 def join_ros_topics(
     plan: RunPlan, *, is_canceled: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
 ) -> None:
-    """Joins what a run's recorder of ROS topics has recorded into its recording, and says what is missing.
+    """Merges the ROS topics recorded by a run's recorder into the run's own recording.
 
     Nothing that fails here changes how the run ended: the files stay apart, and a note says so.
 

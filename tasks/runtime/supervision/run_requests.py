@@ -47,7 +47,7 @@ _GPU_VARIABLES = ("CUDA_VISIBLE_DEVICES", "NVIDIA_VISIBLE_DEVICES")
 
 
 def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = None) -> RunRequest:
-    """Adds to a plan what this process knows: its import path, its environment, how to render.
+    """Makes the request that starts a run: its plan, with import path, environment and rendering.
 
     Args:
         plan: The run. Relative paths are those of this process.
@@ -107,7 +107,7 @@ def _menagerie_cache() -> dict[str, str]:
 
 
 def program_environment(request: RunRequest, program: ProgramPlan) -> dict[str, str]:
-    """The whole environment of one of the plan's programs."""
+    """Returns the complete environment variables for one of a run's programs."""
     plan = request.plan
     of_role = plan.robot_application if program.role == "robot" else plan.simulation_application
     environment = {
@@ -166,7 +166,7 @@ def plan_box(
     warn: Callable[[str], None] = _warn_once,
     endpoint: str | None = None,
 ) -> BoxPlan:
-    """Decides what a run is confined to.
+    """Decides how a run's processes are sandboxed.
 
     Args:
         settings: The service's.
@@ -226,7 +226,7 @@ def _hidden(settings: Settings, user_home: Path) -> list[Path]:
 
 
 class Cores:
-    """Counts how many runs use each core of this machine; threads may share it.
+    """Assigns processor cores to runs: counts how many runs use each core; threads may share it.
 
     Args:
         available: Numbers of the cores; absent: those that this process may use.
@@ -242,7 +242,7 @@ class Cores:
 
     @contextmanager
     def taken(self, count: int | None) -> Iterator[list[int] | None]:
-        """Chooses the cores with the fewest runs and counts one more on them for as long as the context lasts.
+        """Yields the least used cores, and counts them as used inside the `with` block.
 
         Args:
             count: How many; None: as many as there are.

@@ -33,7 +33,7 @@ from .process_supervision import Supervision
 
 
 def stand_by(control: socket.socket, run_child: RunChild, rehearse: Rehearse, level: BoxLevel = "none") -> None:
-    """Waits for a run, and supervises it.
+    """Waits for a run's request, then supervises that run; main function of a supervisor process.
 
     Args:
         control: Brings one message, with the connection to the run's launcher; closed, if no run will come.

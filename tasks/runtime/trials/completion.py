@@ -22,12 +22,12 @@ TakeRow = Callable[[TrialRow], None]
 
 
 def journal_path(plan: RunPlan) -> Path:
-    """Returns the path of a run's journal: with its checkpoints, if it has any."""
+    """Returns the path of the journal in which a run's finished trials are stored."""
     return (plan.checkpoint_dir or plan.work_dir) / JOURNAL_FILE
 
 
 def read_journal(path: Path) -> Iterator[TrialRow]:
-    """Reads the rows of a journal one by one, up to the first that is not whole or out of turn; none if it is absent.
+    """Yields the finished trials from a journal, up to the first damaged row.
 
     Raises:
         OSError: It cannot be read, or is a link or something else than a file.
@@ -37,7 +37,7 @@ def read_journal(path: Path) -> Iterator[TrialRow]:
 
 
 class TrialJournal:
-    """Appends rows; each is in the operating system's hands, which a kill does not undo, before the next trial."""
+    """Journal file of finished trials; each row survives a killed process."""
 
     def __init__(self, path: Path, take: TakeRow) -> None:
         """Opens a journal, to go on after its last whole row.
@@ -59,7 +59,7 @@ class TrialJournal:
         self._file.truncate(size_bytes)
 
     def append(self, row: TrialRow) -> None:
-        """Adds a row.
+        """Adds a finished trial.
 
         Raises:
             OSError: The disk is full, for one.
@@ -70,7 +70,7 @@ class TrialJournal:
         self.rows += 1
 
     def close(self) -> None:
-        """Closes the file."""
+        """Closes the journal file."""
         self._file.close()
 
 
@@ -99,7 +99,7 @@ _COMPRESSION = "zstd"
 
 
 def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -> int:
-    """Makes the table from a journal; it is either whole or not there.
+    """Makes the trials table (Parquet) from a journal, atomically.
 
     | column | what |
     | --- | --- |
@@ -144,7 +144,7 @@ def write_table(journal: Path, path: Path, trials: Trials, recorded: set[int]) -
 
 
 def read_row(path: Path, number: int) -> TrialRow | None:
-    """Reads the row of one trial; `None`: the table has none of that number.
+    """Reads one trial from a trials table; `None` if there is no such trial.
 
     Raises:
         FileNotFoundError: There is no such file.
@@ -172,7 +172,7 @@ ALL_RAN = "environment"
 
 
 def complete_trials(plan: RunPlan, ended_by: str, tally: Tally | None = None) -> RunResult:
-    """Writes table and result of a job, of as many trials as have finished.
+    """Writes the trials table and `result.json` of a job from its finished trials.
 
     Args:
         plan: The job's run; it has trials.
@@ -198,7 +198,7 @@ def complete_trials(plan: RunPlan, ended_by: str, tally: Tally | None = None) ->
 
 
 def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
-    """Writes what the run's process could not write any more; outputs that it wrote are left as they are.
+    """Writes the trials table and result if the run's process died before it could.
 
     Args:
         plan: The job's run; it has trials, and none of its processes is left.
@@ -216,7 +216,7 @@ def complete_after_all(plan: RunPlan, *, ended_by: str | None) -> None:
 
 
 def recorded_trials(output_dir: Path) -> list[int]:
-    """Numbers of trials that have a folder among the outputs of their job."""
+    """Returns the numbers of the trials that have an output folder."""
     folder = output_dir / TRIALS_FOLDER
     if not folder.is_dir():
         return []

@@ -29,7 +29,7 @@ Combination = tuple[tuple[str, str], ...]
 
 
 class Tally:
-    """Counts rows as they come.
+    """Accumulates trials' results to the job's summary and result.
 
     Args:
         trials: The job's trials.
@@ -55,7 +55,7 @@ class Tally:
         """Message about code that did not answer when the job was stopped in a trial; empty: no answer was awaited."""
 
     def take(self, row: TrialRow) -> None:
-        """Counts a row."""
+        """Adds a trial's results."""
         self.rows += 1
         counted = _COUNTED[row.verdict]
         self._counts[counted] = self._counts.get(counted, 0) + 1
@@ -85,7 +85,7 @@ class Tally:
 
     @property
     def sim_time_s(self) -> float:
-        """Simulated time of all trials."""
+        """Simulated time of all trials, in seconds."""
         return self._sim_time_s
 
     @property
@@ -95,7 +95,7 @@ class Tally:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all trials were counted."""
+        """Whether all trials were added."""
         return self.rows >= self._trials.count
 
     def summary(self, recorded: list[int]) -> TrialsSummary:
@@ -116,7 +116,7 @@ class Tally:
         )
 
     def result(self, ended_by: str, seed: int, versions: dict[str, str], recorded: list[int]) -> RunResult:
-        """The job's `result.json`: FAIL if any trial failed, else ERROR if any broke or did not run.
+        """Returns the job's result: FAIL if any trial failed, else ERROR if any broke or is missing.
 
         Args:
             ended_by: `environment` once all trials ran, else why it was stopped.
@@ -224,7 +224,7 @@ class _RequirementCount:
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
-        """Returns the requirement for the job's result; the job is judged by its trials, not by this again."""
+        """Returns a requirement's entry for the job's result: how many trials met it."""
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(

@@ -31,7 +31,7 @@ _FRONT = "front"
 
 
 class CameraRecorder(Observer):
-    """Records JPEG pictures, 320 x 240, as `sensor_msgs/CompressedImage` on `/camera/image_raw/compressed`.
+    """Observer that records camera pictures (JPEG, 320 x 240) as ROS messages.
 
     `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, says how to project into them, and `/tf` or
     `/tf_static` where the camera is: `camera_link`, and `camera_optical_frame`, which is the frame of both messages.
@@ -83,7 +83,7 @@ class CameraRecorder(Observer):
         self.next_time_s = time_s + 1.0 / self._settings.rate_hz
 
     def close(self, ended_by: str | None) -> Findings:
-        """Frees the driver's memory; returns why there are no pictures, if so."""
+        """Frees the renderer; returns the reason if no pictures were recorded."""
         del ended_by
         if self._renderer is not None:
             self._renderer.close()

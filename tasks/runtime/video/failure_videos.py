@@ -32,7 +32,7 @@ def record_failure_videos(
     *,
     limit_s: float,
 ) -> None:
-    """Makes the videos that a run's policy asks for, once the run's outcome is known.
+    """Renders the videos of a run after its end, if its video policy asks for them.
 
     With `on-failure` these are `video.mp4`, `last-10s.mp4` and `poster.png` of a run that failed; with `always` a
     failed run gets `last-10s.mp4`, a poster of its last moment, and `video.mp4` if it was killed before its own was
@@ -65,7 +65,7 @@ def record_failure_videos(
 
 
 def is_filmed(plan: RunPlan, outcome: RunOutcome) -> bool:
-    """Whether `record_failure_videos` has anything to draw."""
+    """Whether a run's video policy asks for a video after this outcome."""
     return _may_film(plan) and has_failed(plan, outcome)
 
 
@@ -74,7 +74,7 @@ def _may_film(plan: RunPlan) -> bool:
 
 
 def has_failed(plan: RunPlan, outcome: RunOutcome) -> bool:
-    """Whether a run crashed, ran out of time, or was judged FAIL or ERROR; canceled ones did not."""
+    """Whether a run crashed, timed out, or was judged FAIL or ERROR; canceled ones did not."""
     if outcome.status != "Completed":
         return outcome.status == "Failed"
     return outcome.timed_out or _verdict(plan.output_dir) in ("FAIL", "ERROR")

@@ -48,7 +48,7 @@ class _State:
 
 
 class LiveFrames:
-    """Hands states from the run's thread to a rendering thread, and its pictures to waiting viewers.
+    """Passes simulation states to a rendering thread, and its pictures to the live view's viewers.
 
     The run's thread only reads a flag while no viewer waits, and copies positions when one does.
     """
@@ -76,7 +76,7 @@ class LiveFrames:
         self._drawer: threading.Thread | None = None
 
     def offer(self, environment: Any, time_s: float) -> None:
-        """Copies the physics' positions if a viewer waits for a picture and one is due."""
+        """Copies the current positions if a viewer waits for a picture and one is due."""
         if not self._wanted or time.monotonic() < self._next_s:
             return
         model, data = raw_physics(environment.physics)
@@ -91,7 +91,7 @@ class LiveFrames:
             self._changed.notify_all()
 
     def next_after(self, number: int, timeout_s: float) -> tuple[int, bytes]:
-        """Waits for a picture.
+        """Waits for a new picture of the live view.
 
         Args:
             number: Of the picture that the caller has; 0: none.
@@ -111,7 +111,7 @@ class LiveFrames:
             return self._number, self._jpeg
 
     def close(self) -> None:
-        """Releases all waiting viewers and ends the rendering."""
+        """Releases all waiting viewers, and ends the rendering thread."""
         with self._changed:
             self.closed = True
             self._changed.notify_all()
@@ -191,7 +191,7 @@ _BOUNDARY = "frame"
 
 
 class LiveView(Observer):
-    """Observes a run and serves its page.
+    """Observer that serves a web page with live pictures of the simulation.
 
     A page that cannot be served, because the port is taken for example, does not fail the run: the error log
     says why.
@@ -232,7 +232,7 @@ class LiveView(Observer):
         sys.stdout.write(f"Live view: {self.url}\n")
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Notes the time, and the state if a viewer waits for a picture."""
+        """Updates the time, and passes on the state if a viewer waits for a picture."""
         if self._state == "starting":
             self._state, self._began_s = "running", time.monotonic()
         self._time_s = time_s
@@ -240,7 +240,7 @@ class LiveView(Observer):
         self.next_time_s = time_s + _CHECK_EVERY_S
 
     def close(self, ended_by: str | None) -> Findings:
-        """Ends the server and takes its address back."""
+        """Ends the web server."""
         del ended_by
         self._file.unlink(missing_ok=True)
         self._frames.close()
@@ -249,10 +249,10 @@ class LiveView(Observer):
         return Findings()
 
     def restore(self, state: float, environment: Any) -> None:
-        """Keep nothing: the page of a run that is continued begins anew."""
+        """Restores nothing: the live view of a resumed run begins anew."""
 
     def status(self) -> dict[str, Any]:
-        """Returns the status that the page shows beside the picture; times in seconds."""
+        """Returns the status shown beside the live picture; times in seconds."""
         wall_s = time.monotonic() - self._began_s
         return {
             "job": self._plan.job_id,
@@ -284,7 +284,7 @@ class _Server(ThreadingHTTPServer):
         self.viewers = threading.BoundedSemaphore(_MAX_VIEWERS)
 
     def serve(self) -> None:
-        """Serves until it is stopped, asleep while no viewer connects."""
+        """Serves requests until stopped; sleeps while no viewer is connected."""
         while not self._stopped:
             self.handle_request()
         self.server_close()
@@ -296,7 +296,7 @@ class _Server(ThreadingHTTPServer):
             self.socket.shutdown(socket.SHUT_RDWR)  # wakes it
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A server that does not log viewers who disconnect."""
+        """Ignores errors of viewers who disconnect."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -309,7 +309,7 @@ class _Handler(BaseHTTPRequestHandler):
         return self.server
 
     def do_GET(self) -> None:
-        """Answers a viewer."""
+        """Answers a viewer's HTTP request."""
         host = (self.headers.get("Host") or "").rsplit(":", 1)[0].lower()
         if host not in _LOCAL_NAMES:  # a page from elsewhere whose name was made to point here
             self._answer(403, "text/plain; charset=utf-8", b"This page answers to 127.0.0.1 and localhost only.\n")
@@ -326,7 +326,7 @@ class _Handler(BaseHTTPRequestHandler):
             self._answer(404, "text/plain; charset=utf-8", b"There are /, /status.json, /frame.jpg and /stream.mjpg.\n")
 
     def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 (the base class's name)
-        """Keeps requests out of the run's log."""
+        """Suppresses HTTP request logging."""
 
     def _show(self, path: str, query: dict[str, str]) -> None:
         camera, after = query.get("camera"), query.get("after", "0")

@@ -34,7 +34,7 @@ _TOLERANCE_S = 5e-7
 
 
 def write_videos(request: VideoRequest) -> None:
-    """Writes `last-10s.mp4`, `poster.png` with the last moment, and `video.mp4` if it is asked for.
+    """Renders `last-10s.mp4`, `poster.png`, and if asked for `video.mp4`, from a state log.
 
     Raises:
         StateLogError: There is no log.
@@ -59,7 +59,7 @@ def write_videos(request: VideoRequest) -> None:
 
 
 def write_video(log: StateLog, path: Path, settings: VideoSettings, backend: str, begin_s: float = 0.0) -> Image:
-    """Writes one video of a log, from a time to its end.
+    """Renders one video from a state log, from a start time to the end.
 
     Args:
         log: The states.
@@ -122,7 +122,7 @@ def _pictures_of(
 
 
 def main() -> int:
-    """Makes the videos of the request on the command line; the last line of standard error says what went wrong."""
+    """Entry point of a child process that renders the videos requested on its command line."""
     request = VideoRequest.model_validate_json(sys.argv[1])
     die_with_parent()
     if os.getppid() != request.parent_pid:

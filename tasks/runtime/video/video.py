@@ -32,7 +32,7 @@ from .video_settings import (
 
 
 class VideoWriter:
-    """An H.264 file that has its name only when it is complete."""
+    """Writer of an H.264 video file, which gets its name only when complete."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate_hz: int) -> None:
         """Opens the file.
@@ -58,7 +58,7 @@ class VideoWriter:
         self._stream.codec_context.time_base = Fraction(1, rate_hz)
 
     def add(self, picture: Image) -> None:
-        """Adds the next picture."""
+        """Adds the next frame."""
         frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
         frame.pts = self.frames
         frame.time_base = Fraction(1, self.rate_hz)
@@ -66,7 +66,7 @@ class VideoWriter:
         self.frames += 1
 
     def close(self) -> None:
-        """Finishes the file and gives it its name."""
+        """Finishes the file, and gives it its name."""
         self._container.mux(self._stream.encode(None))
         self._container.close()
         self._unfinished.replace(self._path)
@@ -89,7 +89,7 @@ _FRAME = 245
 
 
 class ViewRenderer:
-    """Renders the frames of one video of one model."""
+    """Renders the frames of one video from a camera view."""
 
     def __init__(
         self,
@@ -127,7 +127,7 @@ class ViewRenderer:
             self._camera = GlCamera(model, width, height, backend, lit or None)
 
     def aim(self, name: str | None, said_by: str) -> None:
-        """Renders from another camera from now on.
+        """Switches to another camera.
 
         Args:
             name: See `views.choose_views`.
@@ -142,14 +142,14 @@ class ViewRenderer:
         self._small_time_s = 0.0
 
     def picture(self, data: mujoco.MjData) -> Image:
-        """Renders the picture of a state, whose positions have to be computed already."""
+        """Renders the picture of a state whose poses have been computed."""
         picture = self._camera.picture(data, self._view)
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
-        """Returns the view of a state, and points the scene's camera along it."""
+        """Returns the camera for a state, and points the scene's camera along it."""
         view = self._view(data)
         mujoco.mjv_updateCamera(self.model, data, view, scene)
         return view
@@ -162,7 +162,7 @@ class ViewRenderer:
         return self._small
 
     def close(self) -> None:
-        """Frees the driver's memory."""
+        """Frees the renderer's memory."""
         self._camera.close()
 
 
@@ -180,7 +180,7 @@ POSTER_TIME_S = 2.0
 
 
 class VideoWatcher(Observer):
-    """Records a video of an environment's physics, at a fixed number of frames per simulated second.
+    """Observer that records a video of the simulation at a fixed frame rate in simulated time.
 
     A video that cannot be made does not fail the run: the reason goes to the error log and, as
     `video_error`, to the result.
@@ -205,7 +205,7 @@ class VideoWatcher(Observer):
         self._poster: Image | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Takes a frame, and the same again for frames that a long control step skipped."""
+        """Renders a frame, and repeats it for frames that a long control step skipped."""
         try:
             picture = self._picture(environment)
             if self._writer is None:
@@ -225,7 +225,7 @@ class VideoWatcher(Observer):
             self._give_up()
 
     def close(self, ended_by: str | None) -> Findings:
-        """Finishes the files.
+        """Finishes the video files.
 
         Args:
             ended_by: What ended the run; None when it failed. The video is finished in any case.
@@ -253,7 +253,7 @@ class VideoWatcher(Observer):
         )
 
     def restore(self, state: float, environment: Any) -> None:
-        """Begins a new video where a run is continued: the earlier one was lost with its process."""
+        """Begins a new video for a resumed run, because the earlier one was lost."""
         super().restore(state, environment)
         self._begins_s = state
 

@@ -29,7 +29,7 @@ _MAX_RATE_HZ = 60
 
 @dataclass(frozen=True)
 class VideoSettings:
-    """Camera, size and rate of a video."""
+    """Camera, size and frame rate of a video."""
 
     camera: str | None = None
     """`follow`, `top`, `both` or the name of a camera of the model; None: what the environment or the model say."""
@@ -51,7 +51,7 @@ DEFAULTS = VideoSettings()
 
 
 def video_settings(variables: Mapping[str, str]) -> VideoSettings:
-    """Reads `ROBOMAKER_VIDEO_CAMERA`, `ROBOMAKER_VIDEO_SIZE` and `ROBOMAKER_VIDEO_FPS`.
+    """Reads the video settings from `ROBOMAKER_VIDEO_CAMERA`, `ROBOMAKER_VIDEO_SIZE` and `ROBOMAKER_VIDEO_FPS`.
 
     Raises:
         LaunchError: One of them is no camera, size or rate.
@@ -68,7 +68,7 @@ def video_settings(variables: Mapping[str, str]) -> VideoSettings:
 
 
 def settings_of(plan: RunPlan) -> VideoSettings:
-    """The settings of a run; what the simulation application's variables say goes first.
+    """Returns the video settings of a run; the simulation application's variables win.
 
     Raises:
         LaunchError: See `video_settings` and `appearance_of`.
@@ -77,7 +77,7 @@ def settings_of(plan: RunPlan) -> VideoSettings:
 
 
 def appearance_of(plan: RunPlan) -> str | None:
-    """The name of the appearance that a run's variables ask for; None: they ask for none.
+    """Returns the name of the lighting that a run's variables ask for; `None` if they ask for none.
 
     Raises:
         LaunchError: There is no such appearance.
@@ -121,7 +121,7 @@ _BOTH = "both"
 
 
 class CameraRecording(NamedTuple):
-    """Settings of the recorded camera: its frame rate, and which one it is."""
+    """Settings of the camera that is recorded as ROS messages: frame rate and camera name."""
 
     rate_hz: float
     """Pictures per simulated second."""
@@ -137,7 +137,7 @@ class CameraRecording(NamedTuple):
 
 
 def camera_recording(plan: RunPlan) -> CameraRecording | None:
-    """Returns what a run's variables ask for; None: no pictures, which is the default.
+    """Returns the camera recording that a run's variables ask for; `None` means no pictures, the default.
 
     Raises:
         LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,
@@ -170,7 +170,7 @@ NO_PHYSICS = "the environment has no `physics` to record"
 
 
 class VideoRequest(Model):
-    """The videos to make of a log of states."""
+    """Request to render videos from a state log."""
 
     log_dir: Path = Field(description="The log.")
     output_dir: Path = Field(description="Folder that the videos are written to.")
@@ -181,5 +181,5 @@ class VideoRequest(Model):
 
 
 def unfinished(path: Path) -> Path:
-    """Returns where a file is while it is being written."""
+    """Returns the temporary path of a file while it is being written."""
     return path.with_name(f".{path.name}.unfinished")

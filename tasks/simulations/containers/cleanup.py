@@ -27,7 +27,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class ContainerNote:
-    """A container that a run has, or may have."""
+    """Note of a container that a run has made or is about to make, so that it can be removed after a crash."""
 
     program: str
     """The engine's program."""
@@ -39,14 +39,14 @@ class ContainerNote:
 
 
 def note_container(folder: Path, note: ContainerNote) -> None:
-    """Notes in the run's own folder that a container is about to be made."""
+    """Stores a note that a run is about to make a container."""
     with (folder / _NOTES).open("a") as notes:
         notes.write(json.dumps(asdict(note)) + "\n")
 
 
 @contextmanager
 def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iterator[str]:
-    """Notes a container that is made inside the block; yields its name, which the suffix is added to.
+    """Notes a container that is made inside the `with` block; yields its name with the suffix added.
 
     If another container had the name, the note is taken back: that one is not this run's to remove.
     """
@@ -61,13 +61,13 @@ def noted_container(folder: Path, note: ContainerNote, suffix: str = "") -> Iter
 
 
 def remove_containers_of_job(folder: Path) -> None:
-    """Ends and removes the containers of all runs that have folders in a job's folder."""
+    """Ends and removes the containers of all of a job's runs."""
     for run in folder.glob("*"):
         remove_containers(run)
 
 
 def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) -> list[str]:
-    """Ends and removes the containers of a run; what they wrote belongs to this user afterwards, if that is possible.
+    """Ends and removes the containers of a run, and makes this user the owner of their files.
 
     Those that cannot be removed stay noted: see `has_containers`.
 
@@ -106,12 +106,12 @@ def remove_containers(folder: Path, environ: Mapping[str, str] | None = None) ->
 
 
 def has_containers(folder: Path) -> bool:
-    """Whether a run has, or may have, containers that were not removed; its folder has to stay, to tell of them."""
+    """Whether a run may have containers that were not removed; its folder has to stay then."""
     return bool(_notes(folder))
 
 
 def remove_run(folder: Path) -> bool:
-    """Removes the folder of a run, unless containers of it are left; returns whether it did."""
+    """Deletes the folder of a run, unless it has containers left; returns whether it was deleted."""
     if has_containers(folder):
         return False
     remove(folder)
@@ -178,7 +178,7 @@ _MOST_NOTES = 200
 
 
 def settle_containers(folder: Path, output_dir: Path) -> None:
-    """Ends and removes the containers of a run that is over, and puts their outputs among its own.
+    """Ends and removes the containers of a finished run, and moves their outputs to the run's.
 
     Args:
         folder: the run's own folder.
@@ -188,7 +188,7 @@ def settle_containers(folder: Path, output_dir: Path) -> None:
 
 
 def keep_outputs(folder: Path, output_dir: Path, problems: Sequence[str] = ()) -> None:
-    """Moves what containers wrote as outputs to the run's own outputs; calling it again does no harm.
+    """Moves files that containers wrote as outputs to the run's outputs; safe to repeat.
 
     Links are not followed. Nothing that is there is replaced: a second `result.json` becomes `result.json.1`.
 

@@ -80,7 +80,7 @@ _LEAST_SHARES = 2
 
 @dataclass(frozen=True)
 class Mount:
-    """A folder of this machine that a container sees."""
+    """A folder of this machine that is mounted into a container."""
 
     source: Path
     target: str
@@ -88,7 +88,7 @@ class Mount:
 
     @property
     def option(self) -> str:
-        """The value of the engine's option `--mount`; paths may hold colons and commas."""
+        """Value of the container engine's option `--mount` for this folder."""
         values = ["type=bind", f"source={self.source}", f"target={self.target}"]
         line = io.StringIO()
         csv.writer(line, lineterminator="").writerow(values + ["readonly"] * self.read_only)
@@ -97,7 +97,7 @@ class Mount:
 
 @dataclass(frozen=True)
 class Container:
-    """A container to be run."""
+    """Settings of a container to be run: image, name, mounts, limits and command."""
 
     engine: Engine
     name: str
@@ -113,7 +113,7 @@ class Container:
 
 
 def env_file(variables: Mapping[str, str]) -> str:
-    """Returns the content of a file for the engine's option `--env-file`: one variable a line, its value unchanged."""
+    """Returns the content of a file for the option `--env-file`: one variable a line, values unchanged."""
     return "".join(f"{name}={value}\n" for name, value in sorted(variables.items()) if _fits_line(value))
 
 
@@ -122,12 +122,12 @@ def _fits_line(value: str) -> bool:
 
 
 def cpu_shares(nice: int) -> int:
-    """Returns a container's CPU shares, of the 1024 that others get, with the weight of a process of that niceness."""
+    """Returns the CPU shares of a container (1024 is normal) that match a process's niceness."""
     return max(_LEAST_SHARES, round(_SHARES / _SHARE_BY_NICE**nice))
 
 
 def create_arguments(container: Container, variables: Path) -> list[str]:
-    """Makes a container on the machine's network, which does not run yet.
+    """Returns the engine's arguments that create a container, without starting it.
 
     The engine keeps no copy of its output, which has no bound. Folders are not relabelled for SELinux: the user who
     runs the job has them too.
@@ -159,13 +159,13 @@ def create_arguments(container: Container, variables: Path) -> list[str]:
 
 
 def gpu_probe_arguments(container: Container, name: str) -> list[str]:
-    """Makes a container that has the GPU of another, and nothing that it could run."""
+    """Returns the engine's arguments that create an empty container with a GPU, to test whether that works."""
     options = {"--name": name, "--network": "none", **_gpu_option(container), "--entrypoint": NO_PROGRAM}
     return ["create", *_words(options), container.image]
 
 
 def give_back_arguments(name: str, image: str, folder: Path) -> list[str]:
-    """Makes all that containers wrote into a folder belong to the folder's owner.
+    """Returns the engine's arguments for a container that makes a folder's owner own all files in it.
 
     Args:
         name: for the container that does it, and is removed.
@@ -198,7 +198,7 @@ def _words(options: Mapping[str, object]) -> list[str]:
 
 
 def start_argv(container: Container) -> list[str]:
-    """Runs a container that was made, in the foreground; ends with its exit code.
+    """Returns the command line that starts a created container in the foreground.
 
     It says if memory was the container's end, and if it could start no more processes.
     """
@@ -207,12 +207,12 @@ def start_argv(container: Container) -> list[str]:
 
 
 def tool_argv(container: Container, command: str) -> list[str]:
-    """Runs a command line beside what a container runs, as soon as it does."""
+    """Returns the command line that runs a tool inside a running container."""
     return _script(_RUN_TOOL, container, command)
 
 
 def remove_argv(container: Container) -> list[str]:
-    """Ends a container, whatever it does, and removes it."""
+    """Returns the command line that ends and removes a container."""
     return _script(_REMOVE, container)
 
 

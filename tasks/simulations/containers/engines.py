@@ -45,16 +45,16 @@ Which = Callable[[str], str | None]
 
 
 class EngineError(Exception):
-    """An engine refused, or does not answer; the message is what it said last."""
+    """Raised when the container engine refuses a command or does not answer; contains its last message."""
 
 
 class NameTakenError(EngineError):
-    """A container was not made because another has its name."""
+    """Raised when a container was not made because another has its name."""
 
 
 @dataclass(frozen=True)
 class Engine:
-    """A container engine.
+    """A container engine, docker or podman.
 
     Args:
         program: its path.
@@ -75,7 +75,7 @@ class Engine:
         stopped: Callable[[], bool] = lambda: False,
         through: Sequence[str] = (),
     ) -> str:
-        """Runs a command of the engine; returns what it printed.
+        """Runs a command of the container engine, and returns what it printed.
 
         Args:
             arguments: the command and its arguments.
@@ -104,7 +104,7 @@ class Engine:
 
 @dataclass(frozen=True)
 class Image:
-    """An image on this machine, as its engine describes it."""
+    """A container image on this machine, as its engine describes it."""
 
     id: str | None
     """Id of the image in the engine, whatever its names: a SHA-256, in hexadecimal."""
@@ -123,14 +123,14 @@ class Image:
 
 
 def engine_environment(environ: Mapping[str, str]) -> dict[str, str]:
-    """The variables of this process that an engine needs: how it is reached, where its credentials are."""
+    """Returns this process's variables that a container engine needs (its address and credentials)."""
     return {
         name: value for name, value in environ.items() if name in _KEPT_VARIABLES or name.startswith(_KEPT_BEGINNINGS)
     }
 
 
 def find_engine(environ: Mapping[str, str], which: Which) -> Engine:
-    """The engine that a variable names, or the first of docker and podman that answers.
+    """Finds the container engine that a variable names, or the first of docker and podman that answers.
 
     Args:
         environ: environment variables; `ROBOMAKER_CONTAINER_ENGINE` names one.
@@ -167,7 +167,7 @@ def get_image(
     digest: str | None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Image:
-    """Pulls an image and checks that a job may run it.
+    """Pulls a container image if necessary, and checks that a job may run it.
 
     An image that was built here is not asked for: in a registry its name may mean somebody else's. Where the engine
     cannot tell that, this goes for all that are here and whose name has no registry in it. Nor is one asked for that is
@@ -222,7 +222,7 @@ def copy_out(
     *,
     stopped: Callable[[], bool] = lambda: False,
 ) -> None:
-    """Copies folders of an image to this machine; those that it does not have are left out.
+    """Copies folders of a container image to this machine; missing ones are left out.
 
     What is mounted over a folder of an image hides what the image has there, such as a workspace below
     `/home/robomaker`. Root keeps whose files they are; for others, and where podman does not tell it, all files become

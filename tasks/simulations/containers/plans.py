@@ -61,7 +61,7 @@ def plan_container(
     variables: Mapping[str, str],
     bridge: RosPlan | None,
 ) -> list[ProgramPlan]:
-    """Gets an application's image, makes its container, and says how it and its tools are run.
+    """Gets an application's container image, creates the container, and plans how it and its tools run.
 
     Args:
         role: the application's.
@@ -165,7 +165,7 @@ def _container_name(role: ApplicationRole, run_environment: RunEnvironment) -> s
 
 
 def check_gpu(container: Container, name: str) -> None:
-    """Finds out by a container of this name whether the engine can give one a GPU, before the application fails.
+    """Checks with a test container whether the engine can give a GPU to containers.
 
     Raises:
         LaunchError: it cannot; says why.

@@ -46,12 +46,12 @@ _USUAL_PROFILE = ("AWS_PROFILE", "default")
 
 
 def store_server(settings: Settings) -> str | None:
-    """The S3 server that is not AWS, if it has the objects."""
+    """Returns the URL of the S3 server with the objects; `None` if it is AWS or a folder."""
     return settings.object_store.rstrip("/") if "://" in settings.object_store else None
 
 
 def brings_keys(variables: Mapping[str, str]) -> bool:
-    """Whether variables of a launch configuration give its programs credentials of their own."""
+    """Whether the variables of a launch configuration contain AWS credentials."""
     # The profile of this name is what a job has anyway: it is in the file that is written for the job's role.
     return any(variables.get(name) and (name, variables[name]) != _USUAL_PROFILE for name in _OWN_KEYS)
 
@@ -65,7 +65,7 @@ def endpoint_variables(
     *,
     has_role_keys: bool,
 ) -> dict[str, str]:
-    """Variables by which SDKs find what is served here, and nothing of AWS with keys that are good here only.
+    """Makes the variables by which AWS SDKs in a job call this service and store instead of AWS.
 
     The files that they name are written.
 
@@ -103,7 +103,7 @@ def endpoint_variables(
 
 
 def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
-    """The same variables for programs that bring keys of their own: services that are not served here are AWS's."""
+    """Returns the variables for programs with AWS credentials of their own, which may call AWS."""
     kept = {name: value for name, value in variables.items() if name != ALL_VARIABLE}
     if ALL_VARIABLE in variables and (paths := variables.get(DATA_VARIABLE)):
         kept[DATA_VARIABLE] = os.pathsep.join(
@@ -113,7 +113,7 @@ def without_refusal(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def container_data_path(variables: Mapping[str, str]) -> dict[str, str]:
-    """The variable by which SDKs in a container find the lists and the service's model, if the run has them."""
+    """Makes the variable by which AWS SDKs in a container find the service's model files."""
     paths = variables.get(DATA_VARIABLE, "").split(os.pathsep)
     found = [f"{AWS}/{name}" for name in (NO_AWS, MODELS) if any(path.endswith(f"{AWS}/{name}") for path in paths)]
     return {DATA_VARIABLE: os.pathsep.join(found)} if found else {}

@@ -28,19 +28,19 @@ _WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 @dataclass(frozen=True)
 class Sandbox:
-    """The folders of one run of a job."""
+    """The folders of one run of a simulation job, and their paths on this machine."""
 
     root: Path
     """Folder of this machine that is `/` for the job."""
 
     def create(self) -> "Sandbox":
-        """Makes the folders that every job has."""
+        """Creates the folders that every job has."""
         for folder in _FOLDERS:
             self.place(folder).mkdir(parents=True, exist_ok=True)
         return self
 
     def place(self, path: str) -> Path:
-        """Returns the path on this machine of an absolute path of the job.
+        """Converts an absolute path of the job to the path on this machine.
 
         Raises:
             ValueError: the path is not absolute, or leads upwards.
@@ -53,7 +53,7 @@ class Sandbox:
 
 @dataclass(frozen=True)
 class WorldPackages:
-    """The ROS packages of a job's world, in the folders of a run."""
+    """ROS packages with a job's world, in the folders of a run."""
 
     prefix: Path
     """Folder with their `setup.sh` and `share`, as ROS has it for a workspace that is installed."""
@@ -62,14 +62,14 @@ class WorldPackages:
 
 
 def protect(folder: Path) -> None:
-    """Makes all that is in a folder read-only, and the folder itself; links are left as they are."""
+    """Makes a folder and everything in it read-only; links are left as they are."""
     for path in [*folder.rglob("*"), folder]:
         if not path.is_symlink():
             path.chmod(path.stat().st_mode & ~_WRITABLE)
 
 
 def remove(folder: Path) -> None:
-    """Removes a folder as far as that is possible, whatever programs have left in it."""
+    """Deletes a folder as far as possible, whatever programs have left in it."""
     if folder.is_symlink() or not folder.is_dir():
         folder.unlink(missing_ok=True)
         return
@@ -97,7 +97,7 @@ _MACHINES = Path("/dev/shm")  # noqa: S108 - what is made there is private
 
 
 def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
-    """Makes the folder that containers of a run have as `/dev/shm`; any user in them may write to it.
+    """Creates the folder that a run's containers have as `/dev/shm`, in memory if possible.
 
     It is in memory, or else, where that cannot be, on the disk.
 
@@ -122,7 +122,7 @@ def make_shared_memory(folder: Path, machines: Path = _MACHINES) -> Path:
 
 
 def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]:
-    """Removes what `make_shared_memory` made, if it made anything.
+    """Deletes the shared memory folder of a run's containers.
 
     Args:
         folder: the run's own folder.
@@ -142,7 +142,7 @@ def remove_shared_memory(folder: Path, machines: Path = _MACHINES) -> list[Path]
 
 
 def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path, Path]:
-    """Returns the folders for a run's shared memory: in memory if that can be, or else on the disk.
+    """Returns the possible folders for a run's shared memory: in memory, and on the disk.
 
     Args:
         folder: the run's own folder.
@@ -161,7 +161,7 @@ _PACKAGES = ("opt/built_workspace", "opt/install", "opt/ros/*/share")
 
 
 def overlays(bundle: Path | None) -> list[Path]:
-    """The overlays of a bundle in the order of sourcing; none: it is no colcon bundle."""
+    """Lists the overlays of a colcon bundle (built ROS workspace) in sourcing order; empty for others."""
     file = bundle / OVERLAYS_FILE if bundle is not None else None
     if bundle is None or file is None or not file.is_file():
         return []
@@ -171,13 +171,13 @@ def overlays(bundle: Path | None) -> list[Path]:
 
 
 def setups_of(bundle: Path | None) -> list[Path]:
-    """The scripts that bash sources before a program of a colcon bundle, in their order."""
+    """Lists the setup scripts to source before a program of a colcon bundle, in order."""
     scripts = [(overlay / "setup.bash", overlay / "setup.sh") for overlay in overlays(bundle)]
     return [bash if bash.is_file() else plain for bash, plain in scripts]
 
 
 def package_folders(bundle: Path) -> list[Path]:
-    """Returns the folders of a bundle's packages: of a colcon bundle its workspace first, not the whole system.
+    """Lists the folders of a bundle's packages; for a colcon bundle, its workspace comes first.
 
     A link of the bundle that leads out of it is none of them: in what was copied out of an image, it leads to files of
     this machine.
@@ -188,13 +188,13 @@ def package_folders(bundle: Path) -> list[Path]:
 
 
 def own_program(bundle: Path | None, name: str) -> Path | None:
-    """A program of the ROS that a colcon bundle brings, if it brings one."""
+    """Returns the path of a ROS program that a colcon bundle contains, or `None`."""
     places = [overlay.glob(f"opt/ros/*/bin/{name}") for overlay in overlays(bundle)]
     return next((path for place in places for path in place if path.is_file()), None)
 
 
 def missing_interpreter(bundle: Path | None, program: Path, which: Callable[[str], str | None]) -> str | None:
-    """The interpreter that a script of a bundle names and that neither it nor this machine has; else `None`."""
+    """Returns the interpreter of a bundle's script if it is missing here, else `None`."""
     with program.open("rb") as file:
         first = file.readline(_MOST_BYTES).decode(errors="replace")
     words = first.removeprefix("#!").split() if first.startswith("#!") else []

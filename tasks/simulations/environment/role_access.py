@@ -23,12 +23,12 @@ _PLACEHOLDERS = ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY")
 
 
 def role_of(request: Mapping[str, Any]) -> str | None:
-    """ARN of the role that a request names."""
+    """Returns the ARN of the access role that a job request names."""
     return request.get("iamRole")
 
 
 def acting_service(request: Mapping[str, Any], service: Service) -> Service:
-    """The service with the object store as the role of a request has it.
+    """Returns the service with the object-store access of the role that a request names.
 
     Raises:
         LaunchError: there is no such role, or its credentials are no good.
@@ -41,7 +41,7 @@ def acting_service(request: Mapping[str, Any], service: Service) -> Service:
 
 
 def store_variables(request: Mapping[str, Any], sandbox: Sandbox, service: Service) -> dict[str, str]:
-    """Variables that name files of settings for the object store; none where objects are files.
+    """Makes variables that name the settings files for the object store's S3 server, in a job.
 
     Args:
         request: the job's.
@@ -68,7 +68,7 @@ def access_variables(
     service: Service,
     environ: Mapping[str, str],
 ) -> dict[str, str]:
-    """The variables of a run with those by which SDKs find what is served here, and act as the role.
+    """Adds the variables by which AWS SDKs in a job find this service, and act as the job's role.
 
     The files that they name are written. Placeholder keys, which clients of the service are given, go where the role
     has credentials: SDKs would take them for those of the store.
@@ -94,7 +94,7 @@ def access_variables(
 
 
 def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
-    """The same variables as a container has them, which finds the files elsewhere."""
+    """Converts the variables for use in a container, where files have other paths."""
     places = {"AWS_CONFIG_FILE": _CONTAINER_CONFIG, "S3CMD_CONFIG": _S3CFG}
     found = {name: value for name, value in variables.items() if name.startswith("AWS_") and name != DATA_VARIABLE}
     found |= {name: f"{AWS}/{file}" for name, file in places.items() if name in variables}
@@ -102,7 +102,7 @@ def container_variables(variables: Mapping[str, str]) -> dict[str, str]:
 
 
 def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
-    """The credentials of the role of a request, as they are now; `None`: there are none to be had.
+    """Returns the current credentials of the role that a request names; `None` if there are none.
 
     Raises:
         LaunchError: the role gives none.
@@ -118,7 +118,7 @@ def role_keys(request: Mapping[str, Any], service: Service) -> Keys | None:
 
 
 def write_store_files(sandbox: Sandbox, settings: Settings, keys: Keys | None) -> None:
-    """Writes the files that `store_variables` names, each as a whole.
+    """Writes the settings and credentials files for the object store, atomically.
 
     Any user of a container may read them; other users of this machine do not come so far.
     """
@@ -183,7 +183,7 @@ _logger = logging.getLogger(__name__)
 
 @contextmanager
 def fresh_keys(request: Mapping[str, Any], service: Service, folder: Path, every_s: float = EVERY_S) -> Generator[None]:
-    """Writes the role's credentials as they are now, and again as often as they change; does nothing without any.
+    """Keeps the role's credentials file up to date inside the `with` block.
 
     Args:
         request: the job's.

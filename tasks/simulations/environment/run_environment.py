@@ -21,7 +21,7 @@ from .folders import TEMPORARY, Sandbox, WorldPackages
 def process_variables(
     sandbox: Sandbox, settings: Settings, environ: Mapping[str, str], caller: str = ""
 ) -> dict[str, str]:
-    """The variables that every process of a run has, besides those that say what run it is and where its folders are.
+    """Returns the environment variables that every process of a run has.
 
     Args:
         sandbox: the run's folders.
@@ -37,7 +37,7 @@ def process_variables(
 
 
 def service_variables(settings: Settings, environ: Mapping[str, str], caller: str = "") -> dict[str, str]:
-    """Returns the variables with which a job calls the service, about itself for example.
+    """Returns the environment variables with which a job calls this service.
 
     The only secret among them is the job's own.
 
@@ -72,7 +72,7 @@ def _keeps_catalog_at_home(settings: Settings) -> bool:
 
 
 def search_path(environ: Mapping[str, str]) -> str:
-    """Returns the path on which programs of jobs are found: beside this Python first, then the path of `environ`."""
+    """Returns the PATH on which programs of jobs are found; this Python's folder comes first."""
     return os.pathsep.join([str(Path(sys.executable).parent), environ.get("PATH") or os.defpath])
 
 
@@ -81,7 +81,7 @@ ROLES: tuple[ApplicationRole, ...] = ("simulation", "robot")
 
 @dataclass(frozen=True)
 class RunEnvironment:
-    """Environment of a run's applications on this machine."""
+    """Environment of a run's applications on this machine: folders, variables and limits."""
 
     plan: RunPlan
     """The run, without its applications."""
@@ -103,14 +103,14 @@ class RunEnvironment:
     """Places the ROS packages of the job's world when it is first asked for them; `None`: it has no world."""
 
     def which(self, name: str) -> str | None:
-        """Finds a program on the path of the job's processes."""
+        """Finds a program on the PATH of the job's processes."""
         return shutil.which(name, path=search_path(self.environ))
 
 
 def application_configs(
     request: Mapping[str, Any], roles: Sequence[ApplicationRole] = ROLES
 ) -> Iterator[tuple[ApplicationRole, Mapping[str, Any]]]:
-    """Yield the configured applications of a job's request, with their roles.
+    """Yields the configured applications of a simulation job request, with their roles.
 
     Args:
         request: The job's.
@@ -122,12 +122,12 @@ def application_configs(
 
 
 def run_sandbox(folder: Path) -> Sandbox:
-    """The folders of a run's processes; `folder` is the run's own."""
+    """Returns the folders of a run's processes."""
     return Sandbox(folder / "root")
 
 
 def container_sandbox(folder: Path, role: ApplicationRole) -> Sandbox:
-    """The folders of an application that is a container: it shares none with the other application.
+    """Returns the folders of an application that runs in a container, separate from the other application's.
 
     Args:
         folder: the run's own folder.
@@ -143,7 +143,7 @@ def tool_plan(
     folder: Path,
     environment: Mapping[str, str],
 ) -> ProgramPlan:
-    """A tool of an application."""
+    """Makes the plan of a tool, a program beside an application."""
     return ProgramPlan(
         name=f"{role}-{tool['name']}",
         role=role,
@@ -167,19 +167,19 @@ _GPU = Path("/dev/nvidia0")
 
 
 def has_gpu(gpu: Path = _GPU) -> bool:
-    """Whether this machine has a GPU that jobs can be given."""
+    """Whether this machine has a GPU for jobs."""
     return gpu.exists()
 
 
 def gpu_of(environ: Mapping[str, str]) -> str:
-    """Number or UUID of the GPU that jobs are given: the first that `CUDA_VISIBLE_DEVICES` names, else the first."""
+    """Returns the number or UUID of the GPU for jobs: the first in `CUDA_VISIBLE_DEVICES`, else the first."""
     return environ.get("CUDA_VISIBLE_DEVICES", "").split(",")[0].strip() or "0"
 
 
 def compute_limits(
     request: Mapping[str, Any], *, gpu: Path = _GPU, cpus: int | None = None, nice: int = 0
 ) -> ComputeLimits:
-    """The limits of a job, but for the disk: a simulation unit is one processor and 2 GiB of memory.
+    """Computes a job's CPU and memory limits: a simulation unit is one processor and 2 GiB.
 
     Args:
         request: the job's request.
@@ -203,7 +203,7 @@ def compute_limits(
 
 
 def disk_limit(folder: Path, most_bytes: int) -> int:
-    """Limit of a job's files below a folder, in bytes: no job alone can fill the disk, even with copies of files.
+    """Computes how many bytes a job may write below a folder, so that it cannot fill the disk.
 
     What was fetched for it is not free any more and does not count, so this is asked once all of it is there.
 

@@ -57,7 +57,7 @@ class _Overlays(Model, extra="ignore"):
 
 
 def unpack_colcon_bundle(folder: Path) -> None:
-    """Replaces the archives in an unpacked colcon bundle by what is in them; does nothing to other bundles.
+    """Unpacks the inner archives of a colcon bundle (built ROS workspace); ignores other bundles.
 
     Args:
         folder: the unpacked outer archive.
@@ -132,7 +132,7 @@ _LOOK_S = 0.1
 
 
 def world_bundle(world: Resource, service: Service) -> Path:
-    """The folder of a world's bundle, read-only by agreement.
+    """Returns the local folder of a world's files, after downloading them if necessary.
 
     Raises:
         StorageError: it cannot be fetched.
@@ -149,7 +149,7 @@ def world_bundle(world: Resource, service: Service) -> Path:
 
 
 def application_bundle(source: dict[str, str], role: str, service: Service, *, is_pinned: bool) -> Path:
-    """The folder an application's archive was unpacked into.
+    """Returns the local folder of an application's unpacked archive, downloading it if necessary.
 
     Args:
         source: `s3Bucket`, `s3Key` and the `etag` it had when the application or its version was made.
@@ -187,7 +187,7 @@ def application_bundle(source: dict[str, str], role: str, service: Service, *, i
 
 
 def last_used(copy: Path) -> datetime:
-    """When a job or a command last began to use the copy of a bundle; one that vanishes is in use."""
+    """Returns when a local copy of a bundle was last used."""
     try:
         return datetime.fromtimestamp(copy.stat().st_mtime, UTC)
     except FileNotFoundError:
@@ -195,7 +195,7 @@ def last_used(copy: Path) -> datetime:
 
 
 def remove_unless_used(copy: Path, before: datetime) -> bool:
-    """Removes the copy of a bundle; it stays if something has begun to use it since a time.
+    """Deletes a local copy of a bundle, unless it was used since a time.
 
     Args:
         copy: its folder.
@@ -224,7 +224,7 @@ def _changed(found: ObjectInfo, since: str, etag: str, failure_code: str) -> Lau
 
 
 def fill_once(folder: Path, fill: Callable[[Path], None], stopped: Stopped = never) -> Path:
-    """Fills a folder unless it is there; of several processes one does it, a failed one leaves nothing.
+    """Fills a cache folder unless it exists; of several processes, one does it.
 
     The folder's time says when it was last used. The lock is not kept while the store is waited for, so that all who
     need the folder wait equally long.
@@ -281,7 +281,7 @@ def _remove_parts(part: Path) -> None:
 
 @dataclass(frozen=True)
 class Rooms:
-    """The rooms of a world."""
+    """Names of a world's rooms, with the room in which robots start."""
 
     names: tuple[str, ...]
     start: str | None
@@ -289,7 +289,7 @@ class Rooms:
 
 
 def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
-    """The rooms of a world; `None` if they cannot be found out now.
+    """Returns the rooms of a world; `None` if they cannot be read now.
 
     Args:
         world: the world.
@@ -305,7 +305,7 @@ def rooms_of_world(world: Resource, service: Service) -> Rooms | None:
 
 
 def check_rooms(request: SimulationJobRequestMembers, world: Resource, service: Service, where: str = "") -> None:
-    """Refuses a request whose goals ask for rooms that its world does not have.
+    """Raises an error if a request's goals name rooms that its world does not have.
 
     Args:
         request: for the job.

@@ -28,7 +28,7 @@ MAX_BYTES = 25 * 10**9
 def resolve_data_sources(
     configs: Sequence[Mapping[str, Any]], service: Service, role: str | None = None
 ) -> list[ResolvedDataSource]:
-    """Finds the objects that data sources mean now, with their ETags.
+    """Lists the objects that a job's data sources mean now, with their ETags.
 
     What a role may not read is taken as it is named, without ETags: the job finds that out, and has a code for it.
 
@@ -62,7 +62,7 @@ def resolve_data_sources(
 
 
 def fetch_data_sources(sources: Sequence[ResolvedDataSource], sandbox: Sandbox, service: Service) -> Path | None:
-    """Fetches resolved data sources into a job's folders, read-only.
+    """Downloads a job's data sources into its folders, read-only.
 
     Objects keep the folders of their keys: `maps/flat.pgm` of the source `plans` is `plans/maps/flat.pgm` in the
     folder of data sources. An archive becomes a folder of its name: `maps/flat.zip` becomes `plans/maps/flat`.

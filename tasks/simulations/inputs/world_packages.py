@@ -33,7 +33,7 @@ _DIGITS = 12
 
 
 def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) -> WorldPackages:
-    """Puts the packages of a world into a run's folders, read-only; they are made once for a world on this machine.
+    """Makes ROS packages of a job's world, in a run's folders, read-only.
 
     Args:
         world: the job's world.
@@ -62,7 +62,7 @@ def place_world_packages(world: Resource, sandbox: Sandbox, service: Service) ->
 
 
 def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in_container: bool) -> dict[str, str]:
-    """Variables with which programs find the packages of their job's world before others.
+    """Makes the variables with which ROS programs find the packages of the job's world first.
 
     Args:
         packages: where they are.
@@ -79,7 +79,7 @@ def world_variables(packages: WorldPackages, variables: Mapping[str, str], *, in
 
 
 def put_world_into_copies(folder: Path, packages: WorldPackages) -> None:
-    """Puts the job's world into exports of other worlds that a run's copy of a workspace has.
+    """Replaces other worlds in a run's copy of a workspace by the job's world.
 
     A program that sources the setup of its own workspace has that workspace's packages first, whatever its variables
     said before.

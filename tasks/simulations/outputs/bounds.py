@@ -29,13 +29,13 @@ _LONGEST_NAME = 300
 
 
 def rank(name: str) -> tuple[int, int, bytes]:
-    """The order in which outputs are stored as long as there is room: what says how the run went, then the top."""
+    """Sort key of output files: the most important are uploaded first, as long as there is space."""
     first = FIRST.index(name) if name in FIRST else len(FIRST)
     return first, name.count("/"), os.fsencode(name)
 
 
 def check_wanted(ended: Stopped) -> None:
-    """Ends the listing of a run's outputs when they are not wanted any more: there may be very many.
+    """Raises an error if a run's outputs are no longer wanted, while they are listed.
 
     Raises:
         TransferStoppedError: `ended` said so.
@@ -45,13 +45,13 @@ def check_wanted(ended: Stopped) -> None:
 
 
 def lacks_outputs(about: Mapping[str, JsonValue]) -> bool:
-    """Whether a manifest says that outputs are missing which other limits, or no cancellation, would have kept."""
+    """Whether a manifest says that outputs are missing because of limits or a cancellation."""
     left_out = about.get("leftOut")
     return bool(about.get("partial")) or (isinstance(left_out, dict) and bool(left_out.get("beyondLimits")))
 
 
 class LeftOut:
-    """Files of a run that are not stored, and why."""
+    """Output files of a run that are not uploaded, with the reasons."""
 
     def __init__(self) -> None:
         self.files = 0
@@ -62,11 +62,11 @@ class LeftOut:
 
     @property
     def lines(self) -> list[str]:
-        """A line for each that is named."""
+        """One line for each named file that was left out."""
         return [f"'{each['path']}' is not stored: it {each['why']}" for each in self._named]
 
     def note(self, name: str, why: str, size_bytes: int = 0) -> None:
-        """Notes a file that is left out.
+        """Records a file that is not uploaded.
 
         Args:
             name: its path among the outputs.
@@ -79,12 +79,12 @@ class LeftOut:
             self._named.append({"path": path, "sizeBytes": size_bytes, "why": why})
 
     def count(self, files: int, size_bytes: int) -> None:
-        """Counts files that are left out without their names."""
+        """Counts files that are not uploaded, without their names."""
         self.files += files
         self.size_bytes += size_bytes
 
     def about(self) -> dict[str, Any]:
-        """Summary for the manifest; empty if no file was left out."""
+        """Makes the summary of files left out for the manifest; empty if there are none."""
         if not self.files:
             return {}
         counts = {"files": self.files, "sizeBytes": self.size_bytes, "beyondLimits": self.beyond_limits}
@@ -93,7 +93,7 @@ class LeftOut:
 
 @dataclass
 class Room:
-    """Space for a run's outputs in the store: bytes and files that it may still have."""
+    """Space left for a run's outputs in the object store: bytes and number of files."""
 
     most_bytes: int
     most_files: int
@@ -103,16 +103,16 @@ class Room:
 
     @classmethod
     def of(cls, settings: Settings) -> "Room":
-        """The room that settings give one run."""
+        """Returns the space that the settings allow for one run's outputs."""
         return cls(settings.max_output_gb * 10**9, settings.max_output_files)
 
     def use(self, files: list[ManifestFile]) -> None:
-        """Counts what is stored already."""
+        """Subtracts files that are uploaded already."""
         self.used_files += len(files)
         self.used_bytes += sum(file.size_bytes for file in files)
 
     def why_not(self, size_bytes: int) -> str | None:
-        """Why a file of some size has no room, as a predicate; `None`: it has."""
+        """Returns why a file of a size has no space left; `None` if it has."""
         if self.used_files >= self.most_files:
             return f"is beyond the {self.most_files} files that are stored of a run (ROBOMAKER_MAX_OUTPUT_FILES)"
         if self.used_bytes + size_bytes > self.most_bytes:
@@ -121,7 +121,7 @@ class Room:
         return None
 
     def take(self, name: str, size_bytes: int) -> bool:
-        """Gives a file room, or notes that it is left out; returns whether it has room."""
+        """Reserves space for a file, or records that it is left out; returns whether there is space."""
         if (why := self.why_not(size_bytes)) is not None:
             self.left_out.note(name, why, size_bytes)
             self.left_out.beyond_limits += 1
@@ -131,7 +131,7 @@ class Room:
         return True
 
     def notes(self) -> list[str]:
-        """The line beside the verdict about what had no room."""
+        """Returns the note about outputs left out for lack of space."""
         if not (count := self.left_out.beyond_limits):
             return []
         files = "1 output is" if count == 1 else f"{count} outputs are"
@@ -142,7 +142,7 @@ class Room:
 
 
 def storable_files(folder: Path, prefix: str, room: Room, ended: Stopped = never) -> list[FolderFile]:
-    """Looks through what a run wrote; none of its processes is there any more.
+    """Lists a finished run's output files that can be uploaded; records the others.
 
     Left out are links, pipes, sockets and devices, what this process may not read, what no store could have under its
     name, a `manifest.json`, which would say what is whole, and what has no room. However many files there are, only as
@@ -196,7 +196,7 @@ def _obstacle(file: FolderFile, prefix: str) -> str | None:
 
 @dataclass(frozen=True)
 class Found:
-    """A file that is to be uploaded."""
+    """An output file that is to be uploaded."""
 
     name: str
     """The name it would have alone: `<configuration>/<path below the glob's fixed folder>`."""
@@ -209,7 +209,7 @@ class Found:
 def distinct(
     outputs: Collection[str], rolled: Collection[str], files: Iterable[Found]
 ) -> tuple[list[FolderFile], list[str]]:
-    """Gives files names that no other file has, and that no store takes for a folder of other files.
+    """Gives output files unique names that any object store accepts.
 
     Args:
         outputs: names of the run's own outputs.
@@ -246,7 +246,7 @@ class _Names:
             self._add(name)
 
     def take(self, name: str) -> str:
-        """The name itself, or the first free one like it: `maps/a.pgm.1`; `maps.1/a.pgm` where `maps` is a file."""
+        """Returns the name, or the first free variant of it: `maps/a.pgm.1`; `maps.1/a.pgm` if `maps` is a file."""
         free = next(each for each in _like(name) if self._is_free(each))
         self._add(free)
         return free

@@ -30,7 +30,7 @@ _logger = logging.getLogger(__name__)
 
 
 def check_output_location(location: Mapping[str, Any] | None) -> None:
-    """Refuses an output location that no object store can hold, before anything runs.
+    """Raises an error for an output location that no object store can have.
 
     Args:
         location: `s3Bucket` and `s3Prefix` of a request, either may be absent.
@@ -51,7 +51,7 @@ def check_output_location(location: Mapping[str, Any] | None) -> None:
 
 
 def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str]:
-    """Bucket and prefix of one run's outputs: `<prefix>/<job id>/<run id>`.
+    """Returns bucket and prefix of one run's outputs: `<prefix>/<job id>/<run id>`.
 
     A request that names no bucket means the configured one; outputs of a request that names neither
     bucket nor prefix are put below `simulation-jobs`.
@@ -62,7 +62,7 @@ def output_place(job: Resource, run_id: str, service: Service) -> tuple[str, str
 
 
 def prepare_bucket(service: Service, bucket: str) -> None:
-    """Creates the bucket where that is ours to do: any folder on this machine, else only the configured one.
+    """Creates the bucket for outputs if that is the service's task: folder stores, or the configured bucket.
 
     A bucket of somebody's S3 is never created by a misspelt name, also not by servers that create
     buckets when something is put into them. Who may write to a bucket, but not ask whether it exists,
@@ -90,7 +90,7 @@ _NEAR = 0.8
 
 
 def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
-    """Keeps for later that a job is about to make a bucket of a folder store whose name is nearly that of another.
+    """Stores a note if a job makes a new local bucket whose name resembles an existing one's.
 
     Such buckets are made, as programs rely on it.
 
@@ -111,7 +111,7 @@ def keep_new_bucket(service: Service, bucket: str, folder: Path) -> None:
 def notes_of(
     request: Mapping[str, Any], folder: Path, uploads: Sequence[Upload], matched: Collection[int]
 ) -> list[str]:
-    """The lines about a run.
+    """Returns the notes about a run's outputs for its result.
 
     Args:
         request: the job's request.
@@ -138,7 +138,7 @@ _ASK_EVERY_S = 0.2
 
 
 class UploadEnd:
-    """Says whether a job or its batch was cancelled since its upload began: again, if that is why its run ended.
+    """Tells whether a job or its batch was cancelled since its upload began, so that the upload has to stop.
 
     A batch whose time is over lets uploads finish.
 

@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 class RollingUploads:
-    """The rolling uploads of one run; as a context, every few seconds until its end.
+    """Uploads finished output files of a running simulation every few seconds. Context manager.
 
     Args:
         uploads: the configurations; see `rolling_only`.
@@ -81,7 +81,7 @@ class RollingUploads:
             self._thread.join(_JOIN_S)
 
     def sweep(self) -> None:
-        """Takes the files that are finished, and stores them; what cannot be stored waits for the next time."""
+        """Uploads the files that are finished; failed ones are retried at the next call."""
         for upload in self._uploads:
             if os.path.lexists(self._folder / "output" / upload.name):
                 continue  # they get names of their own at the end, which the run's own outputs do not have
@@ -134,7 +134,7 @@ class RollingUploads:
 
 
 def rolling_only(uploads: Iterable[Upload]) -> list[Upload]:
-    """Those of some configurations whose files are uploaded while a run goes on.
+    """Returns the upload configurations whose files are uploaded while the run is going on.
 
     Of several with one name the first: the files of the others are named apart from its own at the end.
     """
@@ -146,7 +146,7 @@ def rolling_only(uploads: Iterable[Upload]) -> list[Upload]:
 
 
 def taken_files(folder: Path) -> list[tuple[str, Path]]:
-    """Files that were taken and are not stored yet, oldest first.
+    """Lists the files moved aside for upload that are not uploaded yet, oldest first.
 
     Args:
         folder: the run's own folder.
@@ -163,7 +163,7 @@ def taken_files(folder: Path) -> list[tuple[str, Path]]:
 
 
 def rolled_files(folder: Path, later: Iterable[str]) -> list[ManifestFile]:
-    """Returns the files that were stored during the run, as they are stored now.
+    """Lists the files uploaded during the run, as they are stored now.
 
     Args:
         folder: the run's own folder.

@@ -43,7 +43,7 @@ _MOST_NOTES = 200
 
 
 class RunOutputs:
-    """Outputs of one run of a job.
+    """Uploads the outputs of one run of a simulation job.
 
     Args:
         job: the job.
@@ -75,12 +75,12 @@ class RunOutputs:
 
     @property
     def output_dir(self) -> Path:
-        """Folder that the run writes its outputs to."""
+        """Local folder that the run writes its outputs to."""
         return self._folder / "output"
 
     @property
     def place(self) -> StoredPlace:
-        """Place in the object store of these outputs."""
+        """Bucket and prefix of these outputs in the object store."""
         return StoredPlace(bucket=self.bucket, prefix=self.prefix)
 
     @property
@@ -88,7 +88,7 @@ class RunOutputs:
         return SimulationJobDocument.of(self._job).request
 
     def prepare(self) -> None:
-        """Finds out before a long run that its outputs have nowhere to go.
+        """Checks before a long run that its outputs can be uploaded.
 
         Raises:
             LaunchError: there is no such bucket, or the job's role may not write there, or is none.
@@ -104,7 +104,7 @@ class RunOutputs:
             raise LaunchError(f"outputLocation.s3Bucket: {error}", "BadPermissionsS3Output") from error
 
     def rolling(self) -> RollingUploads:
-        """The uploads while the run goes on."""
+        """Returns the uploads during the run."""
         every_s = self._service.timing.upload_every_s
         store = acting_service(self._request, self._service).store
         room = Room.of(self._service.settings)
@@ -120,7 +120,7 @@ class RunOutputs:
         outdated: Stopped = never,
         ended: Stopped = never,
     ) -> StoredPlace:
-        """Stores them; returns where.
+        """Uploads the run's outputs, and returns their place.
 
         What has no room is left out; the manifest names it. What a crashed or killed run left is stored too, but
         without a manifest: it is not whole. A store that does not answer is waited for, see `Service.patient`; a file
@@ -176,7 +176,7 @@ class RunOutputs:
         return self.place
 
     def conclude(self, about: Mapping[str, Any], *, finished: bool) -> tuple[StoredPlace, str | None]:
-        """Makes what was stored, before that was ended or outdated, count as what it is, which mostly is a part.
+        """Publishes what was uploaded before the upload was stopped, usually a part.
 
         Args:
             about: how the run ended.
@@ -230,7 +230,7 @@ class RunOutputs:
         return [file for file in found if file.path.is_file() and not _is_linked(file.path)]
 
     def were_stored(self, stopped: Stopped = never) -> None:
-        """Checks that they are stored as a whole; a store that does not answer is waited for.
+        """Checks that the outputs were uploaded completely.
 
         Args:
             stopped: see `store`.
@@ -241,7 +241,7 @@ class RunOutputs:
         read_manifest(self._patient(stopped).store, self.bucket, self.prefix)
 
     def not_stored(self, error: Exception) -> str:
-        """Says what went wrong, where the outputs are, and what stores them later."""
+        """Makes the text about a failed upload: the error, where the outputs are, and how to upload them later."""
         return (
             f"outputs could not be stored in s3://{self.bucket}/{self.prefix}: {error}; "
             f"`robomaker upload --kept` stores them; they are in {self.output_dir}"
@@ -363,7 +363,7 @@ def _counted(visit: Visit, index: int, matched: set[int]) -> Visit:
 
 
 def failure_code_of(error: Exception) -> str:
-    """The job's failure code for outputs that could not be stored."""
+    """Returns the simulation job's failure code for a failed upload."""
     if isinstance(error, CredentialsRefusedError):
         return "BadPermissionsUserCredentials"
     if isinstance(error, StorageAccessDeniedError | BucketNotFoundError):

@@ -29,7 +29,7 @@ Visit = Callable[[int, str, str], None]
 
 
 def visit_matches(root: Path, glob: Glob, visit: Visit) -> None:
-    """Visits the regular files that a glob means, in the order of their names.
+    """Calls a function for each regular file that matches a glob pattern, in order of names.
 
     Args:
         root: what `/` is for the glob.
@@ -88,7 +88,7 @@ def _opened(name: str, folder: int | None) -> Iterator[int | None]:
 
 
 def link_or_copy(folder: int, name: str, target: Path) -> None:
-    """Makes a file that no process writes to any more appear under a second path, in place of what is there.
+    """Makes a finished file also appear under a second path, by a link or a copy.
 
     Args:
         folder: descriptor of its folder.
@@ -109,7 +109,7 @@ def link_or_copy(folder: int, name: str, target: Path) -> None:
 
 
 def take(folder: int, name: str, target: Path) -> bool:
-    """Moves a file away from programs that may still run, unless one has it open for writing.
+    """Moves a finished file away from programs that may still run.
 
     Args:
         folder: descriptor of its folder.
@@ -166,7 +166,7 @@ _DEFAULTS: Mapping[str, str] = {
 
 @dataclass(frozen=True)
 class Upload:
-    """One upload configuration, on this machine."""
+    """An upload configuration of a job: name, file pattern and when to upload, with local paths."""
 
     name: str
     """The folder of its files below the run's outputs."""
@@ -181,7 +181,7 @@ class Upload:
 
 
 def uploads_of(request: Mapping[str, Any], folder: Path) -> list[Upload]:
-    """The upload configurations of a job's applications.
+    """Returns the upload configurations of a job's applications.
 
     Args:
         request: the job's request.

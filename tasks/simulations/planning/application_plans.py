@@ -31,7 +31,7 @@ from .topic_recording import note_no_recorder
 
 @dataclass(frozen=True)
 class RosLaunch:
-    """An application that ROS launches, or that may be ROS nodes."""
+    """An application that is started by a ROS launch file, or may contain ROS nodes."""
 
     code: Code
     launch: Program
@@ -41,7 +41,7 @@ class RosLaunch:
 def with_ros_companions(
     programs: Sequence[ProgramPlan], ros: RosLaunch | None, run_environment: RunEnvironment, *, wants_topics: bool
 ) -> list[ProgramPlan]:
-    """A run's programs, and those that it starts beside them for a launch of ROS.
+    """Adds the programs that ROS launches need beside them, such as a ROS 1 master, to a run's programs.
 
     Args:
         programs: the applications that are programs, and tools.
@@ -119,7 +119,7 @@ _SETTINGS = ("ROBOMAKER_", "MENAGERIE_ROOT", "MENAGERIE_CACHE_DIR")
 
 @dataclass
 class Applications:
-    """The applications of a run."""
+    """The applications of a run, resolved to factories and programs."""
 
     plans: dict[ApplicationRole, ApplicationPlan] = field(default_factory=dict)
     programs: list[ProgramPlan] = field(default_factory=list)
@@ -133,7 +133,7 @@ class Applications:
 
 
 def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironment) -> Applications:
-    """Fetches a job's applications and resolves how they are started.
+    """Downloads a job's applications, and determines how they are started.
 
     Args:
         request: the job's request.
@@ -167,7 +167,7 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
 
 
 def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:
-    """A run's programs, and the bridge between its simulation and nodes of ROS 1.
+    """Adds the bridge between the simulation and ROS 1 nodes to a run's programs.
 
     A robot application may speak ROS 1, or say so and connect to the agent socket: no rospy is no reason to fail.
     """
@@ -281,7 +281,7 @@ def _settings_in(launch: Mapping[str, Any]) -> dict[str, str]:
 
 
 def image_of(application: Resource) -> str | None:
-    """The container image that an application is; `None`: it is an archive or an installed package."""
+    """Returns the container image of an application; `None` if it is an archive or Python package."""
     environment = ApplicationDocument.of(application).environment
     return None if environment is None or python_package(environment.uri) is not None else environment.uri
 
@@ -297,7 +297,7 @@ def _code(role: ApplicationRole, application: Resource, run_environment: RunEnvi
 
 
 def source_for_this_machine(sources: list[StoredSource]) -> StoredSource:
-    """The source for 64-bit x86; one without an architecture serves all."""
+    """Returns the application's archive for 64-bit x86, or the one for any architecture."""
     for source in sources:
         if (source.architecture or "X86_64") == "X86_64":
             return source

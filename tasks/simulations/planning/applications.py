@@ -25,17 +25,17 @@ _DIGEST = re.compile("sha256:[0-9a-f]{64}", re.IGNORECASE)
 
 
 def version_kind(kind: str) -> str:
-    """The kind of the versions of a kind of application."""
+    """Returns the catalog's resource kind for versions of a kind of application."""
     return f"{kind}-version"
 
 
 def version_arn(application_arn: str, version: str | int) -> str:
-    """The ARN of a version inside the catalog."""
+    """Makes the catalog ARN of an application's version."""
     return f"{application_arn}/version/{version}"
 
 
 def find_application(reference: str, role: ApplicationRole, version: str | None, service: Service) -> Resource:
-    """The application that an ARN or a bare name means, or one version of it.
+    """Finds an application, or one version of it, by ARN or name.
 
     Args:
         reference: ARN or name.
@@ -72,13 +72,13 @@ def _version(application: Resource, version: str, service: Service) -> Resource:
 
 
 def python_package(uri: str) -> str | None:
-    """The installed package that an environment is; `None`: it is a container image."""
+    """Returns the Python package that an application's environment names; `None` for a container image."""
     scheme, _, module = uri.partition("://")
     return module if scheme == _PYTHON else None
 
 
 def check_environment(uri: str) -> None:
-    """Checks that an environment is an installed package or may be a container image; neither is looked for.
+    """Raises an error if an application's environment is neither a Python package nor a container image.
 
     Raises:
         InvalidParameterException: it is neither.
@@ -94,13 +94,13 @@ def check_environment(uri: str) -> None:
 
 
 def image_digest(uri: str) -> str | None:
-    """The digest that the name of a container image ends with, if it does."""
+    """Returns the digest at the end of a container image's name, if any."""
     digest = uri.rpartition("@")[2]
     return digest.lower() if digest != uri and _DIGEST.fullmatch(digest) else None
 
 
 def with_etag(source: Mapping[str, Any], index: int, service: Service) -> dict[str, Any]:
-    """The source with the ETag its archive has now.
+    """Adds the archive's current ETag to an application's source.
 
     Raises:
         InvalidParameterException: there is no such archive, or it cannot be read.

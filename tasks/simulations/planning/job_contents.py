@@ -41,7 +41,7 @@ _SHOWN = 6
 
 
 class CurrentApplications:
-    """Applications as they are now, each looked up once however many jobs have it.
+    """Looks applications up in the catalog, each only once for many jobs.
 
     Args:
         service: where they are stored.
@@ -69,7 +69,7 @@ class CurrentApplications:
         return self._found[key]
 
     def content(self, application: Resource) -> str:
-        """Returns an application's content in words; empty: not known.
+        """Returns a text that identifies an application's content (such as its ETag); empty if unknown.
 
         Raises:
             StorageError: its archive cannot be read.
@@ -82,7 +82,7 @@ class CurrentApplications:
 
 
 def contents_of_plan(plan: RunPlan, request: Mapping[str, Any]) -> MadeOf:
-    """Returns the contents of a planned run.
+    """Returns hashes of the world and applications in a run's plan.
 
     Args:
         plan: the run, with everything it needs on this machine.
@@ -97,7 +97,7 @@ def contents_of_plan(plan: RunPlan, request: Mapping[str, Any]) -> MadeOf:
 def contents_of_request(
     request: Mapping[str, Any], service: Service, applications: CurrentApplications | None = None
 ) -> MadeOf:
-    """Returns the contents that a run of a request would have now.
+    """Returns hashes of the world and applications that a request would use now.
 
     Args:
         request: the request of a job.
@@ -137,7 +137,7 @@ def _made_of(
 
 
 def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApplications) -> dict[str, str] | None:
-    """The installed packages that jobs import, by name, with what they are here; those that are built in are left out.
+    """Returns the installed Python packages that jobs import, with hashes of their content.
 
     Args:
         requests: the requests of the jobs.
@@ -168,7 +168,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
 
 
 def changed_import(provenance: Provenance) -> str | None:
-    """Returns the first name whose code here is another than the one that a run imported; None: all is the same."""
+    """Returns the first package whose code differs from what a recorded run imported; `None` if none does."""
     return changed_code(provenance.imported)
 
 
@@ -187,7 +187,7 @@ def _content_of_application(application: Resource, service: Service) -> str:
 
 @cache
 def software_versions() -> Mapping[str, str]:
-    """Versions of what runs simulations; that of this package says its code, which changes while one works on it."""
+    """Returns the versions of the packages that run simulations, and a hash of this package's code."""
     root = Path(__file__).parents[3]
     code = [digest_of_folder(root / part, ".py") for part in ("tasks/runtime", "schemas/runs")]
     return {
@@ -229,7 +229,7 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
 
 
 def package_content(name: str) -> str:
-    """Content of an installed package: built in, or a digest of all files of the outermost package; else empty."""
+    """Returns a hash of an installed package's files, or "built in"; empty if it is missing."""
     if f"{name}.".startswith(f"{PACKAGE}."):
         return _BUILT_IN  # its code is in the version of this package
     try:

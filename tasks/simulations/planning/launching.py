@@ -33,7 +33,7 @@ Which = Callable[[str], str | None]
 
 @dataclass(frozen=True)
 class Code:
-    """An application's code on this machine."""
+    """Code of an application on this machine: its role, and folder or package."""
 
     role: ApplicationRole
     name: str
@@ -47,13 +47,13 @@ class Code:
 
     @property
     def crash_code(self) -> str:
-        """The failure code of an application that does not start."""
+        """Failure code for an application that does not start."""
         return f"{self.role.capitalize()}ApplicationCrash"
 
 
 @dataclass(frozen=True)
 class Factory:
-    """A function that is called in the simulation's process."""
+    """An application that is a factory function, called in the simulation's process."""
 
     attribute: str
     """Dotted path: `my_nav.arena.make_environment`."""
@@ -61,7 +61,7 @@ class Factory:
 
 @dataclass(frozen=True)
 class Program:
-    """A process of its own."""
+    """An application that runs as a separate process."""
 
     argv: tuple[str, ...]
     launcher: Path | None = None
@@ -73,7 +73,7 @@ class Program:
 def resolve_launch(
     code: Code, launch: Mapping[str, Any], which: Which, python: str, *, has_master: bool = False
 ) -> Factory | Program:
-    """Decides what is started.
+    """Determines what a launch configuration starts: a factory function or a program.
 
     Args:
         code: the application.
@@ -100,7 +100,7 @@ def resolve_launch(
 
 
 def check_pair(simulation: tuple[str, Factory | Program] | None, robot: tuple[str, Factory | Program] | None) -> None:
-    """Checks that the simulation application makes the environment that a robot application's factory asks for.
+    """Raises an error if the simulation application does not make the environment that the robot needs.
 
     Args:
         simulation: name and launch of the simulation application; `None`: the built-in one.
@@ -160,7 +160,7 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
 
 
 def with_launch_file(argv: Sequence[str], file: Path) -> tuple[str, ...]:
-    """A command line of `roslaunch` that launches another file, too.
+    """Adds another launch file to a `roslaunch` command line.
 
     Args:
         argv: the command line, whose launch file comes last.
@@ -189,7 +189,7 @@ def _of_this_machine(code: Code, program: Path, which: Which) -> Path:
 
 
 def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]:
-    """A command line in the environments of an installation of ROS and of the bundle's workspace.
+    """Wraps a command line to run in the environment of a ROS installation and the bundle's workspace.
 
     Args:
         code: the application, whose bundle may have a workspace.

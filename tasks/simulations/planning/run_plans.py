@@ -48,7 +48,7 @@ _logger = logging.getLogger(__name__)
 
 
 def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
-    """Simulated time between two checkpoints of a run; none when it makes none.
+    """Returns the simulated seconds between checkpoints of a run; `None` for no checkpoints.
 
     Args:
         application: the simulation application, whose launch configuration may say so: seconds, or 0 for none.
@@ -69,7 +69,7 @@ def checkpoint_every_s(application: ApplicationPlan | None) -> float | None:
 
 
 def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
-    """The plan of the run that a job was in when its job worker died, if it can be continued here; else says why not.
+    """Returns the plan of an interrupted run if it can be resumed here, else logs why not.
 
     Args:
         job: the job.
@@ -88,7 +88,7 @@ def plan_to_resume(job: Resource, folder: Path) -> RunPlan | None:
 
 
 def reached_s(folder: Path) -> float:
-    """How far a run has come: simulated time of its last checkpoint, in seconds; 0 before the first.
+    """Returns the simulated time in seconds of a run's last checkpoint; 0 without one.
 
     Args:
         folder: of the run.
@@ -130,7 +130,7 @@ def run_plan(
     ros_domain: int,
     stopped: Callable[[], bool] = lambda: False,
 ) -> RunPlan:
-    """Fetches everything a run needs and says where it is.
+    """Downloads everything a simulation run needs, and makes its plan.
 
     Args:
         job: the simulation job.
@@ -259,7 +259,7 @@ def _requirements(document: SimulationJobDocument, world_dir: Path | None) -> li
 
 
 def world_arn(request: Mapping[str, Any]) -> str | None:
-    """ARN of the world a request drives in, if it names one."""
+    """Returns the ARN of the world that a request names, if any."""
     applications = request.get("simulationApplications") or [{}]
     worlds = applications[0].get("worldConfigs") or [{}]
     return worlds[0].get("world")

@@ -20,7 +20,7 @@ _OURS = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "LD_PRELOAD")
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str]) -> RunPlan:
-    """Adds the program that records all topics of a run's domain of ROS 2, or writes the log that says why not.
+    """Adds a program that records all ROS 2 topics to a run's plan, or logs why it cannot.
 
     A run without programs has nothing to record.
 
@@ -70,7 +70,7 @@ def _recorder(plan: RunPlan, environ: Mapping[str, str]) -> ProgramPlan | str:
 
 
 def note_no_recorder(output_dir: Path, why: str) -> None:
-    """Writes the log that says why no topics are recorded; a note beside the result repeats it."""
+    """Writes the log that says why no ROS topics are recorded."""
     log = output_dir / "logs" / f"{PROGRAM}.log"
     log.parent.mkdir(exist_ok=True)
     log.write_text(f"loggingConfig.recordAllRosTopics: no ROS topics are recorded: {why}\n")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class ConfinedStore(StoreOver):
-    """An `ObjectStore` that refuses all that a role may not do, with `StorageAccessDeniedError`.
+    """Object store wrapper that refuses accesses which an access role does not allow.
 
     Args:
         store: the store behind it.
@@ -35,7 +35,7 @@ class ConfinedStore(StoreOver):
     def do(
         self, access: Literal["read", "write"], bucket: str, keys: Iterable[str], call: Callable[[], Result]
     ) -> Result:
-        """Calls the store behind this one for what is in the role's places."""
+        """Calls the wrapped store if the role allows the access."""
         for key in keys:
             if not is_within(self._places[access], bucket, key):
                 raise self._denied(f"{access} {bucket}/{key}", access)
@@ -77,7 +77,7 @@ class _Opened:
 
 @dataclass(frozen=True)
 class Roles:
-    """The roles of a service, whose stores and credentials are opened when they are first asked for.
+    """All access roles of a service, with their object stores and credentials, opened on first use.
 
     A role that was opened keeps its credentials until this process ends; those of an assumed role are had again.
     """
@@ -94,11 +94,11 @@ class Roles:
     opened: _Opened = field(default_factory=_Opened)
 
     def with_blocks(self, read_block: ReadBlock) -> "Roles":
-        """The same roles, whose blocks of Prefect can be read."""
+        """Returns the same roles, with access to credentials in Prefect blocks."""
         return replace(self, read_block=read_block)
 
     def store_of(self, arn: str) -> ObjectStore:
-        """The object store as a role has it.
+        """Returns the object store with a role's access.
 
         Args:
             arn: the role, as the request names it.
@@ -113,7 +113,7 @@ class Roles:
             return self.opened.stores[arn]
 
     def keys_of(self, arn: str) -> Keys | None:
-        """A role's credentials as they are now; `None`: objects are files, for which there are none.
+        """Returns a role's current credentials; `None` if objects are local files.
 
         Raises:
             StorageError: see `store_of`; or they cannot be had again.
@@ -144,7 +144,7 @@ class Roles:
 
 
 def open_roles(settings: Settings, store: ObjectStore, environ: Mapping[str, str]) -> Roles | None:
-    """The roles of the file that the settings name; `None`: they name none.
+    """Opens the roles file that the settings name; `None` if they name none.
 
     Args:
         settings: `roles_file`, `object_store` and `region` are used.

@@ -27,7 +27,7 @@ _Answer = TypeVar("_Answer")
 
 
 class MinioUsers:
-    """Users of a MinIO server; the id of a user's access key is its name, and a policy has the name of its user.
+    """Creates users and policies on a MinIO server.
 
     Args:
         endpoint: the server.
@@ -58,16 +58,16 @@ class MinioUsers:
         )
 
     def has(self, name: str) -> bool:
-        """Whether there is a user."""
+        """Whether a user exists."""
         return self._ask("look for a user", lambda: self._admin.user_info(name), missing="404") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Makes the policy of a user, or changes it; `new_key` makes the user."""
+        """Creates or changes a user's policy; `new_key` creates the user."""
         admin: Any = self._admin  # its own types of policies are not complete
         self._ask("make a policy", lambda: admin.policy_add(name, policy=json.loads(policy)))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Makes a user with its policy, or gives it another key; returns the key's id and the key."""
+        """Creates a user with its policy, or gives it a new key; returns key id and secret."""
         key = token_urlsafe(_KEY_BYTES)
         self._ask("make a user", lambda: self._admin.user_add(name, key))
         self._ask("set the policy of a user", lambda: self._admin.policy_set(name, user=name))
@@ -96,7 +96,7 @@ _HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILI
 def initialise(
     settings: Settings, store: ObjectStore, environ: Mapping[str, str], *, dry_run: bool = False
 ) -> Iterator[str]:
-    """Makes the buckets of all roles, and on an S3 server a user with a policy for each role that has places only.
+    """Creates the buckets of all roles, and their users on the S3 server; yields what was done.
 
     Made again, it changes what policies say and nothing else. Roles whose credentials come from a profile, a block or
     STS are left to those who made these.
@@ -146,13 +146,13 @@ def _user(users: "_Users", path: Path, index: int, role: Role, *, dry_run: bool)
 
 
 def user_name(arn: str) -> str:
-    """The name of the user that a role is on a server."""
+    """Returns the name of a role's user on the S3 server."""
     words = re.sub(r"[^A-Za-z0-9]+", "-", arn.partition(":role/")[2]).strip("-")[:40]
     return f"robomaker-{words}-{hashlib.sha256(arn.encode()).hexdigest()[:8]}"
 
 
 def write_keys(path: Path, index: int, access_key_id: str, secret_access_key: str) -> None:
-    """Adds an access key to a role of a roles file; all else stays as it is written, comments, too.
+    """Adds an access key to a role in the roles file, preserving everything else.
 
     Args:
         path: the file.
@@ -185,15 +185,15 @@ class _Users(Protocol):
     """The users of an S3 server."""
 
     def has(self, name: str) -> bool:
-        """Whether there is a user."""
+        """Whether a user exists."""
         ...
 
     def ensure(self, name: str, policy: str) -> None:
-        """Sets the policy of a user, who need not be there before there is a key."""
+        """Sets the policy of a user."""
         ...
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Makes an access key; returns its id and the key."""
+        """Creates an access key; returns its id and secret."""
         ...
 
 
@@ -234,17 +234,17 @@ class _IamUsers:
         self._iam: Any = session.client("iam", region_name=region, endpoint_url=endpoint)
 
     def has(self, name: str) -> bool:
-        """Whether there is a user."""
+        """Whether a user exists."""
         return self._ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
 
     def ensure(self, name: str, policy: str) -> None:
-        """Makes a user unless there is one, and sets the policy."""
+        """Creates a user unless it exists, and sets its policy."""
         self._ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
         request = {"UserName": name, "PolicyName": _POLICY, "PolicyDocument": policy}
         self._ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
 
     def new_key(self, name: str) -> tuple[str, str]:
-        """Makes an access key; returns its id and the key."""
+        """Creates an access key; returns its id and secret."""
         made = self._ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
         return made["AccessKeyId"], made["SecretAccessKey"]
 

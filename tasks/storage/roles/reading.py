@@ -17,7 +17,7 @@ from ....schemas.wire.request_problems import nearest
 
 
 def read_roles_file(path: Path) -> tuple[Role, ...]:
-    """Reads a roles file, which only its owner may read or write: it may hold keys.
+    """Reads the roles file, which may hold secrets and so must be private to its owner.
 
     Raises:
         ConfigurationError: it cannot be read, others can, or something in it is wrong; its values are not repeated.
@@ -38,7 +38,7 @@ def read_roles_file(path: Path) -> tuple[Role, ...]:
 
 
 def parse_roles(text: str, where: str) -> tuple[Role, ...]:
-    """The roles that the text of a roles file names.
+    """Parses the text of a roles file (TOML).
 
     Args:
         text: TOML.
@@ -73,7 +73,7 @@ ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
 
 @dataclass(frozen=True)
 class Keys:
-    """Credentials as they are now."""
+    """Credentials for the object store: access key id, secret and token."""
 
     access_key_id: str
     secret_access_key: str = field(repr=False)
@@ -88,7 +88,7 @@ _ARN = "arn:aws:s3:::"
 
 
 def policy_of(role: Role) -> str:
-    """The policy, as JSON: objects in the role's places, and lists of their keys."""
+    """Returns the IAM policy (JSON) that allows what a role may read and write."""
     statements: list[dict[str, Any]] = []
     for places, actions in ((role.read, _READ), (role.write, _WRITE)):
         if places:
@@ -116,5 +116,5 @@ def _listed(role: Role) -> dict[str, list[str]]:
 
 
 def buckets_of(role: Role) -> set[str]:
-    """The buckets of a role's places."""
+    """Returns the buckets that a role may access."""
     return {place.partition("/")[0] for place in (*role.read, *role.write)}

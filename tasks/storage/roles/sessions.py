@@ -33,7 +33,7 @@ class _Clients(Protocol):
 
 @dataclass(frozen=True)
 class SessionSource:
-    """Source of the credentials of roles.
+    """Opens boto3 sessions with the credentials of access roles.
 
     Args:
         endpoint_url: the S3 server, which answers for STS, too; `None`: AWS.
@@ -48,7 +48,7 @@ class SessionSource:
     read_block: ReadBlock
 
     def session_of(self, role: Role, arn: str) -> Session:
-        """A session whose credentials are a role's; those of an assumed role are had again before they run out.
+        """Opens a session with a role's credentials; those of an assumed role are renewed.
 
         Args:
             role: the role.
@@ -135,7 +135,7 @@ _KEY_MEMBERS = ("aws_access_key_id", "aws_secret_access_key")
 
 
 def keys_of(session: Session) -> Keys:
-    """The credentials of a session as they are now; those that soon run out are had again first.
+    """Returns a session's current credentials, renewed if they soon expire.
 
     Raises:
         CredentialsRefusedError: it has none.

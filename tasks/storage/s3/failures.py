@@ -97,7 +97,7 @@ _NOT_TRUSTED = (SSLError, ProxyConnectionError)
 
 @contextmanager
 def s3_failures(doing: str, endpoint: str) -> Generator[None]:
-    """Turns what boto3 and the operating system raise inside the block into the `StorageError` that fits.
+    """Converts exceptions of boto3 inside the `with` block to the matching `StorageError`.
 
     Args:
         doing: what is being done, in words that follow "cannot".
@@ -112,7 +112,7 @@ def s3_failures(doing: str, endpoint: str) -> Generator[None]:
 
 
 def from_client_error(error: Exception, beginning: str) -> StorageError:
-    """The error to raise for an error of boto3; its message starts with `beginning`."""
+    """Makes the `StorageError` for an error of boto3."""
     if isinstance(error, ClientError):
         return _from_answer(error, beginning)
     if isinstance(error, RetriesExceededError):

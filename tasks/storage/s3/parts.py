@@ -50,7 +50,7 @@ class _Sent(NamedTuple):
 
 
 class PartedUploads:
-    """Uploads in parts, for all of which there is one set of threads: each has a part in memory.
+    """Multipart uploads to S3, which share one set of threads.
 
     Args:
         client: begins and ends uploads, and stores the parts that the quick way does not.
@@ -63,7 +63,7 @@ class PartedUploads:
         self._threads = ThreadPoolExecutor(WORKERS, thread_name_prefix="s3-parts")
 
     def upload(self, bucket: str, key: str, path: Path, stopped: Stopped = never) -> tuple[int, str]:
-        """Stores a file's content; what fails or is stopped leaves nothing at a server that answers.
+        """Uploads a file in parts; nothing remains of a failed or stopped upload.
 
         Args:
             bucket: the bucket.

@@ -28,7 +28,7 @@ _PIECE_BYTES = 256 << 10
 
 
 class Stored(NamedTuple):
-    """ETag and checksum that a server reports for an object it has stored."""
+    """ETag and checksum that the server reports for a stored object."""
 
     etag: str
     crc32: str | None
@@ -46,26 +46,26 @@ class _Answer(Protocol):
 
 
 class Credentials(Protocol):
-    """Credentials as they are at one moment."""
+    """Interface of AWS credentials at one moment."""
 
     @property
     def access_key(self) -> str:
-        """Names them."""
+        """Access key id."""
         ...
 
     @property
     def secret_key(self) -> str:
-        """Signs."""
+        """Secret access key, which signs requests."""
         ...
 
     @property
     def token(self) -> str | None:
-        """Comes with temporary ones."""
+        """Session token of temporary credentials; `None` for permanent ones."""
         ...
 
 
 class QuickPuts:
-    """Puts for an endpoint that has its buckets in paths.
+    """Fast uploads to an S3 endpoint with path-style buckets: signs requests without botocore.
 
     Args:
         client: whose connections are used.
@@ -95,7 +95,7 @@ class QuickPuts:
         query: str = "",
         stopped: Callable[[], bool] | None = None,
     ) -> Stored | None:
-        """Stores an object or a part, if that is done with one request.
+        """Uploads an object or part with one request; `None` if that did not work.
 
         Args:
             bucket: the bucket.
@@ -133,7 +133,7 @@ class QuickPuts:
     def signed(
         self, path: str, data: bytes, crc32: str, credentials: Credentials, now: datetime, query: str = ""
     ) -> dict[str, str]:
-        """The headers of a put, signed with Signature Version 4, as botocore's signer does in four times the time.
+        """Returns the headers of a PUT request, signed with AWS Signature Version 4.
 
         Args:
             path: of the URL, quoted.

@@ -97,7 +97,7 @@ class _Upload(TypedDict):
 
 
 class S3Store:
-    """An `ObjectStore` on an S3 endpoint.
+    """Object store on an S3 server or AWS.
 
     Args:
         endpoint_url: the endpoint; None for AWS.
@@ -161,7 +161,7 @@ class S3Store:
                     raise
 
     def check_credentials(self) -> None:
-        """Finds out whether the server knows the credentials, whatever they allow.
+        """Checks that the server knows the credentials, whatever they allow.
 
         Raises:
             CredentialsRefusedError: it does not, or there are none.
@@ -176,7 +176,7 @@ class S3Store:
             return  # such as that these may not be listed
 
     def check_writable(self, bucket: str, key: str) -> None:
-        """Finds out whether an object could be stored: an upload in parts is begun, and ended without any.
+        """Checks that an object could be written, by beginning a multipart upload.
 
         Raises:
             StorageAccessDeniedError: the credentials do not allow it.
@@ -189,7 +189,7 @@ class S3Store:
             self._client.abort_multipart_upload(Bucket=bucket, Key=key, UploadId=upload)
 
     def put_file(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo:
-        """Stores a file's content.
+        """Uploads a file.
 
         Raises:
             TransferStoppedError: `stopped` said so, and the object is as it was before.
@@ -205,7 +205,7 @@ class S3Store:
                 return self._put_large(bucket, key, path, stopped)
 
     def probe(self, bucket: str) -> None:
-        """Asks once, and for a few seconds at most, whether the server answers; what it answers does not matter."""
+        """Checks quickly, with one request, whether the server answers at all."""
         check_bucket(bucket)
         try:
             with self._failures(f"look for the bucket {bucket}"):
@@ -216,7 +216,7 @@ class S3Store:
             return  # that was an answer
 
     def find_same(self, bucket: str, key: str, path: Path, *, stopped: Stopped = never) -> ObjectInfo | None:
-        """Finds an object that has a file's content already: by its size and CRC32, or its MD5 where it has that."""
+        """Returns the stored object if it has the same content as a file already (by checksum), else `None`."""
         _check(bucket, key)
         refuse_stopped(stopped, bucket, key)
         with self._failures(f"compare {path} with {bucket}/{key}"):
@@ -233,11 +233,11 @@ class S3Store:
     def put_files(
         self, bucket: str, files: dict[str, Path], *, stopped: Stopped = never, tell: Tell = tell_none
     ) -> list[ObjectInfo]:
-        """Stores many files, several at a time; raises the first error after all have ended."""
+        """Uploads many files concurrently; raises the first error after all have ended."""
         return put_each(self, bucket, files, stopped, tell, WORKERS_FOR_SMALL)
 
     def put_bytes(self, bucket: str, key: str, data: bytes, *, create_only: bool = False) -> ObjectInfo:
-        """Stores bytes.
+        """Writes bytes as an object.
 
         Raises:
             ObjectExistsError: `create_only` and something is there; after a broken connection it can
@@ -248,7 +248,7 @@ class S3Store:
             return self._put(bucket, key, data, create_only=create_only)
 
     def get_file(self, bucket: str, key: str, path: Path) -> ObjectInfo:
-        """Fetches an object into a file, which appears only when it is whole and its checksum is right."""
+        """Downloads an object to a file, which appears only when complete and its checksum is right."""
         temporary = path.with_name(f".{uuid4().hex}.part")
         _check(bucket, key)
         with self._failures(f"fetch {bucket}/{key} into {path}"):
@@ -261,7 +261,7 @@ class S3Store:
         return info
 
     def get_bytes(self, bucket: str, key: str) -> bytes:
-        """Fetches an object's content."""
+        """Returns an object's content."""
         _check(bucket, key)
         buffer = BytesIO()
         with self._failures(f"fetch {bucket}/{key}"):
@@ -269,7 +269,7 @@ class S3Store:
         return buffer.getvalue()
 
     def head(self, bucket: str, key: str) -> ObjectInfo:
-        """Says what is known of an object."""
+        """Returns an object's metadata."""
         _check(bucket, key)
         with self._failures(f"read {bucket}/{key}"):
             return _info(bucket, key, self._head(bucket, key))
@@ -293,13 +293,13 @@ class S3Store:
         yield from sorted(found, key=lambda info: info.key.encode())
 
     def delete(self, bucket: str, key: str) -> None:
-        """Removes an object; succeeds when there is none."""
+        """Deletes an object; succeeds if there is none."""
         _check(bucket, key)
         with self._failures(f"delete {bucket}/{key}"):
             self._client.delete_object(Bucket=bucket, Key=key)
 
     def unfinished_uploads(self, bucket: str, before: datetime) -> Sequence[UnfinishedUpload]:
-        """Uploads in parts that began before a time and have not ended."""
+        """Lists multipart uploads that began before a time and have not ended."""
         check_bucket(bucket)
         with self._failures(f"list unfinished uploads to {bucket}"):
             pages = self._client.get_paginator("list_multipart_uploads").paginate(Bucket=bucket)
@@ -311,7 +311,7 @@ class S3Store:
             ]
 
     def abort_upload(self, upload: UnfinishedUpload) -> None:
-        """Removes the parts of an upload; succeeds when there are none."""
+        """Deletes the parts of an unfinished upload; succeeds if there are none."""
         with self._failures(f"abort the upload of {upload.bucket}/{upload.key}"):
             try:
                 self._client.abort_multipart_upload(Bucket=upload.bucket, Key=upload.key, UploadId=upload.upload_id)
@@ -320,11 +320,11 @@ class S3Store:
                     raise
 
     def uri(self, bucket: str, key: str) -> str:
-        """The object's `s3://…` URI."""
+        """Returns the object's `s3://…` URI."""
         return f"s3://{bucket}/{key}"
 
     def local_path(self, bucket: str, key: str) -> Path | None:  # noqa: ARG002 - the protocol's signature
-        """None: the objects are not files of this machine."""
+        """Returns `None`: the objects are not local files."""
         return None
 
     def _prober(self) -> "S3Client":

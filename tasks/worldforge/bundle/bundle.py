@@ -24,7 +24,7 @@ PLAN_FILE = "floorplan.svg"
 
 
 def write_bundle(world: World, folder: Path) -> str:
-    """Writes a world's bundle; the folder appears whole or not at all.
+    """Writes the files of a generated world to a folder: `world.json`, MJCF model, meshes and map.
 
     A preview takes longer than all of it, and is drawn when somebody looks at the world.
 
@@ -58,7 +58,7 @@ def write_bundle(world: World, folder: Path) -> str:
 
 
 def read_world(folder: Path) -> World:
-    """Reads the world of a bundle.
+    """Reads a world from its folder of files.
 
     Raises:
         FileNotFoundError: the folder holds no `world.json`.
@@ -68,7 +68,7 @@ def read_world(folder: Path) -> World:
 
 
 def content_hash(folder: Path) -> str:
-    """SHA-256 over the names and bytes of a bundle's files; the preview is left out, being only a picture."""
+    """Returns the SHA-256 over a world's files, without the preview picture."""
     files = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if path.is_file()}
     return _hash({name: path.read_bytes() for name, path in files.items() if name != PREVIEW_FILE})
 
@@ -110,7 +110,7 @@ _ATTRIBUTE = re.compile(r'(\s(\w+)=")([^"]*)(?=")')
 
 
 class PlainModel(NamedTuple):
-    """A model with plain names."""
+    """An MJCF model whose names contain only letters, digits and `_`."""
 
     mjcf: str
     names: Mapping[str, str]
@@ -118,7 +118,7 @@ class PlainModel(NamedTuple):
 
 
 def with_plain_names(mjcf: str) -> PlainModel:
-    """Writes `_` for what else there is in names, wherever they are named; two never become one.
+    """Replaces special characters in an MJCF model's names by `_`, keeping names unique.
 
     Args:
         mjcf: the text of a model.

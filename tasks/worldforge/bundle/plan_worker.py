@@ -33,7 +33,7 @@ IDLE_S = 120.0
 
 
 def main() -> None:
-    """Answers requests until there are no more."""
+    """Entry point of a child process that draws floor plans on request."""
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def answer(request: dict[str, str | int]) -> dict[str, str]:
-    """Draws one plan.
+    """Draws one floor plan as SVG.
 
     Returns:
         `{"svg": text}`, or `{"error": reason}` when there is no such world, or none in time.

@@ -32,11 +32,11 @@ Points = NDArray[np.float64]
 
 
 class Scene(Protocol):
-    """A world and its compiled model."""
+    """A world with its compiled MuJoCo model."""
 
     @property
     def world(self) -> World:
-        """Contents of `world.json`."""
+        """Content of `world.json`."""
         ...
 
     @property
@@ -46,7 +46,7 @@ class Scene(Protocol):
 
 
 def write_robot_map(scene: Scene, folder: Path, height_m: float = ROBOT_HIGH_M) -> None:
-    """Writes `map.pgm` and `map.yaml`, which says the height.
+    """Writes a Nav2 map (`map.pgm`, `map.yaml`) of a world for a robot of a height in metres.
 
     Args:
         scene: the world.
@@ -61,7 +61,7 @@ def write_robot_map(scene: Scene, folder: Path, height_m: float = ROBOT_HIGH_M) 
 
 
 def robot_map(scene: Scene, height_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
-    """Marks what solid parts of a world a robot meets; loose objects and doors are where they are at first.
+    """Computes the occupancy grid of a world: the solid parts that a robot of a height meets.
 
     Args:
         scene: the world.

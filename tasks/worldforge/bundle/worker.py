@@ -24,7 +24,7 @@ from .bundle import write_bundle
 
 
 def main() -> None:
-    """Answers requests until there are no more."""
+    """Entry point of a child process that writes world files on request."""
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -41,7 +41,7 @@ def _read(requests: "queue.SimpleQueue[str]") -> None:
 
 
 def answer(request: dict[str, str | int]) -> dict[str, str]:
-    """Builds one bundle.
+    """Writes the files of one world; returns their hash.
 
     Returns:
         `{"content": hash}`, or `{"error": reason}` when there is no such world.

@@ -30,7 +30,7 @@ _BORDER_M = 0.12
 
 
 def furnishings(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """All of it, and what hangs on walls where there is room left."""
+    """Yields all decoration of a world: things on furniture, on walls and at windows."""
     yield from _rugs(world, dice)
     yield from _upper_cabinets(world, faces)
     yield from things_on_walls(world, faces, shapes, dice)
@@ -121,7 +121,7 @@ Sides = Callable[[Wall, World], tuple[str, str]]
 
 @dataclass(slots=True)
 class Decoration:
-    """Decoration of a world, as MJCF."""
+    """Decoration of a world (pictures, curtains, lamps, ...), as MJCF."""
 
     assets: list[str] = field(default_factory=list)
     """Lines of meshes."""
@@ -132,7 +132,7 @@ class Decoration:
 
 
 def decorate(world: World, sides: Sides, shapes: Shapes) -> Decoration:
-    """Decorates a world.
+    """Makes the decoration of a world.
 
     Args:
         world: the world.

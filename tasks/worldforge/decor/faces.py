@@ -18,7 +18,7 @@ _WALL_M = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """One wall seen from one room."""
+    """One side of a wall, seen from one room, on which decoration is placed."""
 
     number: int
     """The wall's place in the plan."""
@@ -35,7 +35,7 @@ class Face:
     """Numbers and sides of the windows in the wall, in order along it."""
 
     def box(self, along: Span, off: Span, up: Span) -> tuple[Vector, Vector]:
-        """Middle and half extents of a box by its distances off the face."""
+        """Returns centre and half sizes of a box, from distances along, off and up the wall."""
         middle, across = (along[0] + along[1]) / 2, self.at + self.inward * (off[0] + off[1]) / 2
         half, deep, high = (along[1] - along[0]) / 2, (off[1] - off[0]) / 2, (up[1] - up[0]) / 2
         z = (up[0] + up[1]) / 2
@@ -44,34 +44,34 @@ class Face:
         return (across, middle, z), (deep, half, high)
 
     def bar(self, name: str, along: Span, off: Span, up: Span, color: Color) -> Ornament:
-        """A box by its distances off the face."""
+        """Makes a decorative box, from distances along, off and up the wall."""
         return Ornament(name, "box", *self.box(along, off, up), color_look(color))
 
     def rod(self, name: str, along: Span, off: float, up: float, radius: float, color: Color) -> Ornament:
-        """A cylinder along the wall."""
+        """Makes a decorative cylinder along the wall."""
         center, half = self.box(along, (off, off), (up, up))
         quat = CYLINDER_QUAT["x" if self.along_x else "y"]
         return Ornament(name, "cylinder", center, (radius, max(half)), color_look(color), quat)
 
     def strip(self, along: Span, near: float, far: float) -> Box:
-        """Box between two distances off the face, seen from above."""
+        """Returns the floor area between two distances off the wall."""
         one, other = sorted((self.at + self.inward * near, self.at + self.inward * far))
         return (along[0], one, along[1], other) if self.along_x else (one, along[0], other, along[1])
 
     @property
     def inner(self) -> Span:
-        """As much of it as lies in the room for sure: walls that end in others are longer."""
+        """The part of the wall side that is certainly inside the room."""
         low, high = bounds(self.room.polygon)[1 - self.along_x :: 2]
         return max(self.span[0], low + _WALL_M), min(self.span[1], high - _WALL_M)
 
     @property
     def quat(self) -> str:
-        """Turn of a box whose picture faces the room: its axes are along, up, through."""
+        """Quaternion that turns a picture to face the room."""
         return ALONG_X if self.along_x else ALONG_Y
 
 
 def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
-    """Whether a wall or a window runs along x, where the wall's centre line is, and its ends."""
+    """Returns whether a wall or window runs along x, its centre line, and its ends."""
     (x0, y0), (x1, y1) = wall.start, wall.end
     if abs(x1 - x0) >= abs(y1 - y0):
         return True, y0, (min(x0, x1), max(x0, x1))
@@ -79,7 +79,7 @@ def wall_span(wall: Wall | Window) -> tuple[bool, float, Span]:
 
 
 def faces(world: World) -> Iterator[Face]:
-    """The faces of all walls that reach the floor."""
+    """Lists the sides of all walls that reach the floor."""
     rooms = {room.name: room for room in world.floorplan.rooms}
     for number, wall in enumerate(world.floorplan.walls):
         if wall.lintel:
@@ -96,17 +96,17 @@ def faces(world: World) -> Iterator[Face]:
 
 
 def window_heights(world: World) -> Span:
-    """Sill and head of all windows."""
+    """Returns the heights of sill and head of all windows, in metres."""
     return WINDOW_SILL_M, min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
 
 
 def walls_of_windows(world: World) -> dict[int, Wall]:
-    """The wall that each window is in, by the window's number."""
+    """Returns the wall of each window, by the window's number."""
     return {number: wall for wall in world.floorplan.walls for number, _ in windows_in(wall, world)}
 
 
 def windows_in(wall: Wall, world: World) -> list[tuple[int, Span]]:
-    """Numbers and sides of the windows in a wall, in order along it."""
+    """Lists the windows in a wall: number and ends, in order."""
     if not wall.exterior or wall.lintel:
         return []
     along_x, at, (low, high) = wall_span(wall)
@@ -124,12 +124,12 @@ Standing = tuple[Box, float]
 
 
 def covered(world: World, room: str) -> list[Standing]:
-    """The pieces of a room that stand on its floor."""
+    """Lists the furniture on a room's floor: area and height."""
     return [
         (box_of(item), item.height_m) for item in world.furniture if item.room == room and not item.movable
     ]  # fmt: skip
 
 
 def free_height(spot: Box, standing: Sequence[Standing]) -> float:
-    """Height of the highest piece that stands in a spot; 0 where none does."""
+    """Returns the height in metres of the tallest furniture in an area; 0 if there is none."""
     return max((height for box, height in standing if hits(spot, (box,))), default=0.0)

@@ -31,7 +31,7 @@ _DAY = APPEARANCES[DAY]
 
 
 def light_lines(world: World) -> Iterator[str]:
-    """The sun and the lamps by day, as MJCF."""
+    """Yields the MJCF of a world's sun and lamps by day."""
     direction = _sun_direction(world)
     (x, y, z), far = _middle(world), max(_SUN_FAR_M, 2 * reach_m(world))
     # A directional light's map of shadows lies where its axis runs: through the building's middle.
@@ -48,7 +48,7 @@ def light_lines(world: World) -> Iterator[str]:
 
 
 def reach_m(world: World) -> float:
-    """From the middle of a building to its corners."""
+    """Returns the distance from the middle of a building to its corners, in metres."""
     x0, y0, x1, y1 = bounds(world.floorplan.footprint)
     return hypot(x1 - x0, y1 - y0) / 2
 
@@ -69,7 +69,7 @@ def _sun_direction(world: World) -> Vector:
 
 
 def lamp_spots(world: World) -> list[Vector]:
-    """Positions of the lamps, and the distances to their farthest corners: (x, y, distance), in metres.
+    """Chooses where ceiling lamps are: x, y, and how far each has to shine, in metres.
 
     One lamp in each room, the largest room first, and a second one in wide rooms while lights are left.
     """
@@ -95,7 +95,7 @@ def _spots(room: Room, count: int) -> list[Vector]:
 
 
 def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """A bowl under the ceiling for each lamp, open at the top like the ceilings."""
+    """Yields a lamp shade under the ceiling for each lamp."""
     profile = ((0.0, 0.0), (0.1, 0.012), (0.17, 0.04), (0.2, _SHADE_M))
     bowl = turned(profile, 16)
     for index, (x, y, _) in enumerate(lamp_spots(world)):
@@ -105,7 +105,7 @@ def lamp_shades(world: World) -> Iterator[tuple[Ornament, Mesh | None]]:
 
 
 def material_lines() -> Iterator[str]:
-    """The materials of ceilings and lamp shades, which shine, by day."""
+    """Yields the MJCF materials of ceilings and lamp shades, which shine by day."""
     for name, color, shine in (("ceiling", rgb("f5f2ed"), _DAY.ceiling), (LAMP_SHADE, rgb("fbf3df"), _DAY.shades)):
         yield f'    <material name="{name}" rgba="{numbers(*color)}" emission="{shine:g}" specular="0"/>'
 
@@ -119,7 +119,7 @@ _BELOW_M = 0.004
 
 
 def ceilings(world: World) -> Iterator[tuple[Ornament, Mesh]]:
-    """A shallow tray, open at the top, over each rectangle of a room: renderers leave out faces that look away."""
+    """Yields a ceiling for each rectangle of a room, invisible from above."""
     for index, room in enumerate(world.floorplan.rooms):
         for number, (x0, y0, x1, y1) in enumerate(room_rects(room).tolist()):
             name = f"ceiling_{index}_{number}"
@@ -150,7 +150,7 @@ _COLOR = rgb("f3f1ec")
 
 
 def skirting(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
-    """A board along each face of a wall; walls end at ways between rooms, so boards do."""
+    """Yields a skirting board along each wall side, with gaps at doors."""
     ends = {end for passage in world.floorplan.passages if passage.door for end in (passage.start, passage.end)}
     for number, face in enumerate(faces):
         if surface_finish(surface_name("wall", face.room)).pattern not in SKIRTED:

@@ -53,7 +53,7 @@ _LEAST_SHARE, _FULL_SHARE = 0.4, 0.3
 
 
 def things_on_tops(world: World, shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """All that stands on furniture."""
+    """Yields decorations on furniture, such as books, plates and plants."""
     share = _fullness(world)
     loose = [item for item in world.furniture if item.movable and item.base_m > 0.0]
     types = {room.name: room.type for room in world.floorplan.rooms}
@@ -94,7 +94,7 @@ class _Top:
 
     @classmethod
     def of(cls, item: Furniture, loose: Sequence[Furniture]) -> "_Top | None":
-        """The highest level of a piece; what stands on it already is taken."""
+        """Returns the top surface of a piece of furniture, with the areas that are taken."""
         parts = parts_of(item)
         named = [part for part in parts if part.name in _TOPS or part.name.startswith("top")]
         if item.model_type == "Baths":
@@ -111,7 +111,7 @@ class _Top:
         return _upper(self.part)
 
     def free(self, x: float, y: float, deep: float, wide: float) -> Box | None:
-        """The box of a thing there, unless it hangs over or meets something."""
+        """Returns the area of a thing at a position, or `None` if it overhangs or collides."""
         box = (x - deep / 2, y - wide / 2, x + deep / 2, y + wide / 2)
         (px, py, _), (pw, pd, _) = self.part.center, self.part.size
         inside = abs(x - px) + deep / 2 <= pw / 2 - _EDGE_M and abs(y - py) + wide / 2 <= pd / 2 - _EDGE_M

@@ -48,7 +48,7 @@ class _Wall:
     taken: list[Span] = field(default_factory=list)
 
     def free_middle(self, wide: float, below: float) -> float | None:
-        """Middle of the first stretch, from the middle of the wall outwards, that is wide enough.
+        """Finds a free stretch on the wall that is wide enough, and returns its middle.
 
         Args:
             wide: of what hangs there.
@@ -71,7 +71,7 @@ class _Wall:
         return self.face.inward * pi / 2 if self.face.along_x else (0.0 if self.face.inward > 0 else pi)
 
     def spot(self, along: float, off: float, up: float) -> Vector:
-        """A point by its distance off the wall."""
+        """Returns a point by its distances along, off and up the wall."""
         return self.face.box((along, along), (off, off), (up, up))[0]
 
 
@@ -178,7 +178,7 @@ _OVER_COUNTERS = ("Kitchen",)
 
 
 def things_on_walls(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Decorations on the walls of all rooms, each on the wall that has fewest and room for it."""
+    """Yields decorations on walls, such as pictures, clocks and shelves."""
     for index, room in enumerate(world.floorplan.rooms):
         standing = [*covered(world, room.name), *_swept(world, room)]
         own = [_Wall(face, standing, _windows(face)) for face in faces if face.room.name == room.name]

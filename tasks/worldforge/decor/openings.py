@@ -35,7 +35,7 @@ _CELL_M = 0.7
 
 
 def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float, float, str]]:
-    """A wall as one box, or as two where its faces differ: name, shift of the middle, half thickness, surface.
+    """Yields a wall as one box, or as two halves if its sides have different surfaces.
 
     Args:
         wall: the wall.
@@ -55,7 +55,7 @@ def wall_halves(wall: Wall, sides: tuple[str, str]) -> Iterator[tuple[str, float
 def pierced_wall(
     number: int, wall: Wall, sides: tuple[str, str], world: World
 ) -> Iterator[tuple[Ornament, Mesh | None]]:
-    """Ornaments of a wall with windows, and the meshes of its patterned halves.
+    """Yields the parts of a wall with windows.
 
     A pattern has to continue from piece to piece, which boxes with pictures of their own do not do.
     """
@@ -123,7 +123,7 @@ def _normals(vertices: Floats, triangles: np.ndarray) -> Floats:
 
 
 def window_frames(world: World, faces: Sequence[Face]) -> Iterator[Ornament]:
-    """Frames, crossbars and sills."""
+    """Yields frames, crossbars and sills of the windows."""
     up = window_heights(world)
     for face in faces:
         for number, span in face.windows:
@@ -165,7 +165,7 @@ _OVER_M = 0.13
 
 
 def curtains(world: World, faces: Sequence[Face], shapes: Shapes, dice: Random) -> Iterator[Ornament]:
-    """Curtains at the windows of living rooms, dining rooms and bedrooms; other windows have blinds at times."""
+    """Yields curtains or blinds at windows."""
     cloth = {room.name: dice.choice(_CLOTHS) for room in world.floorplan.rooms}
     for face in faces:
         for number, span in face.windows:

@@ -41,7 +41,7 @@ _CORNER_SPAN_M = 2.0
 
 
 class Hanging(NamedTuple):
-    """One way to hang the door of a doorway."""
+    """One way to hang the door of a doorway: hinge side and opening direction."""
 
     hinge: Point
     along: Point
@@ -54,18 +54,18 @@ class Hanging(NamedTuple):
 
     @property
     def swing(self) -> int:
-        """1 if opening turns the leaf counter-clockwise, else -1."""
+        """1 if the door opens counter-clockwise, else -1."""
         return 1 if self.along[0] * self.into[1] - self.along[1] * self.into[0] > 0 else -1
 
     def at(self, along: float, into: float) -> Point:
-        """A point given from the hinge along the wall and into the room, in metres."""
+        """Returns a point from its distances along the wall and into the room, in metres from the hinge."""
         return (
             self.hinge[0] + along * self.along[0] + into * self.into[0],
             self.hinge[1] + along * self.along[1] + into * self.into[1],
         )
 
     def local(self, box: Box) -> Box:
-        """A box as seen from the hinge: first axis along the wall, second into the room."""
+        """Converts a box to the hinge's frame: along the wall, into the room."""
         (x, y), (u, v), (p, q) = self.hinge, self.along, self.into
         west, south, east, north = box[0] - x, box[1] - y, box[2] - x, box[3] - y
         # All directions are along axes: two opposite corners say everything.
@@ -73,7 +73,7 @@ class Hanging(NamedTuple):
         return bounds((one, other))
 
     def sweeps(self, box: Box, margin: float = 0.0) -> bool:
-        """Whether the leaf or its handle passes within a margin of a box."""
+        """Whether the moving door passes within a margin of a box."""
         west, south, east, north = self.local(box)
         if north < _TOUCHING_M - margin or east < _TOUCHING_M - margin - HANDLE_M:
             return False
@@ -81,7 +81,7 @@ class Hanging(NamedTuple):
 
     @property
     def outline(self) -> list[Point]:
-        """Area that the leaf sweeps, as a convex polygon around it."""
+        """Convex polygon around the area that the moving door sweeps."""
         # Tangents to the arc: the polygon lies outside it.
         radius = self.leaf_m / cos(pi / 4 / _ARC_STEPS)
         angles = [(step + 0.5) * pi / 2 / _ARC_STEPS for step in range(_ARC_STEPS)]
@@ -90,12 +90,12 @@ class Hanging(NamedTuple):
 
     @property
     def open_leaf(self) -> Box:
-        """Box of the leaf when it is fully open, handles included."""
+        """Box of the fully open door with its handles."""
         return bounds((self.at(-HANDLE_M, 0), self.at(THICKNESS_M + HANDLE_M, self.leaf_m)))
 
 
 def hang_doors(plan: Floorplan) -> tuple[Floorplan, dict[int, str]]:
-    """Gives every doorway a door, fully open.
+    """Gives every doorway of a floor plan a door, where there is space to open it.
 
     Args:
         plan: the plan, which is left as it is.

@@ -21,7 +21,7 @@ _RANKS = 4
 def dress_doors(
     body: WorldTemplateBody, plan: Floorplan, rng: np.random.Generator
 ) -> tuple[Floorplan, list[Preference]]:
-    """Gives the doors of a plan their looks and their opening.
+    """Sets the finish and initial opening of a floor plan's doors, as the world template asks.
 
     All doors of a world have one finish. A door that no doorway set is for is fully open.
 
@@ -54,7 +54,7 @@ def dress_doors(
 
 
 def choose_doorway_sets(sets: Sequence[InteriorDoorwaySet], plan: Floorplan) -> dict[int, int]:
-    """Index of the set that each doorway follows, by the doorway's place in `passages`.
+    """Returns which set of the world template applies to each doorway, by passage number.
 
     Sets that name both rooms come first, then those that name one, then those of types alone, then those for
     all doorways; among equals the first in the template wins.

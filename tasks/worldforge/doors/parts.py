@@ -37,7 +37,7 @@ _CASING_THICK_M = 0.012
 
 
 def door_parts(door: Door) -> list[Part]:
-    """The leaf and what is on it."""
+    """Makes the parts of a door: leaf, panels and handles."""
     form, _, finish = door.style.partition(" ")
     main, accent = _FINISHES.get(finish, _FINISHES["white"])
     low, high = door.bottom_m, door.bottom_m + door.leaf_height_m
@@ -112,7 +112,7 @@ def _off(door: Door, face: str, near: float, far: float) -> Span:
 
 
 def frame_solids(number: int, passage: Passage, lintel: Wall) -> Iterator[Solid]:
-    """The casing around a doorway, on both faces of its wall; for the eye only.
+    """Yields the visible frame around a doorway.
 
     Args:
         number: the doorway's, for the names.
@@ -147,13 +147,13 @@ HANDLE_M = 0.06
 
 
 def lintel_over(plan: Floorplan, passage: Passage) -> Wall:
-    """The piece of wall over a doorway."""
+    """Returns the piece of wall above a doorway."""
     ends = {passage.start, passage.end}
     return next(wall for wall in plan.walls if wall.lintel and {wall.start, wall.end} == ends)
 
 
 def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
-    """The leaf's outline on the floor, counter-clockwise.
+    """Returns the corners of a door leaf on the floor, counter-clockwise.
 
     Args:
         door: the door.
@@ -168,7 +168,7 @@ def leaf_corners(door: Door, angle_rad: float | None = None) -> list[Point]:
 
 
 def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Point]]:
-    """The outlines of all leaves, as obstacles for a map.
+    """Returns the outlines of all door leaves, as obstacles for a map.
 
     Args:
         plan: the plan.
@@ -179,12 +179,12 @@ def leaf_outlines(plan: Floorplan, *, fully_open: bool = False) -> list[list[Poi
 
 
 def swept_box(door: Door) -> Box:
-    """The box around everything the leaf and its handles pass, from closed to fully open."""
+    """Returns the bounding box of everything a door passes while it opens."""
     return _local_box(door, (-HANDLE_M, 0.0), (door.leaf_width_m, door.leaf_width_m))
 
 
 def open_box(door: Door) -> Box:
-    """The box around the fully open leaf."""
+    """Returns the bounding box of a fully open door."""
     return _local_box(door, (0.0, 0.0), (door.thickness_m, door.leaf_width_m))
 
 
@@ -207,7 +207,7 @@ WriteGeom = Callable[[Solid, str], str]
 
 
 def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
-    """A door's parts in the world, as it is at first.
+    """Yields a door's geometry in the world, in its initial position.
 
     Args:
         door: the door.
@@ -222,7 +222,7 @@ def door_solids(door: Door, *, closed_frame: bool = False) -> Iterator[Solid]:
 
 
 def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
-    """All doors as they are at first, and their frames, as far as they are below a height."""
+    """Yields the geometry of all doors and frames below a height."""
     doors = [passage.door for passage in plan.passages if passage.door]
     for solid in (*doorframe_solids(plan), *(solid for door in doors for solid in door_solids(door))):
         low = solid.center[2] - solid.size[2] / 2
@@ -233,14 +233,14 @@ def cut_door_solids(plan: Floorplan, top_m: float) -> Iterator[Solid]:
 
 
 def doorframe_solids(plan: Floorplan) -> Iterator[Solid]:
-    """The frames of all doors."""
+    """Yields the geometry of all door frames."""
     for number, passage in enumerate(plan.passages):
         if passage.door:
             yield from frame_solids(number, passage, lintel_over(plan, passage))
 
 
 def door_lines(plan: Floorplan, write: WriteGeom, *, solid_only: bool = False) -> Iterator[str]:
-    """The MJCF of all doors: bodies on hinges, and their frames.
+    """Yields the MJCF of all doors: hinged bodies and their frames.
 
     The joint's position is how far the leaf is open: 0 is closed.
 

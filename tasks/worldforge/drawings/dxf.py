@@ -20,23 +20,23 @@ _NEAR = 0.15
 
 
 class Swing(NamedTuple):
-    """The arc of a door leaf."""
+    """Arc of a door leaf in a DXF drawing."""
 
     hinge: Point
     ends: tuple[Point, Point]
 
     def near(self, one: Point, other: Point) -> bool:
-        """Whether two points are the same one of a door of this width."""
+        """Whether two points are the same at the scale of this door."""
         return dist(one, other) <= _NEAR * dist(self.hinge, self.ends[0])
 
     def joins(self, points: Iterable[Point], end: Point) -> bool:
-        """Whether something that was drawn leads from the hinge to a point."""
+        """Whether a drawn line leads from the hinge to a point."""
         drawn = list(points)
         return all(any(self.near(point, each) for each in drawn) for point in (self.hinge, end))
 
 
 class DoorError(ValueError):
-    """A door whose place in a wall cannot be told."""
+    """Raised for a drawn door whose place in a wall cannot be determined."""
 
     def __init__(self, swing: Swing, message: str) -> None:
         super().__init__(message)
@@ -44,7 +44,7 @@ class DoorError(ValueError):
 
 
 def closed_leaf(swing: Swing, lines: Sequence[Sequence[Point]]) -> tuple[Point, Point]:
-    """Line of a door's shut leaf: from its hinge to that end of its arc which no leaf leads to.
+    """Determines the line of a door's closed leaf from its drawn arc.
 
     Args:
         swing: the arc.
@@ -65,7 +65,7 @@ def closed_leaf(swing: Swing, lines: Sequence[Sequence[Point]]) -> tuple[Point, 
 
 
 def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Iterator[tuple[Swing, tuple[Point, Point]]]:
-    """The ways of doors; two leaves that meet are one door.
+    """Yields the doorways of drawn doors; two leaves that meet form one door.
 
     Raises:
         DoorError: see `closed_leaf`.
@@ -81,7 +81,7 @@ def doorways(swings: Sequence[Swing], lines: Sequence[Sequence[Point]]) -> Itera
 
 
 def belongs(line: Sequence[Point], swings: Iterable[Swing]) -> bool:
-    """Whether something that was drawn is a part of a door with a swing."""
+    """Whether a drawn line is part of a door with an arc."""
     return any(swing.near(point, each) for swing in swings for each in (swing.hinge, *swing.ends) for point in line)
 
 
@@ -96,7 +96,7 @@ _MOST_ENTITIES = 100_000
 
 
 class Part(NamedTuple):
-    """One entity, or a piece of one."""
+    """An entity of a DXF drawing, or a piece of one."""
 
     place: str
     words: tuple[str, ...]
@@ -107,7 +107,7 @@ class Part(NamedTuple):
 
 
 def read_dxf(content: bytes, name: str) -> Drawing:
-    """Reads a drawing.
+    """Reads the floor plan shapes and texts of a DXF file.
 
     Args:
         content: the file's bytes.
@@ -165,7 +165,7 @@ class _Reader:
         self.labels: list[Label] = []
 
     def walk(self, entities: Iterable[Entity], around: tuple[str, ...], depth: int) -> None:
-        """Takes the shapes of entities; a block that is no door, opening or window is what it holds."""
+        """Collects the shapes of DXF entities, also those inside blocks."""
         doors: list[Part] = []
         for entity in self._visible(entities):
             words = (entity.dxf.layer, *around)

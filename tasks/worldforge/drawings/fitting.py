@@ -24,7 +24,7 @@ Wall = TypeVar("Wall", Contact, Side)
 
 
 class DrawnWay(NamedTuple):
-    """A door, an opening or a window: its two sides, in metres."""
+    """A door, opening or window as drawn: its two ends, in metres."""
 
     name: str
     kind: PassageKind
@@ -34,7 +34,7 @@ class DrawnWay(NamedTuple):
 
 
 class FittedWay(NamedTuple):
-    """A way, and how far its door is open."""
+    """A door or opening placed in a wall, and how far its door is open."""
 
     way: Way
     percent: float | None
@@ -49,7 +49,7 @@ class _Place(NamedTuple):
     end: float
 
     def off(self, horizontal: bool, at: int, start: int, end: int) -> float | None:
-        """How far it lies from a wall; None if it lies beside it."""
+        """Returns the distance from a wall in metres; `None` if it is not beside the wall."""
         shared = min(end, self.end) - max(start, self.start)
         if horizontal != self.horizontal or shared < (self.end - self.start) / 2 or abs(at - self.at) > _REACH:
             return None
@@ -59,7 +59,7 @@ class _Place(NamedTuple):
 def fit_way(
     drawn: DrawnWay, walls: Walls, moved: tuple[Lines, Lines], names: Sequence[str], file: str, ways: Sequence[Way]
 ) -> tuple[Way | None, Preference]:
-    """Puts a door or an opening into the wall between two rooms.
+    """Places a drawn door or opening in the wall between two rooms.
 
     Args:
         drawn: what was drawn.
@@ -119,7 +119,7 @@ def fit_way(
 def fit_window(
     drawn: DrawnWay, sides: Sequence[Side], moved: tuple[Lines, Lines], file: str
 ) -> tuple[Pane | None, Preference]:
-    """Puts a window into an outer wall, as far as it fits there.
+    """Places a drawn window in an outer wall, as far as it fits.
 
     Args:
         drawn: what was drawn.

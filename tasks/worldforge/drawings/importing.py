@@ -34,7 +34,7 @@ MAPS = (".yaml", ".yml")
 
 
 class Source(NamedTuple):
-    """The files that a world is made of."""
+    """The drawing and notes files that a world is imported from."""
 
     drawing: Path
     notes: Path | None = None
@@ -42,7 +42,7 @@ class Source(NamedTuple):
 
 
 def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool = True) -> World:
-    """Makes a world of a drawing: its plan is the drawing's, its interior is chosen as in generated worlds.
+    """Makes a world from a drawing or map: the floor plan is the drawing's, furniture is generated.
 
     Args:
         source: the drawing and the file of notes.
@@ -71,7 +71,7 @@ def import_world(source: Source, notes: DrawingNotes, seed: int, *, settle: bool
 
 
 def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, float, MadePlan, list[str]]":
-    """Reads a drawing up to its plan, without furniture.
+    """Reads a drawing or map and makes its floor plan, without furniture.
 
     Args:
         path: the drawing.
@@ -92,7 +92,7 @@ def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, floa
 
 
 class ReadFile(NamedTuple):
-    """A file that was read."""
+    """A drawing or map file that was read: shapes, hash and format."""
 
     form: DrawingForm
     drawing: Drawing

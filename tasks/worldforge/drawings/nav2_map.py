@@ -46,12 +46,12 @@ class _Map(NamedTuple):
     origin: Point
 
     def point(self, x: float, y: float) -> Point:
-        """A corner of cells in metres."""
+        """Converts a cell corner of the map to metres."""
         return self.origin[0] + x * self.resolution_m, self.origin[1] + y * self.resolution_m
 
 
 def read_nav2_map(path: Path) -> tuple[Drawing, float]:
-    """Reads a map.
+    """Reads a Nav2 occupancy map as a drawing of rooms.
 
     Args:
         path: its `map.yaml`.
@@ -80,7 +80,7 @@ def read_nav2_map(path: Path) -> tuple[Drawing, float]:
 
 
 def map_files(path: Path) -> list[Path]:
-    """The files of a map: what `map.yaml` says, and its picture."""
+    """Lists the files of a Nav2 map: `map.yaml` and its image."""
     said = _document(path)
     return [path, path.parent / str(said.get("image", ""))]
 

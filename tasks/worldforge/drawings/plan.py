@@ -27,7 +27,7 @@ from .squaring import Squared, floor_cells, outline_area, outline_of, overlap, s
 
 
 class DrawnRoom(NamedTuple):
-    """A room of a drawing, in metres."""
+    """A room of an imported drawing, in metres."""
 
     name: str
     original: str | None
@@ -36,7 +36,7 @@ class DrawnRoom(NamedTuple):
 
 
 class DrawnPlan(NamedTuple):
-    """Contents of a drawing, in metres: rooms, ways and windows."""
+    """Content of an imported drawing in metres: rooms, doors, openings and windows."""
 
     file: str
     rooms: list[DrawnRoom]
@@ -46,7 +46,7 @@ class DrawnPlan(NamedTuple):
 
 
 class MadePlan(NamedTuple):
-    """A floor plan, and how far its doors are open where the drawing says it."""
+    """A floor plan made from a drawing, and how far its doors are open if drawn."""
 
     floorplan: Floorplan
     open_percents: dict[int, float]
@@ -57,7 +57,7 @@ class MadePlan(NamedTuple):
 
 
 def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
-    """Makes a floor plan.
+    """Makes a floor plan from a drawing's rooms, doors and windows.
 
     Args:
         drawn: what was drawn.

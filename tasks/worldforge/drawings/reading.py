@@ -23,7 +23,7 @@ _STRAIGHT = 0.1
 
 
 def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> float:
-    """The scale of a drawing: as stated beside it, as it says itself, or a unit a metre.
+    """Determines the scale of a drawing in metres per unit.
 
     Args:
         drawing: the drawing.
@@ -55,7 +55,7 @@ def metres_per_unit(drawing: Drawing, stated: str | float | None, file: str) -> 
 
 
 def read_plan(drawing: Drawing, scale: float, notes: DrawingNotes, file: str) -> tuple[DrawnPlan, list[str]]:
-    """Finds the plan in a drawing.
+    """Finds rooms, doors and windows in a drawing.
 
     Args:
         drawing: the drawing.

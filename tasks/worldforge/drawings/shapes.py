@@ -45,7 +45,7 @@ _SIZE = re.compile(r"\s*\(?\d+([.,]\d+)?\s*(m²|m2|m\^2|qm|sqm|sq\.? ?m)\)?$", r
 
 
 class Shape(NamedTuple):
-    """One shape, in units of the drawing, y up."""
+    """A polygon or line of a drawing, in drawing units, y upwards."""
 
     points: tuple[Point, ...]
     """Its corners; of curves, their ends."""
@@ -62,19 +62,19 @@ class Shape(NamedTuple):
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """West, south, east, north."""
+        """Bounding box: west, south, east, north."""
         return bounds(self.points)
 
 
 class Label(NamedTuple):
-    """A text in a drawing."""
+    """A text in a drawing, with its position."""
 
     at: Point
     text: str
 
 
 class Drawing(NamedTuple):
-    """Shapes and labels of a drawing, and its scale."""
+    """All shapes and texts of an imported drawing, and its scale."""
 
     shapes: list[Shape]
     labels: list[Label]
@@ -87,18 +87,18 @@ class Drawing(NamedTuple):
 
 
 def plain_words(text: str) -> list[str]:
-    """The words of a name in small letters without accents: `Küche 12 m²` is `kuche`, `m`."""
+    """Splits a name into lower-case words without accents: `Küche 12 m²` becomes `kuche`, `m`."""
     return re.findall(r"[a-z]+", re.sub(r"([a-z])([A-Z])", r"\1 \2", without_accents(text)).lower())
 
 
 def without_accents(text: str) -> str:
-    """`Küche` as `Kuche`."""
+    """Removes accents from a text: `Küche` becomes `Kuche`."""
     letters = unicodedata.normalize("NFKD", text)
     return "".join(letter for letter in letters if not unicodedata.combining(letter))
 
 
 def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
-    """Kind of a shape: by its words, else a room if it is closed and named as one; None: unknown."""
+    """Determines what a drawn shape is (room, door, window, ...), by its name; `None` if unknown."""
     for words in shape.words:
         found = set(plain_words(words))
         for kind, meaning in _KINDS:
@@ -110,7 +110,7 @@ def kind_of(shape: Shape, labels: Iterable[Label]) -> Kind | None:
 
 
 def label_of(shape: Shape, labels: Iterable[Label]) -> str:
-    """Label of a room: its own name, else the text drawn inside it; empty if there is neither."""
+    """Returns a room's label: its own name, else the text drawn inside it; empty if there is none."""
     if shape.name and not _NUMBERED.fullmatch(shape.name.lower()):
         return shape.name
     inside = [label for label in labels if shape.closed and contains(shape.points, *label.at)]
@@ -119,7 +119,7 @@ def label_of(shape: Shape, labels: Iterable[Label]) -> str:
 
 
 def room_type(name: str) -> RoomType | None:
-    """The type of room that a name means; None if no word in it is known."""
+    """Returns the room type that a name means (`kitchen`, `Küche`); `None` if unknown."""
     words = plain_words(name)
     joined = "".join(words)
     for kind, begins in _ROOM_WORDS:
@@ -131,7 +131,7 @@ def room_type(name: str) -> RoomType | None:
 
 
 def read_notes(path: Path) -> DrawingNotes:
-    """Reads and checks what is said of a drawing.
+    """Reads and checks the notes file beside a drawing.
 
     Raises:
         SpecError: with everything that is wrong: file, line, member, value and what would be right.

@@ -31,7 +31,7 @@ Outlines = list[tuple[Point, ...]]
 
 
 class Edge(NamedTuple):
-    """One edge of a room, upright or level."""
+    """A horizontal or vertical edge of a room's outline."""
 
     room: int
     number: int
@@ -44,7 +44,7 @@ class Edge(NamedTuple):
 
 
 class Squared(NamedTuple):
-    """Rooms whose outlines meet."""
+    """Rooms of a drawing moved to a common grid, so that their outlines meet."""
 
     rooms: list[Corners]
     """Corners, counter-clockwise, in units; the south-west corner of all of them together is at 0, 0."""
@@ -55,25 +55,25 @@ class Squared(NamedTuple):
 
 
 class Lines(NamedTuple):
-    """Drawn coordinates along one axis, in metres, and the units they became, both in order."""
+    """Drawn coordinates along one axis in metres, and the grid units they became, in order."""
 
     drawn: list[float]
     made: list[int]
 
     def place(self, at: float) -> float:
-        """Converts a coordinate between the lines to units; it keeps its distance from the nearest line."""
+        """Converts a coordinate in metres to grid units, keeping its distance from the nearest line."""
         nearest = min(range(len(self.drawn)), key=lambda index: abs(self.drawn[index] - at))
         return self.made[nearest] + (at - self.drawn[nearest]) * UNITS_PER_M
 
     @property
     def start_m(self) -> float:
-        """Drawn coordinate of 0 units, in metres: both outer walls have their faces equally far off their middles."""
+        """Drawn coordinate in metres of grid unit 0."""
         first, last = (self.drawn[end] - self.made[end] / UNITS_PER_M for end in (0, -1))
         return (first + last) / 2
 
 
 def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
-    """The corners of an outline whose edges run along the axes, counter-clockwise.
+    """Returns the corners of an axis-parallel outline, counter-clockwise.
 
     Args:
         points: the outline, in metres.
@@ -108,7 +108,7 @@ def upright(points: Sequence[Point], what: str) -> tuple[Point, ...]:
 
 
 def square(outlines: Outlines, on_faces: bool | None) -> Squared:
-    """Moves the edges of rooms onto common lines.
+    """Moves room edges onto common grid lines, so that neighbouring rooms share walls.
 
     Args:
         outlines: corners of the rooms, of `upright`, in metres.
@@ -195,12 +195,12 @@ def _went(edges: Sequence[Edge], targets: dict[tuple[int, int], int]) -> Lines:
 
 
 def outline_area(corners: Sequence[Point]) -> float:
-    """Area of an outline in square metres."""
+    """Returns the area of an outline in square metres."""
     return abs(area(corners))
 
 
 def units_area(corners: Corners) -> float:
-    """Area of a room in square metres."""
+    """Returns the area of a room given in grid units, in square metres."""
     return area(corners) / UNITS_PER_M**2
 
 
@@ -209,7 +209,7 @@ Step = tuple[Node, Node]
 
 
 def room_units(corners: Corners) -> NDArray[np.bool_]:
-    """The units inside a room, of its extent: rows from south to north."""
+    """Returns a mask of the grid cells inside a room, rows from south to north."""
     box = extent(corners)
     inside = np.zeros((box.y1 - box.y0, box.x1 - box.x0), np.bool_)
     for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):

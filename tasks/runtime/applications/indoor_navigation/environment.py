@@ -27,7 +27,7 @@ _logger = logging.getLogger(__name__)
 
 
 class IndoorNavigation(ResumableEnvironment):
-    """An environment that knows how its run went, and that can be continued."""
+    """dm_control environment in which a robot has to visit every room; it judges its run and can be resumed."""
 
     records_itself = True
     """It publishes its own clock and joint states."""
@@ -43,16 +43,16 @@ class IndoorNavigation(ResumableEnvironment):
 
     @property
     def time_limit_s(self) -> float:
-        """Simulated time at which it ends a run, whatever the robot does."""
+        """Simulated time in seconds at which a run ends in any case."""
         return self._navigation.time_limit_s
 
     @cached_property
     def tf_frames(self) -> dict[int, str]:
-        """Frames by numbers of bodies; a recording's `/tf` tells where they are."""
+        """ROS frame name of each moving body, by body number; a recording's `/tf` has their poses."""
         return frames_of_bodies(self.robot, self.physics.model.ptr, self._navigation.frames)
 
     def renew(self, context: SimulationContext) -> None:
-        """Serves another trial of its job; all else is put back by `reset`."""
+        """Prepares the environment for the next trial; `reset` does the rest."""
         self._navigation.renew(context.rng)
 
     def run_result(self) -> EnvironmentReport:
@@ -67,7 +67,7 @@ class IndoorNavigation(ResumableEnvironment):
 
 
 def make_environment(context: SimulationContext) -> IndoorNavigation:
-    """Makes the environment of one run.
+    """Makes the indoor navigation environment of one run.
 
     The robot is that of the robot application (`robots/lookup.py`). Actions and observations are described by the
     environment's specs. A run ends when the robot

@@ -25,7 +25,7 @@ _ROUNDING = 1e-9
 
 
 class Fan:
-    """Rays at even angles all around."""
+    """Lidar rays at even angles all around, in a horizontal plane."""
 
     def __init__(self, count: int, first_rad: float) -> None:
         """Prepares the directions.
@@ -45,7 +45,7 @@ class Fan:
         self._numbers = np.arange(8 * count)
 
     def between(self, begins: Places, widths: Places) -> tuple[NDArray[np.intp], NDArray[np.intp], Places]:
-        """Says which rays go through sectors.
+        """Finds the rays that pass through angular sectors.
 
         Args:
             begins: what lies in the directions where sectors begin.
@@ -77,13 +77,13 @@ class Fan:
         return counts, rays, self._around.take(rays)
 
     def largest(self, rays: NDArray[np.intp], values: Floats, least: float) -> Floats:
-        """The largest of the values of each ray, and of `least`."""
+        """Returns for each ray the largest of its values, at least `least`."""
         best = np.full(len(self._around), least)
         np.maximum.at(best, rays, values)
         return best.reshape(3, -1).max(axis=0)
 
     def to_disc(self, center: complex, radius_m: float, distances: Floats) -> Iterator[slice]:
-        """Gives the rays that meet a disc, unless all of them have ended before it.
+        """Yields slices of rays that hit a disc before they end.
 
         Args:
             center: of the disc, in the fan's frame.
@@ -97,7 +97,7 @@ class Fan:
         return self._parts(middle - half, middle + half, away_m - radius_m, distances)
 
     def to_corners(self, corners: Sequence[complex], least_m: float, distances: Floats) -> Iterator[slice]:
-        """Gives the rays that meet a convex polygon, unless all of them have ended before it.
+        """Yields slices of rays that hit a convex polygon before they end.
 
         Args:
             corners: of the polygon, in order, in the fan's frame.
@@ -123,7 +123,7 @@ class Fan:
 
 
 class Frame:
-    """A robot's own frame in the plan: where it is, and which way its x and y axes point."""
+    """A robot's position and axes, projected to the floor plan."""
 
     def __init__(self, origin: complex, x_axis: complex, y_axis: complex) -> None:
         """Prepares the change of frames.
@@ -139,7 +139,7 @@ class Frame:
         self._mirror = -(x_axis + 1j * y_axis) / doubled
 
     def enter(self, away: AnyPlace) -> AnyPlace:
-        """Returns the place of something upright in the frame's own plane.
+        """Converts positions from the world's directions to the frame's own.
 
         Args:
             away: where it stands, seen from the origin in the world's directions.
@@ -148,7 +148,7 @@ class Frame:
 
 
 class Faces:
-    """The sides of upright boxes."""
+    """Vertical sides of box-shaped obstacles, for ray casting."""
 
     def __init__(self, boxes: Places, range_max_m: float) -> None:
         """Keeps the sides that can be seen.
@@ -168,7 +168,7 @@ class Faces:
         self._reaches = lengths[seen] / 2 + range_max_m
 
     def nearness(self, frame: Frame, fan: Fan) -> tuple[NDArray[np.intp], Floats]:
-        """Rays of a fan in a frame that meet faces, and the inverse of their lengths in 1/m."""
+        """Computes which rays hit the sides, and the inverse of the distances in 1/m."""
         x, y = frame.origin.real, frame.origin.imag
         in_front = self._normals @ (x, y) > self._offsets
         in_range = np.abs(self._middles - frame.origin) < self._reaches
@@ -184,7 +184,7 @@ class Faces:
 
 
 class Columns:
-    """Upright round columns."""
+    """Vertical cylinders as obstacles, for ray casting."""
 
     def __init__(self, centers: Places, radii_m: Floats, range_max_m: float) -> None:
         """Notes them.
@@ -198,7 +198,7 @@ class Columns:
         self._circles = [(center.real, center.imag, radius_m, radius_m + range_max_m) for center, radius_m in rows]
 
     def shorten(self, distances: Floats, frame: Frame, fan: Fan) -> None:
-        """Ends the rays of a fan in a frame, which have got so far, at the columns."""
+        """Shortens the rays of a fan that hit the cylinders."""
         x, y = frame.origin.real, frame.origin.imag
         for center_x, center_y, radius_m, reach_m in self._circles:
             if math.hypot(center_x - x, center_y - y) < reach_m:
@@ -211,7 +211,7 @@ class Columns:
 
 
 def covered_sides(boxes: Places, others: Places) -> NDArray[np.bool_]:
-    """Returns a mask of the sides of boxes that one of other boxes covers over their whole length.
+    """Returns a mask of box sides that another box covers completely, which no ray can hit.
 
     Args:
         boxes: their corners from above, shape (n, 4), clockwise.
@@ -256,7 +256,9 @@ _BOX, _CYLINDER, _PLANE = (
 
 
 class LevelScan:
-    """Measures with rays all around a body's axis for as long as the body stands level.
+    """Fast lidar for a robot that stands level: casts rays against a floor plan instead of MuJoCo geoms.
+
+    Movable and irregular things are left to MuJoCo, which is asked only about rays that can hit them.
 
     The sides of fixed, upright boxes and cylinders come from the plan of the world. Everything else (what can move,
     what lies or is otherwise shaped, what ends within the lidar's plane) is left to MuJoCo, which is asked only about
@@ -316,7 +318,7 @@ class LevelScan:
         self._ask_about(np.flatnonzero(others))
 
     def measure(self) -> Floats | None:
-        """Distances in metres, one per ray, infinite where nothing is in range; nothing when the body is not level."""
+        """Measures distances in metres, one for each ray, infinite without a hit; `None` if the robot is tilted."""
         (xx, yx, zx), (xy, yy, zy), (xz, yz, zz) = self._rotation.tolist()
         x, y, z = self._position.tolist()
         h = self._height_m

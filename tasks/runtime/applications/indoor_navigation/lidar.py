@@ -17,7 +17,7 @@ _VISIBLE_GROUPS = (0, 1, 2)
 
 
 class RangeFinder:
-    """Rays in a fan around a robot's vertical axis, blind for the robot's own root body.
+    """Simulated lidar with rays around a robot's vertical axis, which do not see the robot's own root body.
 
     The rays turn with the robot and tilt with it. Rays all around are measured on the plan of the world while the robot
     stands level, which is several times faster.
@@ -58,12 +58,12 @@ class RangeFinder:
         self._level = self._level_scan(height_m, angles_rad)
 
     def measure(self) -> NDArray[np.float64]:
-        """Distances in metres, one per ray, infinite where nothing is in range; a new array."""
+        """Measures distances in metres, one for each ray, infinite where nothing is in range."""
         distances = self._level.measure() if self._level else None
         return self.cast() if distances is None else distances
 
     def cast(self) -> NDArray[np.float64]:
-        """Measures with MuJoCo's rays, which handle every shape and tilt."""
+        """Measures with MuJoCo's ray casting, which handles every shape and tilt but is slower."""
         origin = self._position + self._rotation @ self._offset
         rays = self._directions @ self._rotation.T
         mujoco.mj_multiRay(
@@ -88,7 +88,7 @@ class RangeFinder:
 def hide_geoms_from_lidar(
     model: mujoco.MjModel, data: mujoco.MjData, height_m: float, tolerance_m: float
 ) -> int | None:
-    """Moves fixed geoms that no ray needs to try to a geom group of their own.
+    """Moves fixed geoms that no lidar ray can hit to a separate geom group, so that ray casting is faster.
 
     A lidar asks every geom in a world about every ray, and most of them are out of the question for
     good: what is above or below its plane (table tops, lintels, drawer fronts), and what is drawn but

@@ -28,7 +28,7 @@ _NO_HARD_COLLISION = "no_hard_collision"
 
 
 class Mission(KeepsAttributes):
-    """Progress of one run towards having been in every room."""
+    """Progress of a robot that has to visit every room."""
 
     KEPT = ("_unvisited", "first_visit_s", "tipped_over", "_distance_m", "_path", "_last")
 
@@ -50,7 +50,7 @@ class Mission(KeepsAttributes):
 
     @property
     def visited_count(self) -> int:
-        """Rooms the robot has been in."""
+        """Number of rooms the robot has been in."""
         return len(self._rooms) - len(self._unvisited)
 
     @property
@@ -59,7 +59,7 @@ class Mission(KeepsAttributes):
         return not self._unvisited
 
     def update(self, state: RobotState, tilt_rad: float) -> int:
-        """Takes note of the robot's state.
+        """Records the robot's state: path, tilt and visited rooms.
 
         Args:
             state: the state now.
@@ -93,7 +93,7 @@ class Mission(KeepsAttributes):
         *,
         can_touch: bool = True,
     ) -> EnvironmentReport:
-        """Decides verdict, requirements and metrics of the run.
+        """Computes verdict, requirements and metrics of the run.
 
         Args:
             collisions: the touches to list.
@@ -183,7 +183,10 @@ class _Touch:
 
 
 class CollisionMonitor(KeepsAttributes):
-    """Turns contacts of the robot with anything but the floor into collisions.
+    """Detects collisions of the robot with anything but the floor from simulated contacts.
+
+    Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest force is the
+    largest of those sampled.
 
     Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest
     force is the largest of those sampled.
@@ -223,7 +226,7 @@ class CollisionMonitor(KeepsAttributes):
         self.max_force_N = 0.0
 
     def sample(self) -> None:
-        """Looks at the present contacts."""
+        """Records the robot's contacts at this moment: begins, extends and ends collisions."""
         if forces := self._contacts.read():
             self._note(forces)
             if self._on_touch is not None:
@@ -232,7 +235,7 @@ class CollisionMonitor(KeepsAttributes):
             self._close(self._data.time - SEPARATION_S)
 
     def finish(self) -> list[Collision]:
-        """Ends the touches that still go on and returns all collisions by their beginning."""
+        """Ends the current collisions, and returns all collisions in order of their beginning."""
         self._close(np.inf)
         return sorted(self.collisions, key=lambda collision: collision.time_s)
 

@@ -42,7 +42,7 @@ _KEPT_RANGES = ("_scan", "_proximity", "_scan_time")
 
 
 class NavigationTask(Task):
-    """Hands actions to the robot, senses, keeps the score."""
+    """dm_control task: applies the robot's actions, reads its sensors, and scores visited rooms and collisions."""
 
     def __init__(
         self,
@@ -75,7 +75,7 @@ class NavigationTask(Task):
     # -- Called by dm_control ------------------------------------------------
 
     def initialize_episode(self, physics: ScenePhysics) -> None:
-        """Stands the robot on the origin with a random heading and starts a new score."""
+        """Places the robot at the origin with a random heading, and resets the score."""
         self._bind(physics)
         heading = self._rng.uniform(-math.pi, math.pi)
         self._base.place(heading)
@@ -97,7 +97,7 @@ class NavigationTask(Task):
         self._sense()
 
     def before_step(self, action: Action, physics: ScenePhysics) -> None:
-        """Hands a command to the robot's controller, which clips it to what the robot can do.
+        """Passes a velocity command to the robot's controller, which limits it to what the robot can do.
 
         Args:
             action: see `action_spec`.
@@ -112,13 +112,13 @@ class NavigationTask(Task):
         self._still_s = self._still_s + CONTROL_TIMESTEP_S if standing else 0.0
 
     def after_step(self, physics: ScenePhysics) -> None:
-        """Reads the sensors, keeps the score, records."""
+        """Reads the sensors, updates the score, and records."""
         del physics
         self._steps += 1
         self._sense()
 
     def get_reward(self, physics: ScenePhysics) -> float:
-        """1 for every room that was entered for the first time."""
+        """Returns 1 for every room that was entered for the first time in this step."""
         del physics
         return float(self._newly_visited)
 
@@ -144,7 +144,7 @@ class NavigationTask(Task):
         return observation
 
     def get_termination(self, physics: ScenePhysics) -> float | None:
-        """0 when the run is over, else nothing."""
+        """Returns 0 when the run is over, else `None`."""
         del physics
         over = (
             (self.mission.all_visited and self._still_s >= _SETTLED_S)
@@ -155,11 +155,11 @@ class NavigationTask(Task):
         return 0.0 if over else None
 
     def action_spec(self, physics: ScenePhysics) -> specs.BoundedArray:
-        """Forward velocity in m/s and turning rate in rad/s, or what the robot's actuators take."""
+        """Returns the spec of actions: forward velocity (m/s) and turning rate (rad/s), or actuator commands."""
         return self._robot.drive.action_spec(physics.model.ptr, self._robot.prefix)
 
     def observation_spec(self, physics: ScenePhysics) -> dict[str, specs.Array]:
-        """Names, shapes and units of what the robot knows."""
+        """Returns names, shapes and units of the robot's observations."""
         rooms, joints = len(self._goals), len(self._robot.joints)
         observed = {
             "time": specs.Array((), np.float64, name="time: s"),
@@ -183,15 +183,15 @@ class NavigationTask(Task):
 
     @property
     def frames(self) -> Frames:
-        """Names of the frames that its recording tells of."""
+        """Names of the ROS frames in the robot's recording."""
         return self._recorder.frames
 
     def renew(self, rng: np.random.Generator) -> None:
-        """Serves another episode, with another source of chance."""
+        """Prepares the task for another episode, with another random generator."""
         self._rng = rng
 
     def state(self) -> dict[str, Any]:
-        """Returns the task's state besides the physics; see `checkpoints.Resumable`."""
+        """Returns the task's state besides the physics, for a checkpoint; see `checkpoints.Resumable`."""
         return {
             "own": {name: getattr(self, name) for name in (*_KEPT, *_KEPT_RANGES) if hasattr(self, name)},
             "mission": self.mission.state(),
@@ -201,7 +201,7 @@ class NavigationTask(Task):
         }
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Goes on from where `state` was taken; the physics is as it was then."""
+        """Restores the task's state from a checkpoint."""
         for name, value in state["own"].items():
             setattr(self, name, value)
         self.mission.restore(state["mission"])
@@ -211,7 +211,7 @@ class NavigationTask(Task):
         self._state, _ = self._read_state()
 
     def report(self) -> EnvironmentReport:
-        """Judges the run so far."""
+        """Computes the verdict and metrics of the run so far."""
         collisions = self._monitor.finish()
         monitor = self._monitor
         return self.mission.report(collisions, monitor.count, monitor.max_force_N, can_touch=monitor.can_touch)

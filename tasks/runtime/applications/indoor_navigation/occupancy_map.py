@@ -16,7 +16,7 @@ _WHITE = 255.0
 
 @dataclass(frozen=True)
 class OccupancyMap:
-    """Free cells of a world's map; rows count northwards and columns eastwards from the origin."""
+    """Grid map of a world's free floor cells; rows count northwards, columns eastwards."""
 
     free: NDArray[np.bool_]
     """Shape (rows, columns); unknown counts as not free."""
@@ -31,18 +31,18 @@ class OccupancyMap:
     """Mask of the occupied cells, shape (rows, columns); None: not read."""
 
     def cells(self, points: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Rows and columns of the cells that hold points of shape (n, 2), clipped into the map."""
+        """Returns rows and columns of the cells that contain points of shape (n, 2), clipped to the map."""
         rows, columns = self.free.shape
         column, row = ((points - self.origin) / self.resolution_m).astype(np.intp).T
         return np.minimum(np.maximum(row, 0), rows - 1), np.minimum(np.maximum(column, 0), columns - 1)
 
     def centers(self, rows: NDArray[np.intp], columns: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Middles of cells, shape (n, 2), metres."""
+        """Returns the centres of cells in metres, shape (n, 2)."""
         return np.stack((columns, rows), axis=1) * self.resolution_m + (np.asarray(self.origin) + self.resolution_m / 2)
 
 
 def read_map(path: Path) -> OccupancyMap:
-    """Reads a `map.yaml` and the picture it names.
+    """Reads an occupancy map: a `map.yaml` with its image.
 
     Args:
         path: the YAML file.
@@ -80,7 +80,7 @@ def _made_of(path: Path, description: Any) -> OccupancyMap:
 
 @lru_cache(maxsize=1)
 def read_world_map(world_dir: Path) -> OccupancyMap:
-    """Reads the map of a world, which does not change, once, and caches it.
+    """Reads the occupancy map of a world, cached.
 
     Raises:
         ValueError: see `read_map`.

@@ -32,7 +32,7 @@ _DRAWN_GROUPS = 3
 
 
 class ScenePhysics(Physics):
-    """Physics with a callback several times within one control step."""
+    """dm_control physics that calls a function several times within one control step."""
 
     unseen_group: int | None = None
     """Geom group of the fixed things that neither the lidar nor the bumper's sensors can hit."""
@@ -42,7 +42,7 @@ class ScenePhysics(Physics):
 
     @property
     def named(self) -> NamedIndexStructs:
-        """Model and data by the names of their parts, made on first use: most runs need none."""
+        """Access to model and data by names, made on first use."""
         if self._named is None:
             indexers = index.make_axis_indexers(self.model)
             self._named = NamedIndexStructs(
@@ -66,7 +66,7 @@ class ScenePhysics(Physics):
             _logger.warning("%s", error)
 
     def step(self, nstep: int = 1) -> None:
-        """Advances by `nstep` steps.
+        """Advances the simulation by `nstep` physics steps.
 
         Raises:
             PhysicsError: the state became invalid.
@@ -89,7 +89,7 @@ class ScenePhysics(Physics):
 
 
 def assemble(world_xml: Path, robot: Robot = SCOUT) -> ScenePhysics:
-    """Reads a world, stands a robot on its origin and compiles them.
+    """Loads a world's MJCF, places a robot at its origin, and compiles both.
 
     Args:
         world_xml: the world's MJCF; its physics options are the ones that count.

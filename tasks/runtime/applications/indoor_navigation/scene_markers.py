@@ -34,7 +34,7 @@ _RED, _ORANGE, _GREEN = ColorRGBA(0.9, 0.1, 0.1), ColorRGBA(1.0, 0.6, 0.1, 0.8),
 
 
 def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, frame: str) -> MarkerArray:
-    """Returns a disc and a name per room; green where the robot has been.
+    """Makes ROS markers for the goals: a disc and a name in each room, green once visited.
 
     Args:
         rooms: the rooms, each with its goal.
@@ -55,7 +55,7 @@ def goal_markers(rooms: Sequence[Room], visited: Sequence[bool], time_s: float, 
 
 
 class ContactMarkers:
-    """Publishes an arrow per contact of the robot with anything but itself and the floor.
+    """Publishes ROS arrow markers for the robot's contacts, for display in a recording.
 
     An arrow begins at the contact and points where the robot is pushed, 1 cm per newton of normal force. Its `ns` is
     what is touched, its `text` the force.
@@ -85,7 +85,7 @@ class ContactMarkers:
         self._wrench = np.zeros(6)
 
     def publish(self) -> None:
-        """Publishes the present contacts, at most 50 times a second; to be called while there are any."""
+        """Publishes the current contacts, at most 50 times a second."""
         time_s = self._data.time
         if time_s < self._due_s and self._due_s < time_s + 2 / CONTACT_RATE_HZ:  # else the time began anew
             return
@@ -130,7 +130,7 @@ Pose = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def occupancy_grid(known: OccupancyMap, header: ros.Header) -> OccupancyGrid:
-    """Returns a map as Nav2's map server publishes it.
+    """Converts a map to a ROS `OccupancyGrid` message, as Nav2's map server publishes it.
 
     Args:
         known: the map.
@@ -145,7 +145,7 @@ def occupancy_grid(known: OccupancyMap, header: ros.Header) -> OccupancyGrid:
 
 
 def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, stamp: ros.Time) -> MarkerArray:
-    """Returns what is fixed and shown: floors, walls, furniture.
+    """Makes ROS markers that show the fixed parts of a world: floors, walls, furniture.
 
     Args:
         model: the compiled world.
@@ -162,7 +162,7 @@ def world_markers(model: mujoco.MjModel, data: mujoco.MjData, frame_id: str, sta
 def robot_markers(
     model: mujoco.MjModel, data: mujoco.MjData, frames: Mapping[int, str], wheels: Iterable[int], stamp: ros.Time
 ) -> MarkerArray:
-    """Returns what a robot looks like; its parts move with their frames.
+    """Makes ROS markers that show a robot; its parts move with their frames.
 
     Args:
         model: the compiled world with the robot.

@@ -29,7 +29,7 @@ _ROUNDING_S = 1e-6
 
 
 class RobotState(NamedTuple):
-    """Pose, velocity and joints of the robot; metres, radians and seconds."""
+    """Pose, velocity and joint positions of the robot, in metres, radians and seconds."""
 
     time_s: float
     x: float
@@ -44,17 +44,17 @@ class RobotState(NamedTuple):
 
 
 def moving_body(robot: Robot) -> str:
-    """Returns the body whose frame is `base_link`."""
+    """Returns the name of the robot's body whose frame is `base_link`."""
     return f"{robot.prefix}{robot.footprint if robot.planar_joints and robot.footprint else robot.base}"
 
 
 def links_of(robot: Robot, model: mujoco.MjModel, frames: Frames = DEFAULT_FRAMES) -> Links:
-    """Returns the moving parts of a robot that have frames of their own: all but the wheels of those like Scout."""
+    """Returns the moving parts of a robot that have ROS frames (not the wheels of Scout-like robots)."""
     return Links(model, model.body(moving_body(robot)).id, frames.base, _wheels(robot, model))
 
 
 def frames_of_bodies(robot: Robot, model: mujoco.MjModel, frames: Frames = DEFAULT_FRAMES) -> dict[int, str]:
-    """Returns the frames that `/tf` tells of, by numbers of bodies in a compiled world: not all of them have names."""
+    """Returns the ROS frame name of each body in `/tf`, by body number."""
     base = model.body(moving_body(robot)).id
     return {0: frames.map, base: frames.base, **links_of(robot, model, frames).frame_of}
 
@@ -72,7 +72,7 @@ def _joint_names(robot: Robot) -> list[tuple[str, str]]:
 
 
 class Telemetry(KeepsAttributes):
-    """Writes what a robot's own ROS nodes would publish.
+    """Records the ROS topics that the robot's own nodes would publish.
 
     | topic | what | how often |
     | --- | --- | --- |
@@ -104,11 +104,11 @@ class Telemetry(KeepsAttributes):
 
     @property
     def frames(self) -> Frames:
-        """Names of its frames."""
+        """Names of the robot's ROS frames."""
         return self._recorder.frames
 
     def start(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        """Publishes what does not change, and the first state.
+        """Publishes static topics and the first state.
 
         Args:
             model: the world with the robot.
@@ -128,7 +128,7 @@ class Telemetry(KeepsAttributes):
         self.sample()
 
     def sample(self) -> None:
-        """Samples the state when it is time; to be called at least as often as that is."""
+        """Publishes the current state when it is due; call it at least that often."""
         if self._data.time >= self._due_s:
             self._samples += 1
             self._due_s = self._start_s + self._samples / STATE_RATE_HZ - _ROUNDING_S
@@ -159,7 +159,7 @@ class Telemetry(KeepsAttributes):
         """Bodies that have frames, by what moves with them."""
 
         def add(frame: str, place: NDArray[np.float64], axes: NDArray[np.float64], body: int = base) -> None:
-            """Adds a frame on a body, from its place and axes in the world."""
+            """Adds a static frame on a body, by its place and axes in the world."""
             turn = data.xmat[body].reshape(3, 3).T
             quaternion = np.zeros(4)
             mujoco.mju_mat2Quat(quaternion, (turn @ axes).ravel())
@@ -198,7 +198,7 @@ class Telemetry(KeepsAttributes):
         self._recorder.write("/robot_description", ros.String(described), data.time)
 
     def publish_goals(self, rooms: Sequence[Room], visited: Sequence[bool]) -> None:
-        """Publishes the goals.
+        """Publishes markers for the rooms' goals.
 
         Args:
             rooms: the rooms, each with its goal.
@@ -208,7 +208,7 @@ class Telemetry(KeepsAttributes):
         self._recorder.write("/goals", goal_markers(rooms, visited, time_s, self.frames.map), time_s)
 
     def publish_scan(self, time_s: float, ranges: NDArray[np.float32]) -> None:
-        """Publishes a measurement of the lidar."""
+        """Publishes a lidar measurement as a `LaserScan`."""
         if self._scans is None:
             assert self._robot.lidar is not None
             self._scans = RowSeries("/scan", laser_scan(_scan(self._robot.lidar, ranges, self.frames.scan)))
@@ -216,7 +216,7 @@ class Telemetry(KeepsAttributes):
         self._scans.add(self._recorder, time_s, ranges)
 
     def publish_reading(self, kind: type[SensorKind], time_s: float, numbers: Sequence[float]) -> None:
-        """Publishes a reading of a sensor, if it has a topic."""
+        """Publishes a sensor's reading, if the sensor has a topic."""
         frame = self._frame_of(kind)
         if not kind.topic:
             return

@@ -31,7 +31,7 @@ Table = Sequence[Sequence[float]]
 
 
 def plan_tour(distances: NDArray[np.float64]) -> list[int]:
-    """Orders places into a short open tour from place 0.
+    """Orders places into a short open tour that begins at place 0.
 
     Few places are visited on the shortest tour (M. Held, R. M. Karp, "A dynamic programming approach to sequencing
     problems", 1962), many on one from nearest neighbour to nearest neighbour, untangled by 2-opt.
@@ -97,7 +97,7 @@ _FRAME = "map"
 
 
 def publish_plan(recorder: Recorder, goal: Point, path: Points, time_s: float) -> None:
-    """Write `/goal_pose` and `/plan`, as navigation stacks do, where the run is recorded.
+    """Records the ROS topics `/goal_pose` and `/plan`, as navigation stacks publish them.
 
     Args:
         recorder: The run's.
@@ -153,7 +153,7 @@ class _Anchor(NamedTuple):
 
 
 class Scout(KeepsAttributes):
-    """The robot's program: called with every time step, answers with a velocity command."""
+    """Built-in robot program: explores every room; called with every time step, it returns a velocity command."""
 
     KEPT = (
         *("_queue", "_put_off", "_follower", "_way_kind", "_tries", "_backing_until_s", "_planned_s", "_scan_s"),
@@ -200,17 +200,17 @@ class Scout(KeepsAttributes):
         """Rooms that could not be reached."""
 
     def state(self) -> dict[str, Any]:
-        """Returns the agent's state; paths on the map are computed again, and obstacles are added before each plan."""
+        """Returns the agent's state for a checkpoint; planned paths are computed again."""
         return {**super().state(), "memory": self._memory.state()}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Restores the agent's state."""
+        """Restores the agent's state from a checkpoint."""
         super().restore(state)
         self._memory.restore(state["memory"])
 
     @property
     def done(self) -> bool:
-        """Whether every goal was reached or given up; the robot stands still from then on."""
+        """Whether every room was reached or given up; the robot stands still then."""
         return self._queue == []
 
     def __call__(self, timestep: dm_env.TimeStep) -> NDArray[np.float64]:
@@ -325,7 +325,7 @@ class Scout(KeepsAttributes):
 
 
 def make_agent(context: SimulationContext, environment: dm_env.Environment) -> Scout:
-    """Makes the robot's program for one run.
+    """Makes the built-in robot program for one run.
 
     Args:
         context: the run; its world's map is what the robot knows.

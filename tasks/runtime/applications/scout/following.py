@@ -21,7 +21,7 @@ _SEARCH_POINTS = 12
 
 
 class PathFollower:
-    """Turns poses into velocity commands along one path."""
+    """Path tracking controller: computes velocity commands along one path from the robot's poses."""
 
     def __init__(self, path: Path, limits: Limits = LIMITS) -> None:
         """Starts at the path's beginning.
@@ -40,21 +40,21 @@ class PathFollower:
 
     @property
     def remaining_m(self) -> float:
-        """Length of the path from the point nearest to the robot to the end."""
+        """Length in metres from the path's point nearest to the robot to the end."""
         return self._along[-1] - self._along[self._nearest]
 
     @property
     def arrived(self) -> bool:
-        """Whether the end is reached."""
+        """Whether the end of the path is reached."""
         return self.remaining_m < _ARRIVED_M
 
     def ahead(self, distance_m: float) -> list[tuple[float, float]]:
-        """Points of the path from the robot on, as far as a distance."""
+        """Returns the points of the path ahead of the robot, up to a distance in metres."""
         end = self._index_at(distance_m)
         return self._points[self._nearest : end + 1]
 
     def command(self, x: float, y: float, yaw: float, speed: float, speed_limit: float) -> tuple[float, float]:
-        """Decides on a velocity.
+        """Computes a velocity command from the robot's pose.
 
         Args:
             x: position, metres.

@@ -24,7 +24,7 @@ Pose = tuple[float, float, float]
 
 
 class ObstacleMemory(KeepsAttributes):
-    """Sightings of unknown things, as points in the map, forgotten after a while."""
+    """Remembers obstacles that the map does not show, as points, and forgets them after a while."""
 
     KEPT = ("_seen_s",)
 
@@ -33,12 +33,12 @@ class ObstacleMemory(KeepsAttributes):
         self._seen_s: dict[tuple[int, int], float] = {}
 
     def points(self, now_s: float) -> NDArray[np.float64]:
-        """Everything that is remembered, shape (n, 2), metres."""
+        """Returns all remembered obstacle points, shape (n, 2), metres."""
         self._seen_s = {cell: seen_s for cell, seen_s in self._seen_s.items() if now_s - seen_s <= _FORGET_S}
         return np.array(list(self._seen_s), dtype=np.float64).reshape(-1, 2) * _CELL_M
 
     def see(self, pose: Pose, hits: NDArray[np.complex128], now_s: float) -> NDArray[np.float64]:
-        """Takes in a measurement.
+        """Adds the obstacles of a lidar measurement to the memory.
 
         Args:
             pose: x, y in metres and yaw in radians, of the measurement.
@@ -59,20 +59,20 @@ class ObstacleMemory(KeepsAttributes):
         return unknown
 
     def add(self, points: NDArray[np.float64], now_s: float) -> None:
-        """Remembers points of shape (n, 2)."""
+        """Adds obstacle points of shape (n, 2) to the memory."""
         for column, row in np.rint(points / _CELL_M).astype(int).tolist():
             self._seen_s[column, row] = now_s
 
 
 def ray_directions(scan_angles_rad: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Directions of the lidar's rays and then the bumper's, as complex numbers, which a product turns."""
+    """Returns the directions of the lidar's and bumper's rays as complex numbers, which a product rotates."""
     return np.exp(1j * np.concatenate((scan_angles_rad, lidar.PROXIMITY_ANGLES_RAD)))
 
 
 def near_hits(
     rays: NDArray[np.complex128], scan: NDArray[np.float32], proximity: NDArray[np.float32]
 ) -> NDArray[np.complex128]:
-    """Returns the points within 1.6 m where rays of the lidar and the bumper's sensors ended.
+    """Returns the points within 1.6 m that lidar and bumper rays hit, in the robot's frame.
 
     Args:
         rays: their directions, from `ray_directions`.
@@ -88,7 +88,7 @@ def near_hits(
 
 
 def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
-    """How far a disc can go straight on before it touches one of `near_hits`; metres.
+    """Returns how far a disc can move straight ahead before it touches a hit, in metres.
 
     Args:
         hits: points in the robot's frame.
@@ -101,7 +101,7 @@ def free_ahead(hits: NDArray[np.complex128], half_width_m: float) -> float:
 
 
 def nearest_to_path(points: NDArray[np.float64], path: list[tuple[float, float]]) -> float:
-    """Smallest distance between points of shape (n, 2) and the points of a path; infinite without any."""
+    """Returns the smallest distance between points and a path, in metres; infinite without points."""
     if len(points) == 0 or not path:
         return math.inf
     gaps = points[:, np.newaxis, :] - np.asarray(path)[np.newaxis, :, :]

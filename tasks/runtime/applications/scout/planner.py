@@ -25,7 +25,7 @@ Clearance = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -> NDArray[np.float64]:
-    """Straightens and rounds a path.
+    """Straightens and rounds a path, keeping clearance from obstacles.
 
     Args:
         points: the path, shape (n, 2), metres; its ends stay.
@@ -45,7 +45,7 @@ def smooth(points: NDArray[np.float64], clearance: Clearance, radius_m: float) -
 
 
 def resample(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Spreads points evenly along a polyline, ends included."""
+    """Places points evenly along a polyline, ends included."""
     lengths = np.hypot(*np.diff(points, axis=0).T) if len(points) > 1 else np.zeros(0)
     along = np.concatenate(([0.0], np.cumsum(lengths)))
     count = max(2, round(float(along[-1]) / STEP_M) + 1)
@@ -109,14 +109,14 @@ _MARGIN_M: dict[WayKind, float] = {"free": 0.03, "tight": 0.005, "pushing": 0.00
 
 
 class Way(NamedTuple):
-    """A way from here to there."""
+    """A planned way on the map: its points, and how freely the robot can pass."""
 
     path: Path
     kind: WayKind
 
 
 class GridPlanner:
-    """Shortest comfortable ways on a map's cells, eight neighbours each.
+    """Path planner on a grid map with eight neighbours for each cell; prefers clearance.
 
     Obstacles that the map does not know can be added and taken back.
     """
@@ -136,7 +136,7 @@ class GridPlanner:
         self._grids: dict[WayKind, _Grid] = {}
 
     def set_obstacles(self, points: NDArray[np.float64]) -> None:
-        """Replaces the obstacles besides the map by points of shape (n, 2)."""
+        """Replaces the temporary obstacles (not on the map) by points of shape (n, 2)."""
         if len(points) == 0 and len(self._obstacles) == 0:
             return
         self._obstacles = points
@@ -147,11 +147,11 @@ class GridPlanner:
         self._grids.clear()
 
     def known_distance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Distance of points of shape (n, 2) from what the map shows, metres, to half a cell."""
+        """Returns the distance in metres from points to the nearest obstacle on the map."""
         return self._known_clearance[self._map.cells(points)]
 
     def plan(self, start: tuple[float, float], goal: tuple[float, float]) -> Way | None:
-        """Finds a way of the first kind that there is: free, tight, pushing.
+        """Plans a way: a free one if possible, else a tight one, else one that pushes obstacles.
 
         Args:
             start: where the disc's middle is; when the disc does not fit there, the way begins at the
@@ -168,7 +168,7 @@ class GridPlanner:
         return None
 
     def prepare(self, goals: Iterable[tuple[float, float]]) -> None:
-        """Works out the free ways to places from everywhere, before they are needed."""
+        """Precomputes the free ways from everywhere to some places."""
         grid = self._grid("free")
         for goal in goals:
             node = grid.node(goal)
@@ -176,7 +176,7 @@ class GridPlanner:
                 grid.tree(node)
 
     def distances(self, places: list[tuple[float, float]]) -> NDArray[np.float64]:
-        """Costs of the free ways between places, shape (n, n), infinite where there is none."""
+        """Returns the path costs between places, shape (n, n), infinite where there is no way."""
         grid = self._grid("free")
         nodes = [grid.node(place) for place in places]
         costs = np.full((len(places), len(places)), np.inf)
@@ -191,7 +191,7 @@ class GridPlanner:
         return costs
 
     def clearance_at(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Clearance around points of shape (n, 2), obstacles included; metres."""
+        """Returns the distance in metres from points to the nearest obstacle, temporary ones included."""
         return self._clearance[self._map.cells(points)]
 
     def _path(self, kind: WayKind, start: tuple[float, float], goal: tuple[float, float]) -> Path | None:
@@ -238,7 +238,7 @@ class _Grid:
         self._trees: dict[int, tuple[NDArray[np.float64], NDArray[np.int32]]] = {}
 
     def node(self, place: tuple[float, float]) -> int | None:
-        """The node nearest to a place, if one is near."""
+        """Returns the grid node nearest to a place; `None` if none is near."""
         if len(self.centers) == 0:
             return None
         around = int(self._numbers[self._known.cells(np.array([place]))][0])
@@ -249,7 +249,7 @@ class _Grid:
         return nearest if squares[nearest] <= _SNAP_M**2 else None
 
     def tree(self, end: int) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
-        """Costs to a node from every other one, and the next node on the way there."""
+        """Returns the cost from every node to an end node, and the next node on the way."""
         if end not in self._trees:
             self._trees[end] = csgraph.dijkstra(self._graph, indices=end, return_predecessors=True)
         return self._trees[end]
