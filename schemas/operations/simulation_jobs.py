@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
+from ..runs.recording_sources import check_sources
 from ..runs.requirements import JobRequirements, check_requirements
 from ..runs.ros import check_ros
 from ..runs.trials import Trials, check_trials
@@ -139,6 +140,7 @@ class SimulationJobRequestMembers(Shape):
         check_requirements(self)
         check_trials(self)
         check_ros(self)
+        check_sources(self)
         return self
 
 

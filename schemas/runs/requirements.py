@@ -121,8 +121,8 @@ def check_requirements(request: JobRequest) -> None:
 
     Raises:
         ValueError: the launch variable is misspelt or cannot be understood, a room is asked for where there is no
-            world, a goal is where the robot starts, or all applications are programs, so that there is no simulation
-            to judge.
+            world, a goal is where the robot starts, or all applications are programs, none of whose topics are
+            recorded, so that there is nothing to judge.
     """
     for place, name in _misspelt(request):
         raise ValueError(
@@ -133,10 +133,11 @@ def check_requirements(request: JobRequest) -> None:
         rooms = rooms_asked(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
-    if requirements and _has_only_programs(request):
+    if requirements and _has_only_programs(request) and not _records_topics(request):
         raise ValueError(
-            f"{place}: they would not be judged, since the job has only programs; name a simulation application that "
-            "makes an environment, or let the program write its verdict to result.json"
+            f"{place}: they would not be judged, since the job has only programs; record their ROS topics "
+            "(loggingConfig: {recordAllRosTopics: true}), by which they are judged then, name a simulation application "
+            "that makes an environment, or let the program write its verdict to result.json"
         )
     if _starts_on_origin(request):
         for index, member, problem in goals_at_start([each.to_wire() for each in requirements]):
@@ -201,6 +202,11 @@ def _has_only_programs(request: JobRequest) -> bool:
     """Whether no process steps an environment, as far as the request says it (see `RunPlan.has_episode`)."""
     configs = request.simulationApplications or request.robotApplications or ()
     return bool(configs) and all(is_program(config.launchConfig) for config in configs)
+
+
+def _records_topics(request: JobRequest) -> bool:
+    """Whether all topics of ROS are recorded, from which a job of programs is judged."""
+    return bool(getattr(getattr(request, "loggingConfig", None), "recordAllRosTopics", None))
 
 
 def _misspelt(request: JobRequest) -> Iterator[tuple[str, str]]:

@@ -20,6 +20,7 @@ from ...schemas.documents.applications import ApplicationDocument
 from ...schemas.documents.base import Document
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.programs import Wait
+from ...schemas.runs.recording_sources import RECORDED_RUN
 from ...schemas.runs.trials import TrialCounts
 from ...schemas.settings import DEFAULT_STORE_PATIENCE_MIN, Settings
 from ...schemas.wire.arns import IdPrefix, application_arn, new_id, resource_arn
@@ -90,6 +91,14 @@ BUILTINS: Mapping[str, tuple[str, Mapping[str, Any]]] = {
             "robotSoftwareSuite": {"name": "General"},
             "simulationSoftwareSuite": {"name": "SimulationRuntime"},
             "environment": {"uri": f"python://{PACKAGE}.indoor_navigation"},
+        },
+    ),
+    RECORDED_RUN: (
+        "simulation-application",
+        {
+            "robotSoftwareSuite": {"name": "General"},
+            "simulationSoftwareSuite": {"name": "SimulationRuntime"},
+            "environment": {"uri": f"python://{PACKAGE}.recorded_run"},
         },
     ),
 }

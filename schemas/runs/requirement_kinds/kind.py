@@ -63,6 +63,10 @@ class RequirementError(LaunchError):
     """A requirement cannot be checked; the fault is the request's, not an application's."""
 
 
+class NotMeasuredError(RequirementError):
+    """A scene does not have what a rule measures, as a recording without its topic: this requirement alone is ERROR."""
+
+
 class RequirementKind(Shape):
     """One requirement. A kind is a subclass, whose member `kind` is a `Literal` of its name."""
 

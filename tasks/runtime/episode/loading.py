@@ -9,6 +9,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirement_kinds.kind import Rule
+
 
 class LoadError(Exception):
     """Raised when a factory function cannot be imported; the text names what is missing."""
@@ -59,6 +62,27 @@ def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]
     if not callable(value):
         raise LoadError(f"{attribute} is a {type(value).__name__}, not a function")
     return value
+
+
+def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
+    """Imports a function that a requirement asks, from the bundle that has its package, else from what is installed.
+
+    Args:
+        plan: The run, with its applications.
+        rule: The requirement's.
+        attribute: Dotted path.
+
+    Raises:
+        RequirementError: There is no such function.
+    """
+    package = attribute.partition(".")[0]
+    applications = (plan.simulation_application, plan.robot_application)
+    paths = [each.path for each in applications if each is not None and each.path is not None]
+    path = next((path for path in paths if (path / package).is_dir() or (path / f"{package}.py").is_file()), None)
+    try:
+        return load_factory(attribute, path)
+    except LoadError as error:
+        raise rule.cannot(str(error)) from error
 
 
 def _import_longest(parts: list[str], path: Path | None) -> tuple[ModuleType, list[str]]:

@@ -100,6 +100,7 @@ class EnvironmentReport(Model):
 
     verdict: Verdict = Field(default="NONE", description="PASS, FAIL, or NONE when nothing is judged.")
     summary: str = Field(default="", description="One sentence for a person.")
+    notes: list[str] = Field(default=[], description="Lines beside the verdict: what a person should know of it.")
     requirements: list[Requirement] = Field(default=[], description="Requirements that the verdict depends on.")
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit.")
     rooms: list[RoomVisit] = Field(default=[], description="Rooms, in the world's order.")
@@ -246,7 +247,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     metrics = dict(report.metrics)
     remarks = dict(report.extra)
     added = [requirement for finding in findings for requirement in finding.requirements]
-    notes = [note for finding in findings for note in finding.notes]
+    notes = [*report.notes, *(note for finding in findings for note in finding.notes)]
     reached = _ended_at_its_goals(episode, added)
     judged, own = _without(report, {requirement.name for requirement in added})
     own = [item.model_copy(update={"counts": not reached and item.counts}) for item in own]

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
+from ....schemas.runs.recording_sources import RECORDED_RUN
 from ....schemas.runs.requirement_kinds.kind import RequirementError
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
@@ -104,6 +105,9 @@ BUILT_IN_ENVIRONMENT = ApplicationPlan(
 BUILT_IN_AGENT = ApplicationPlan(
     role="robot", name="scout", attribute="prefect_robomaker.tasks.runtime.applications.scout.make_agent"
 )
+_RECORDED_RUN = "prefect_robomaker.tasks.runtime.applications.recorded_run"
+RECORDED_AGENT = ApplicationPlan(role="robot", name=RECORDED_RUN, attribute=f"{_RECORDED_RUN}.make_agent")
+"""The robot of a run that is judged from its recording, in which nothing drives any more."""
 
 _OF_THE_CAMERA = {TOPIC, INFO_TOPIC, "/tf_static"}
 """Topics that a run writes for an environment; a camera that moves has `/tf` too, which may be the environment's."""
@@ -246,7 +250,10 @@ def _remote_robot(plan: RunPlan, stop: Stop, bridge: RosBridge | None) -> Remote
 
 def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
     """Returns which applications make the environment and the agent of a run."""
-    return plan.simulation_application or BUILT_IN_ENVIRONMENT, plan.robot_application or BUILT_IN_AGENT
+    simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
+    if (simulation.attribute or "").startswith(f"{_RECORDED_RUN}."):
+        return simulation, RECORDED_AGENT  # whoever drove has driven already
+    return simulation, plan.robot_application or BUILT_IN_AGENT
 
 
 def factory_of(application: ApplicationPlan) -> Callable[..., Any]:

@@ -40,6 +40,9 @@ class Recorder:
     topics: frozenset[str] = frozenset()
     """Topics that have messages; known when it is closed."""
 
+    def announce(self, topic: str, kind: type) -> None:
+        """Record that a topic is recorded, on which there may never be a message."""
+
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records a ROS message at a simulated time."""
 
@@ -110,6 +113,14 @@ class McapRecorder(Recorder):
             self._file = McapFile(self._stream, "ros2", "prefect-robomaker", _CHUNK_BYTES, self._take_rows)
         self._closed = False
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
+
+    def announce(self, topic: str, kind: type[Message]) -> None:
+        """Records that a topic is recorded: without a message on it nothing happened, and nothing was missed.
+
+        Raises:
+            TypeError: The topic carries another type.
+        """
+        self._channel(topic, kind)
 
     def write(self, topic: str, message: Message, time_s: float) -> None:
         """Records a ROS message.

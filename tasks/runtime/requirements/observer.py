@@ -7,7 +7,7 @@ from typing import Any
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.programs import RunStop
-from ....schemas.runs.requirement_kinds.kind import Look, RequirementError, Rule
+from ....schemas.runs.requirement_kinds.kind import Look, NotMeasuredError, RequirementError, Rule
 from ....schemas.runs.requirements import JobRequirement, parse_requirements
 from ....schemas.wire.errors import InvalidParameterException
 from ....schemas.worlds.world import World
@@ -134,18 +134,22 @@ class RequirementsObserver(Observer):
 
     def _bind(self, environment: Any) -> None:
         """Ties the rules to the model, which environments may replace."""
-        scene = Scene(environment, *raw_physics(environment.physics), self._plan, self._world)
-        self._model, self._data = scene.model, scene.data
-        self._checks = [_Check(rule, rule.bind(scene)) for rule in self._rules or ()]
+        self._model, self._data = raw_physics(environment.physics)
+        make_scene = getattr(environment, "requirements_scene", None)  # of one that plays a recording
+        if make_scene is None:
+            scene = Scene(environment, self._model, self._data, self._plan, self._world)
+        else:
+            scene = make_scene(self._plan, self._world)
+        self._checks = [_Check(rule, _bound(rule, scene)) for rule in self._rules or ()]
         self._within_steps = [check for check in self._checks if check.rule.looks_within_steps]
         physics = environment.physics
         if self._within_steps and hasattr(physics, "between_substeps"):
             # Touches are short: an environment that lets others look within its control steps is asked to.
-            physics.between_substeps = _both(physics.between_substeps, self._look_within(scene))
+            physics.between_substeps = _both(physics.between_substeps, self._look_within(self._data))
 
-    def _look_within(self, scene: Scene) -> Callable[[], None]:
+    def _look_within(self, data: Any) -> Callable[[], None]:
         def look() -> None:
-            time_s = scene.data.time
+            time_s = data.time
             for check in self._within_steps:
                 check.look_if_due(time_s)
 
@@ -155,6 +159,15 @@ class RequirementsObserver(Observer):
     def _all_goals_reached(rules: Sequence[Rule[Any]]) -> bool:
         goals = [rule for rule in rules if rule.is_reached is not None and rule.asked.stop]
         return bool(goals) and all(goal.is_reached for goal in goals)
+
+
+def _bound(rule: Rule[Any], scene: Any) -> Look:
+    """Ties a rule to a scene; one that cannot be measured there is an error, and never looks."""
+    try:
+        return rule.bind(scene)
+    except NotMeasuredError as error:
+        rule.fail(str(error))
+        return lambda _time_s: None
 
 
 class _Check:
@@ -230,8 +243,9 @@ def _both(first: Callable[[], None] | None, second: Callable[[], None]) -> Calla
 
 
 def _metrics(rules: Sequence[Rule[Any]]) -> dict[str, float]:
-    """Numbers of all requirements of a kind, for tables and comparisons."""
+    """Numbers of all requirements of a kind, for tables and comparisons; what was not measured has none."""
     metrics: dict[str, float] = {}
     for rule in rules:
-        rule.add_metrics(metrics)
+        if rule.error is None:
+            rule.add_metrics(metrics)
     return metrics

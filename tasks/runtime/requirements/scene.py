@@ -6,7 +6,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -17,7 +16,7 @@ from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirement_kinds.kind import Rule, is_meant
 from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.world import World
-from ..episode.loading import LoadError, load_factory
+from ..episode.loading import load_judging_function
 from ..episode.physics import (
     ClearanceMeter,
     ContactForces,
@@ -83,14 +82,7 @@ class Scene:
         Raises:
             RequirementError: There is no such function.
         """
-        package = attribute.partition(".")[0]
-        applications = (self.plan.simulation_application, self.plan.robot_application)
-        paths = [each.path for each in applications if each is not None and each.path is not None]
-        path = next((path for path in paths if _has(path, package)), None)
-        try:
-            return load_factory(attribute, path)
-        except LoadError as error:
-            raise rule.cannot(str(error)) from error
+        return load_judging_function(self.plan, rule, attribute)
 
     def _obstacles(self, rule: Rule[Any], robot: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Returns which geoms count as obstacles, shape `(ngeom,)`: neither the robot's, nor floor, nor ignored.
@@ -145,10 +137,6 @@ class Scene:
 
     def _body_name(self, body: int) -> str:
         return self.model.body(body).name
-
-
-def _has(path: Path, package: str) -> bool:
-    return (path / package).is_dir() or (path / f"{package}.py").is_file()
 
 
 def _is_free(model: mujoco.MjModel, joint: int) -> bool:

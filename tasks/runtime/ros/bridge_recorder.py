@@ -89,6 +89,10 @@ class BridgeRecorder(Recorder):
         """Sends states only where nodes listen: each message costs as much as waking who listens, 10 to 100 us."""
         self._unheard = frozenset(topic for topic in _EACH_STEP if self._names.get(topic) not in heard)
 
+    def announce(self, topic: str, kind: type[Message]) -> None:
+        """Records that a topic is recorded; see `McapRecorder.announce`."""
+        self._inner.announce(topic, kind)
+
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records and publishes a message; see `McapRecorder.write`."""
         data = encode(message)

@@ -126,7 +126,9 @@ def _words(error: ValueError) -> str:
     return str(error)
 
 
-_ONLY_PROGRAMS = "the job has only programs, and no simulation that could be judged"
+_ONLY_PROGRAMS = "the job has only programs, and its topics were not judged"
+OWN_VERDICT = "verdict_of_programs"
+"""Name in a result's `extra` of the verdict that programs gave themselves, until their topics are judged."""
 INVALID_RESULT_FILE = "result.invalid.json"
 """New name of an invalid `result.json` that an application wrote."""
 
@@ -260,6 +262,8 @@ def _result_of_programs(plan: RunPlan, outcome: Outcome, times: tuple[datetime, 
         parts = Parts(own=result.verdict, requirements=[*result.requirements, *unjudged])
         if (verdict := decide_verdict(parts)) != result.verdict or unjudged:
             judged = {"verdict": verdict, "requirements": list(parts.requirements)}
+            if unjudged:
+                judged["extra"] = {**result.extra, OWN_VERDICT: result.verdict}
             result = result.model_copy(update=judged)
     if said.is_changed or result is not said.result:
         write_result(result, plan.output_dir)
@@ -275,6 +279,38 @@ def _never_judged(requirement: JobRequirement, why: str) -> Requirement:
     """Returns a requirement that could not be judged, with the reason."""
     return Requirement(
         name=requirement.name, kind=requirement.kind, satisfied=False, detail=f"could not be judged: {why}", error=why
+    )
+
+
+def with_judged(plan: RunPlan, result: RunResult, judged: RunResult | None, why: str | None) -> RunResult:
+    """Returns the result of programs with judged requirements in place of those that could not be judged.
+
+    Args:
+        plan: The run.
+        result: What its result says.
+        judged: The result by its recording; None: that cannot be judged.
+        why: Why it cannot.
+    """
+    names = {each.name for each in plan.requirements}
+    own = [each for each in result.requirements if each.name not in names or each.error is None]
+    extra = dict(result.extra)
+    verdict = extra.pop(OWN_VERDICT, result.verdict)
+    if judged is None:
+        rows = [_never_judged(each, why or _ONLY_PROGRAMS) for each in plan.requirements]
+        changes: dict[str, Any] = {}
+    else:
+        rows = list(judged.requirements)
+        changes = {
+            "notes": list(dict.fromkeys([*result.notes, *judged.notes])),
+            "metrics": {**result.metrics, **{k: v for k, v in judged.metrics.items() if k != "steps"}},
+            "path": result.path or judged.path,
+            "sim_time_s": result.sim_time_s or judged.sim_time_s,
+            "summary": " ".join(text for text in (result.summary, judged.summary) if text),
+        }
+        extra |= judged.extra
+    parts = Parts(own=verdict, requirements=[*own, *rows])
+    return result.model_copy(
+        update={**changes, "requirements": [*own, *rows], "extra": extra, "verdict": decide_verdict(parts)}
     )
 
 

@@ -32,6 +32,7 @@ from ..video.failure_videos import is_filmed, record_failure_videos
 from .finished_outputs import finish_outputs, read_result
 from .forkserver import READY, SANDBOX_VARIABLE
 from .outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
+from .recorded_verdicts import judge_topics
 from .ros_topics import join_ros_topics
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
 
@@ -234,6 +235,8 @@ class Launcher:
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
         variables = {**DEFAULT_VARIABLES, **inherited_environment()}
         join_ros_topics(plan, is_canceled=decided.status == "Canceled", stop=stop, environment=variables)
+        if decided.status == "Completed":
+            judge_topics(plan, timed_out=decided.timed_out, stop=stop, environment=variables)
         result = read_result(plan.output_dir) if decided.status == "Completed" else None
         outcome = RunOutcome(
             **asdict(decided),

@@ -1,12 +1,7 @@
 """Topics of nodes of ROS 2 after a run: joined with the run's own recording, and noted in its result."""
 
-import json
 import os
 import re
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -26,10 +21,10 @@ from ..ros.topic_report import (
     unfinished_of,
 )
 from .finished_outputs import add_result_notes, read_result
+from .helper_programs import MAX_REASON_CHARACTERS, run_helper
 
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
-_POLL_S = 0.1
 _BLOCK_BYTES = 512
 """Unit of `st_blocks` on Linux, whatever the file system."""
 _LIMIT_S = 60.0
@@ -38,7 +33,6 @@ _BYTES_A_SECOND = 10 * 1024 * 1024
 """A tenth of what was measured on two busy processors."""
 _CANCELED_LIMIT_S = 20.0
 """The same of a run that was cancelled: somebody may wait for it."""
-_MAX_REASON_CHARACTERS = 300
 
 
 def join_ros_topics(
@@ -58,13 +52,13 @@ def join_ros_topics(
     folder = plan.output_dir
     if program is None:
         with suppress(OSError):
-            why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", _MAX_REASON_CHARACTERS * 4)
+            why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", MAX_REASON_CHARACTERS * 4)
             add_result_notes(folder, why.decode(errors="replace").splitlines()[:1])
         return
     parts = _parts(folder)
     if not parts:
         said = "; ".join(log_tail(folder, program)[1][-1:])
-        notes = [f"ROS topics: their recorder recorded nothing{': ' * bool(said)}{said[:_MAX_REASON_CHARACTERS]}"]
+        notes = [f"ROS topics: their recorder recorded nothing{': ' * bool(said)}{said[:MAX_REASON_CHARACTERS]}"]
     else:
         reports = [report for part in parts if (report := _report(part)) is not None]
         notes = notes_of(reports, starts=len(parts))
@@ -104,8 +98,12 @@ def _joined(
 ) -> list[str]:
     """Joins the files; returns notes of what did not work."""
     names = [part.name for part in parts]
-    said, problem = _carried_out([str(folder.absolute()), *names], stop, environment, limit_s)
+    command = [_JOINING, str(folder.absolute()), *names]
+    said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)
     if problem is not None:
+        for name in ("recording.mcap", "metadata.yaml", "foxglove-layout.json"):
+            with suppress(OSError):
+                unfinished_of(folder / name).unlink(missing_ok=True)
         return [f"ROS topics are in {', '.join(names)}, and not in recording.mcap: {problem}"]
     for part in parts:
         with suppress(OSError):
@@ -114,40 +112,3 @@ def _joined(
     if names[-1] in said.get("cut", ()):
         return ["ROS topics: their recorder was killed before it had written its last messages"]
     return []
-
-
-def _carried_out(
-    arguments: Sequence[str], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
-) -> tuple[dict[str, list[str]], str | None]:
-    """Returns what the joining program says, and why it failed."""
-    try:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-m", _JOINING, *arguments],
-            env=dict(environment),
-            cwd="/",
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            start_new_session=True,
-        )
-    except OSError as error:
-        return {}, str(error)
-    deadline_s = time.monotonic() + limit_s
-    while True:
-        try:
-            output, errors = process.communicate(timeout=_POLL_S)
-        except subprocess.TimeoutExpired:
-            reason = stop()
-            if reason is None and time.monotonic() < deadline_s:
-                continue
-            os.killpg(process.pid, signal.SIGKILL)
-            process.communicate()
-            for name in ("recording.mcap", "metadata.yaml", "foxglove-layout.json"):
-                unfinished_of(Path(arguments[0], name)).unlink(missing_ok=True)
-            return {}, f"the job was stopped ({reason})" if reason is not None else "joining took too long"
-        break
-    if process.returncode == 0:
-        return json.loads(output), None
-    lines = errors.strip().splitlines()
-    return {}, lines[-1][:_MAX_REASON_CHARACTERS] if lines else f"joining ended with exit code {process.returncode}"

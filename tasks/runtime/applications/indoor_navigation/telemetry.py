@@ -192,6 +192,7 @@ class Telemetry(KeepsAttributes):
         del frames[0]  # the world has its own markers
         looks = robot_markers(model, data, frames, _wheels(robot, model), stamp)
         self._recorder.write("/robot", looks, data.time)
+        self._recorder.announce("/contacts", type(looks))
         joints = {int(model.joint(f"{robot.prefix}{name}").id): shown for name, shown in _joint_names(robot)}
         base = model.body(moving_body(robot)).id
         described = robot_description(robot.name, model, data, base, frames, joints, self._mounts)

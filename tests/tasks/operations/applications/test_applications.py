@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 
-BUILTIN = {"Robot": ("walker", "scout"), "Simulation": ("indoor-navigation",)}
+BUILTIN = {"Robot": ("walker", "scout"), "Simulation": ("indoor-navigation", "recorded-run")}
 OGRE = {"name": "OGRE", "version": "1.x"}
 DIGEST = "sha256:" + "0123456789abcdef" * 4
 

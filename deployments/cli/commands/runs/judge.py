@@ -1,0 +1,76 @@
+"""Judge a recording of a run, of a simulation or a real robot, by requirements.
+
+RECORDING is an MCAP, a ROS 2 bag (SQLite or MCAP) or a ROS 1 bag. It is stored, and judged as a run with one job: rows,
+report, JUnit file and exit code are those of `robomaker run`.
+"""
+
+import argparse
+import os
+import re
+from pathlib import Path
+
+from .....schemas.wire.errors import ConfigurationError
+from ...arguments import add_open, add_output, add_report
+from ...inputs.options import output_file
+
+
+def declare(parser: argparse.ArgumentParser) -> None:
+    """Adds the arguments."""
+    parser.add_argument("recording", metavar="RECORDING", help="a .mcap, .db3 or .bag, or the folder of a ROS 2 bag")
+    parser.add_argument(
+        "--requirements", metavar="FILE", required=True, help="requirements, and the topics they are measured by: YAML"
+    )
+    parser.add_argument("--world", metavar="ARN", help="world that the robot was in, for goals that are rooms")
+    parser.add_argument("--name", help="name of the run (default: that of FILE, which history and compare go by)")
+    add_report(parser)
+    add_output(parser, "text", "json")
+    add_open(parser, "show the report in a browser (by default only on a desktop's terminal)")
+
+
+def execute(arguments: argparse.Namespace) -> int:
+    """Judges the recording; the exit code says the verdict."""
+    from .....schemas.settings import Settings
+    from .....schemas.specs.check import load_spec
+    from .....schemas.specs.text import parse, plain
+    from .....tasks.inspection.judged_recordings import (
+        asked_of,
+        check_recording,
+        check_world,
+        judging_spec,
+        store_recording,
+    )
+    from .....tasks.service.service import Service
+    from ...inputs.specifications import read_text
+    from ...pipelines import carry_out
+
+    report = output_file(arguments.report, "--report")
+    name = _name(arguments)
+    given = parse(read_text(arguments.requirements), arguments.requirements)
+    requirements, sources = asked_of(plain(given), arguments.requirements)
+    check_world(requirements, arguments.world)
+    recording = check_recording(Path(arguments.recording), sources)
+    settings = Settings.from_environment(os.environ)
+    with Service.opened(settings) as service:
+        keys = store_recording(recording, service)
+    text = judging_spec(name, keys, requirements, sources, bucket=settings.bucket, world=arguments.world)
+    spec = load_spec(text, arguments.requirements)
+    return carry_out(spec, settings, arguments, again(arguments), report=report, spec_path=arguments.requirements)
+
+
+def again(arguments: argparse.Namespace) -> list[str]:
+    """The command that does the same again."""
+    command = ["robomaker", "judge", arguments.recording, "--requirements", arguments.requirements]
+    for option in ("world", "name", "report"):
+        if (value := getattr(arguments, option)) is not None:
+            command += [f"--{option}", str(value)]
+    return command
+
+
+def _name(arguments: argparse.Namespace) -> str:
+    from .....schemas.specs.model import is_spec_name
+
+    if arguments.name is None:
+        return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(arguments.requirements).stem).strip("-_") or "judge"
+    if not is_spec_name(arguments.name):
+        raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
+    return arguments.name

@@ -1,0 +1,117 @@
+"""Topics of a recording that requirements are measured by, in a file of requirements or `ROBOMAKER_SOURCES`."""
+
+from collections.abc import Mapping
+from typing import Literal
+
+from pydantic import Field
+
+from ..wire.base import Model, optional
+from ..wire.errors import InvalidParameterException
+from ..wire.job_configs import MAX_VARIABLE_CHARACTERS, JobRequest, launches
+from ..wire.json_values import load_strict
+from ..wire.request_problems import parsed_member
+from .ros import FrameName, TopicName
+
+SOURCES_VARIABLE = "ROBOMAKER_SOURCES"
+"""A launch variable: `RecordingSources` as JSON."""
+
+RECORDED_RUN = "recorded-run"
+"""The simulation application that plays a recording, so that it is judged."""
+
+
+class RecordingSources(Model):
+    """Topics that a recording is judged by, and how they are understood."""
+
+    pose: TopicName | None = optional(
+        "Topic with the robot's pose: `Odometry`, `PoseStamped`, `PoseWithCovarianceStamped`, `TransformStamped`, or "
+        "`/tf`; absent: `/tf` from the map to the base, else `/odom`, else `/tf` from `odom` to the base."
+    )
+    map_frame: FrameName = Field(default="map", description="Frame in which goals and rooms are.")
+    base_frame: FrameName | None = optional("Frame of the robot's base; absent: `base_link`, else `base_footprint`.")
+    contacts: list[TopicName] = Field(
+        default=[],
+        max_length=50,
+        description="Topics with contacts: `gazebo_msgs/ContactsState`, `ros_gz_interfaces/Contacts`, or `/contacts` "
+        "of our own recordings; empty: all that have these types.",
+    )
+    robot: str | None = Field(
+        default=None,
+        min_length=1,
+        max_length=255,
+        description="Gazebo's name of the robot's model, which names its side of a contact: `turtlebot3`.",
+    )
+    scan: TopicName | None = optional("Topic with a `LaserScan`; absent: `/scan`, else the only one.")
+    radius_m: float | None = Field(
+        default=None,
+        gt=0,
+        allow_inf_nan=False,
+        description="Radius of the robot around its base, seen from above, in metres; clearance needs it.",
+    )
+    partial_scan: bool = Field(
+        default=False,
+        description="Whether clearance is judged by a scan that does not see all around the robot; what is elsewhere "
+        "is missed then.",
+    )
+    time: Literal["clock", "received"] | None = optional(
+        "Time of messages: `clock`, the last `/clock` before them, or `received`, seconds since the recording's first "
+        "message; absent: `clock` where the recording has it."
+    )
+    start_s: float = Field(
+        default=0.0,
+        ge=0,
+        allow_inf_nan=False,
+        description="Time in the recording at which the run begins, in seconds: what was before is not judged, and "
+        "times count from there.",
+    )
+    max_gap_s: float = Field(
+        default=1.0,
+        gt=0,
+        allow_inf_nan=False,
+        description="Longest silence of a topic, in seconds; in a longer one something could have been missed.",
+    )
+
+
+class _Holder(Model):
+    sources: RecordingSources
+
+
+def parse_sources(data: object, what: str) -> RecordingSources:
+    """Makes sources from plain values.
+
+    Args:
+        data: The values.
+        what: Where they come from, for messages.
+
+    Raises:
+        InvalidParameterException: One line per problem: where, what, and what would be right.
+    """
+    return parsed_member(data, what, "sources", _Holder)
+
+
+def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> RecordingSources:
+    """Reads the launch variable; without it every source is the usual one.
+
+    Args:
+        variables: Variables of a launch configuration.
+        place: Path of the variable, for errors.
+
+    Raises:
+        InvalidParameterException: It says something else; says what would be right.
+    """
+    text = variables.get(SOURCES_VARIABLE)
+    if text is None:
+        return RecordingSources()
+    return parse_sources(load_strict(text, place, MAX_VARIABLE_CHARACTERS), place)
+
+
+def check_sources(request: JobRequest) -> None:
+    """Finds out whether the launch variables with sources can be understood.
+
+    Raises:
+        ValueError: One cannot.
+    """
+    for place, launch in launches(request):
+        try:
+            sources_in(launch.environmentVariables or {}, f"{place}.environmentVariables.{SOURCES_VARIABLE}")
+        except InvalidParameterException as error:
+            raise ValueError(str(error)) from None

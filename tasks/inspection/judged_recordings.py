@@ -1,0 +1,165 @@
+"""Recordings that are judged as runs: checked, stored, and put in a specification with one job."""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ...schemas.runs.recording_sources import RECORDED_RUN, SOURCES_VARIABLE, RecordingSources, parse_sources
+from ...schemas.runs.requirement_kinds.kind import RequirementKind
+from ...schemas.runs.requirements import parse_requirements, rooms_of
+from ...schemas.wire.errors import ConfigurationError, ObjectNotFoundError
+from ...schemas.wire.json_values import is_mapping
+from ..runtime.judging.bags import METADATA, SUFFIXES, Bag, RecordingFault, find_recording
+from ..runtime.judging.topic_scene import Measurements
+from ..service.service import Service
+
+_FOLDER = "recordings"
+"""Beginning of the keys of stored recordings."""
+_DIGEST_CHARACTERS = 16
+_BLOCK_BYTES = 1024 * 1024
+_MAX_DURATION_S = 24 * 3600
+"""Wall-clock limit of a judging job; a recording of an hour takes about a minute."""
+_ROLE = "arn:aws:iam::000000000000:role/local"
+_MEMBERS = ("requirements", "sources")
+
+
+def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], RecordingSources]:
+    """Reads requirements, and the sources that they are measured by.
+
+    Args:
+        data: What a file says: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
+        place: The file, for messages.
+
+    Raises:
+        InvalidParameterException: A requirement or a source is wrong; one line per problem.
+        ConfigurationError: The file holds something else, or no requirement.
+    """
+    given: Any = data if is_mapping(data) else {"requirements": data}
+    if unknown := [name for name in given if name not in _MEMBERS]:
+        raise ConfigurationError(f"{place}: {unknown[0]} is not known; {' and '.join(_MEMBERS)} would be right")
+    requirements = parse_requirements(given.get("requirements"), f"{place}: requirements")
+    if not requirements:
+        raise ConfigurationError(
+            f"{place} asks for nothing, so there is nothing to judge; a list of requirements would do"
+        )
+    return requirements, parse_sources(given.get("sources", {}), f"{place}: sources")
+
+
+def check_recording(place: Path, sources: RecordingSources) -> Path:
+    """Finds a recording, and whether it can be judged, as far as its index says it.
+
+    Args:
+        place: A file or a folder.
+        sources: Topics that it is judged by.
+
+    Raises:
+        ConfigurationError: It cannot be read, is empty or cut off, or lacks a topic that is named.
+    """
+    try:
+        recording = find_recording(place)
+        bag = Bag(recording)
+        try:
+            Measurements(bag, sources)
+        finally:
+            bag.close()
+    except RecordingFault as fault:
+        raise ConfigurationError(str(fault)) from fault
+    return recording
+
+
+def check_world(requirements: Sequence[RequirementKind], world: str | None) -> None:
+    """Refuses rooms without a world.
+
+    Raises:
+        ConfigurationError: There is one.
+    """
+    for index, room in rooms_of(requirements) if world is None else ():
+        raise ConfigurationError(
+            f"requirements[{index}].room is {room!r}; --world with the ARN of the world that has it would be right, "
+            "or a goal as x and y"
+        )
+
+
+def store_recording(recording: Path, service: Service) -> list[str]:
+    """Stores a recording in the service's bucket, unless it is there; returns its keys.
+
+    Args:
+        recording: From `check_recording`.
+        service: Where to.
+
+    Raises:
+        StorageError: It cannot be stored.
+    """
+    files = dict(_files(recording))
+    digest = hashlib.sha256()
+    for name, path in files.items():
+        digest.update(f"{name}\0{path.stat().st_size}\0".encode())
+        with path.open("rb") as file:
+            while block := file.read(_BLOCK_BYTES):
+                digest.update(block)
+    prefix = f"{_FOLDER}/{digest.hexdigest()[:_DIGEST_CHARACTERS]}"
+    keys = {f"{prefix}/{name}": path for name, path in files.items()}
+    bucket = service.settings.bucket
+    service.store.ensure_bucket(bucket)
+    service.store.put_files(bucket, {key: path for key, path in keys.items() if not _is_stored(bucket, key, service)})
+    return list(keys)
+
+
+def judging_spec(
+    name: str,
+    keys: Sequence[str],
+    requirements: Sequence[RequirementKind],
+    sources: RecordingSources,
+    *,
+    bucket: str,
+    world: str | None,
+) -> str:
+    """Returns the specification of a run with one job, which judges a stored recording.
+
+    Args:
+        name: Name of the run.
+        keys: From `store_recording`.
+        requirements: What is asked.
+        sources: Topics that it is judged by.
+        bucket: Where the recording is stored.
+        world: ARN of the world that the robot was in, if it is known.
+    """
+    application: dict[str, Any] = {"application": RECORDED_RUN, "launchConfig": {}}
+    if given := sources.model_dump(mode="json", exclude_defaults=True):
+        application["launchConfig"] = {"environmentVariables": {SOURCES_VARIABLE: json.dumps(given)}}
+    if world is not None:
+        application["worldConfigs"] = [{"world": world}]
+    job: Mapping[str, Any] = {
+        "maxJobDurationInSeconds": _MAX_DURATION_S,
+        "iamRole": _ROLE,
+        "simulationApplications": [application],
+        "dataSources": [{"name": "recording", "s3Bucket": bucket, "s3Keys": list(keys)}],
+        "loggingConfig": {"recordAllRosTopics": False},
+        "requirements": [each.to_wire() for each in requirements],
+        "seed": 0,
+    }
+    steps = {"judge": {"operation": "CreateSimulationJob", "input": job}}
+    return json.dumps({"version": 1, "name": name, "steps": steps}, indent=2)
+
+
+def _files(recording: Path) -> Iterator[tuple[str, Path]]:
+    """The files of a recording, by names below which they are stored; what else lies beside them is left."""
+    if recording.is_file():
+        yield recording.name, recording
+        return
+    folder = recording.resolve().name
+    for path in sorted(recording.iterdir()):
+        suffixes = {path.suffix, Path(path.stem).suffix if path.suffix == ".zstd" else path.suffix}
+        if path.is_file() and (path.name == METADATA or suffixes & set(SUFFIXES)):
+            yield f"{folder}/{path.name}", path
+
+
+def _is_stored(bucket: str, key: str, service: Service) -> bool:
+    """Whether an object is there; its key says what is in it."""
+    try:
+        service.store.head(bucket, key)
+    except ObjectNotFoundError:
+        return False
+    return True

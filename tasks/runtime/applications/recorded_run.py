@@ -1,0 +1,220 @@
+"""The simulation application `recorded-run`: plays a recording of a run, so that its requirements are judged.
+
+The recording is the job's data source. Nothing is simulated; what stands for the physics is a body that moves as the
+robot did, for what looks at positions.
+"""
+
+# dm_control and dm_env have no types, so overriding their methods looks wrong to a type checker.
+# pyright: reportIncompatibleMethodOverride=false, reportAttributeAccessIssue=false
+
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import dm_env
+import mujoco
+import numpy as np
+from dm_control.mujoco import Physics
+from dm_env import specs
+
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.recording_sources import RECORDED_RUN, RecordingSources, sources_in
+from ....schemas.wire.errors import InvalidParameterException, LaunchError
+from ....schemas.worlds.world import World
+from ..episode.context import SimulationContext
+from ..episode.results import MAX_PATH_POINTS, EnvironmentReport
+from ..judging.bags import Bag, Message, RecordingFault, find_recording
+from ..judging.topic_scene import CLOCK, Measurements, TopicScene
+
+_STEP_S = 0.01
+"""Messages within so many seconds are one step: the shortest period of a requirement, that of collisions."""
+_PATH_EVERY_S = 0.1
+_RADIUS_M = 0.25
+"""Radius of the body in place of the robot where none is given; a jump farther than that is noted."""
+_MODEL = """
+<mujoco model="recorded run">
+  <worldbody>
+    <body name="robot"><freejoint/><geom size="{radius_m}" contype="0" conaffinity="0"/></body>
+  </worldbody>
+</mujoco>
+"""
+
+
+class RecordedRun(dm_env.Environment):
+    """A run that has been recorded; steps go from message to message."""
+
+    robot_body = "robot"
+
+    def __init__(self, path: Path, sources: RecordingSources, *, calls_functions: bool = True) -> None:
+        """Opens the recording.
+
+        Args:
+            path: The recording, see `find_recording`.
+            sources: Topics that it is judged by.
+            calls_functions: Whether requirements may call functions of applications.
+
+        Raises:
+            RecordingFault: It cannot be read, or a topic that is named is not there.
+        """
+        self._sources, self._calls_functions = sources, calls_functions
+        self._bag = Bag(path)
+        self._clock = self._find_clock()
+        self._measurements = Measurements(self._bag, sources)
+        self._physics = Physics.from_xml_string(_MODEL.format(radius_m=sources.radius_m or _RADIUS_M))
+        self._messages: Iterator[Message] = iter(())
+        self._next: Message | None = None
+        self._next_s = self._clock_s = self._time_s = 0.0
+        self._path: list[tuple[float, float, float]] = []
+        self._heard: dict[str, int] = {}
+
+    @property
+    def physics(self) -> Physics:
+        """The body in place of the robot, and the time."""
+        return self._physics
+
+    def requirements_scene(self, plan: RunPlan, read_world: Callable[[], World | None]) -> TopicScene:
+        """Returns the scene that requirements are measured in."""
+        return TopicScene(self, self._measurements, plan, read_world, calls_functions=self._calls_functions)
+
+    def reset(self) -> dm_env.TimeStep:
+        """Goes to the beginning of the run.
+
+        Raises:
+            RecordingFault: The recording is damaged, or ends before the run begins.
+        """
+        topics = {*self._measurements.topics, *([CLOCK] if self._clock else [])}
+        self._messages = self._bag.messages(topics)
+        self._clock_s, self._path, self._heard = 0.0, [], {}
+        self._physics.reset()
+        self._advance()
+        self._take_until(0.0)
+        if self._next is None and self.end_s <= 0:
+            raise RecordingFault(
+                f"{self._bag.path} ends before start_s ({self._sources.start_s:g} s), so there is no run in it"
+            )
+        self._show(0.0)
+        return dm_env.restart(self._time())
+
+    def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - what happened has happened
+        """Takes the messages of the next moment.
+
+        Raises:
+            RecordingFault: The recording is damaged, or its time goes backwards.
+        """
+        if self._next is None:
+            end_s = max(self._time_s, self.end_s)
+            self._measurements.finish(end_s)
+            self._show(end_s)
+            return dm_env.termination(0.0, self._time())
+        first_s = max(self._next_s, self._time_s)
+        self._show(self._take_until(first_s + _STEP_S))
+        return dm_env.transition(0.0, self._time())
+
+    def observation_spec(self) -> specs.Array:
+        """The time in seconds, of shape (1,)."""
+        return specs.Array((1,), float)
+
+    def action_spec(self) -> specs.Array:
+        """Nothing, of shape (0,)."""
+        return specs.Array((0,), float)
+
+    def run_result(self) -> EnvironmentReport:
+        """Returns the path, how it was measured, and what it was measured by; the job's requirements judge."""
+        seconds = f"{self._time_s:.1f} s"
+        about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
+        return EnvironmentReport(
+            summary=f"Judged from the recording {self._bag.path.name}, {seconds}.",
+            notes=self._measurements.remarks(),
+            path=self._path[:: math.ceil(len(self._path) / MAX_PATH_POINTS) or 1],
+            extra={"recording": about},
+        )
+
+    def close(self) -> None:
+        """Closes the recording."""
+        self._bag.close()
+
+    @property
+    def end_s(self) -> float:
+        """Time of the last message, in seconds since the run began."""
+        return self._clock_s - self._sources.start_s if self._clock else self._received_s(self._bag.end_ns)
+
+    def _find_clock(self) -> bool:
+        """Whether time is that of `/clock`.
+
+        Raises:
+            RecordingFault: It has to be, and there is none.
+        """
+        has_clock = bool(self._bag.counts.get(CLOCK))
+        if self._sources.time == "clock" and not has_clock:
+            raise RecordingFault(
+                f"{self._bag.path}: time is clock, but there is no message on {CLOCK}; received would do"
+            )
+        return has_clock and self._sources.time != "received"
+
+    def _advance(self) -> None:
+        """Reads one message ahead, and finds out when it was."""
+        message = self._next = next(self._messages, None)
+        while message is not None and self._clock and message.topic == CLOCK:
+            stamp = message.content.clock
+            time_s = stamp.sec + stamp.nanosec / 1e9
+            if time_s < self._clock_s:
+                raise RecordingFault(
+                    f"{self._bag.path}: time goes backwards on {CLOCK}, from {self._clock_s:.3f} to {time_s:.3f} s; "
+                    "record each run in a recording of its own"
+                )
+            self._clock_s = time_s
+            message = self._next = next(self._messages, None)
+        if message is not None:
+            self._next_s = self._clock_s - self._sources.start_s if self._clock else self._received_s(message.time_ns)
+
+    def _received_s(self, time_ns: int) -> float:
+        return (time_ns - self._bag.start_ns) / 1e9 - self._sources.start_s
+
+    def _take_until(self, until_s: float) -> float:
+        """Takes the messages up to a time; returns that of the last one."""
+        last_s = self._time_s
+        while self._next is not None and self._next_s <= until_s:
+            message, time_s = self._next, self._next_s
+            self._measurements.take(message, time_s)
+            self._heard[message.topic] = self._heard.get(message.topic, 0) + 1
+            last_s = max(last_s, time_s)
+            self._advance()
+        return last_s
+
+    def _show(self, time_s: float) -> None:
+        """Moves the body to where the robot is, and the time on."""
+        self._time_s = self._physics.data.time = max(0.0, time_s)
+        pose = self._measurements.pose
+        if pose is None or not math.isfinite(pose.position[0]):
+            return
+        self._physics.data.qpos[:] = (*pose.position, *pose.orientation)
+        mujoco.mj_kinematics(self._physics.model.ptr, self._physics.data.ptr)
+        if not self._path or self._time_s - self._path[-1][0] >= _PATH_EVERY_S:
+            self._path.append((self._time_s, pose.position[0], pose.position[1]))
+
+    def _time(self) -> np.ndarray:
+        return np.array([self._time_s])
+
+
+def make_environment(context: SimulationContext) -> RecordedRun:
+    """Makes the environment from the recording among the job's data sources.
+
+    Raises:
+        LaunchError: There is none, or it cannot be judged.
+    """
+    if context.data_dir is None:
+        raise LaunchError(
+            f"{RECORDED_RUN} judges a recording, and the job has no data source; dataSources: [{{name: recording, "
+            "s3Bucket: ..., s3Keys: [...]}] would be right"
+        )
+    try:
+        sources = sources_in(context.environment)
+    except InvalidParameterException as error:
+        raise LaunchError(str(error)) from error
+    return RecordedRun(find_recording(context.data_dir), sources)
+
+
+def make_agent(context: Any, environment: Any) -> Any:  # noqa: ARG001 - the interface of applications
+    """Makes an agent that does nothing: the robot has driven already."""
+    return lambda _timestep: np.zeros(0)

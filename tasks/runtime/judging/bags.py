@@ -1,0 +1,255 @@
+"""Recordings of ROS on disk: MCAP, ROS 2 bags in SQLite or MCAP, ROS 1 bags."""
+
+import struct
+from collections.abc import Collection, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rosbags.interfaces import Connection, MessageDefinitionFormat
+from rosbags.rosbag1 import Reader as Reader1
+from rosbags.rosbag2 import Reader as Reader2
+from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
+
+from ....schemas.wire.errors import LaunchError
+from ....schemas.wire.request_problems import nearest
+
+SUFFIXES = (".mcap", ".db3", ".bag")
+"""Endings of the names of recordings."""
+METADATA = "metadata.yaml"
+_MAX_SHOWN = 12
+_IDL_SEPARATOR = "=" * 80 + "\n"
+
+# Bags of before ROS 2 Iron have no definitions, and those of Gazebo's types come with no ROS.
+_GAZEBO = {
+    "ros_gz_interfaces/msg/Entity": "uint64 id\nstring name\nuint8 type\n",
+    "ros_gz_interfaces/msg/JointWrench": "std_msgs/Header header\nstd_msgs/String body_1_name\n"
+    "std_msgs/UInt32 body_1_id\nstd_msgs/String body_2_name\nstd_msgs/UInt32 body_2_id\n"
+    "geometry_msgs/Wrench body_1_wrench\ngeometry_msgs/Wrench body_2_wrench\n",
+    "ros_gz_interfaces/msg/Contact": "ros_gz_interfaces/Entity collision1\nros_gz_interfaces/Entity collision2\n"
+    "geometry_msgs/Vector3[] positions\ngeometry_msgs/Vector3[] normals\nfloat64[] depths\n"
+    "ros_gz_interfaces/JointWrench[] wrenches\n",
+    "ros_gz_interfaces/msg/Contacts": "std_msgs/Header header\nros_gz_interfaces/Contact[] contacts\n",
+    "gazebo_msgs/msg/ContactState": "string info\nstring collision1_name\nstring collision2_name\n"
+    "geometry_msgs/Wrench[] wrenches\ngeometry_msgs/Wrench total_wrench\ngeometry_msgs/Vector3[] contact_positions\n"
+    "geometry_msgs/Vector3[] contact_normals\nfloat64[] depths\n",
+    "gazebo_msgs/msg/ContactsState": "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+}
+
+
+class RecordingFault(LaunchError):
+    """A recording cannot be judged; the text names the file, what is wrong with it, and what would do."""
+
+
+class Message(NamedTuple):
+    """A message of a recording."""
+
+    time_ns: int
+    """When it was received, as the recording says."""
+
+    topic: str
+    type: str
+    """ROS type, `nav_msgs/msg/Odometry`; of ROS 1 it is written so, too."""
+
+    content: Any
+
+
+def find_recording(place: Path) -> Path:
+    """Finds the recording that a file or folder is, or that is somewhere below a folder.
+
+    Returns:
+        A file, or the folder of a ROS 2 bag.
+
+    Raises:
+        RecordingFault: There is none, or there are several.
+    """
+    if place.is_file():
+        if place.suffix in SUFFIXES:
+            return place
+        raise RecordingFault(f"{place} is no recording by its name; a .mcap, .db3 or .bag would be right")
+    if not place.is_dir():
+        raise RecordingFault(
+            f"{place} does not exist; a .mcap, .db3 or .bag, or the folder of a ROS 2 bag would be right"
+        )
+    folders = [each.parent for each in sorted(place.rglob(METADATA))]
+    found = folders or [each for each in sorted(place.rglob("*")) if each.suffix in SUFFIXES and each.is_file()]
+    if len(found) == 1:
+        return found[0]
+    if not found:
+        raise RecordingFault(
+            f"{place} holds no recording; a .mcap, .db3 or .bag, or a {METADATA} beside one, would be right"
+        )
+    names = ", ".join(str(each.relative_to(place)) for each in found[:_MAX_SHOWN])
+    raise RecordingFault(f"{place} holds {len(found)} recordings: {names}; name one of them, a run is one recording")
+
+
+class Bag:
+    """A recording that is open for reading."""
+
+    def __init__(self, path: Path) -> None:
+        """Opens a recording and reads which topics it has.
+
+        Args:
+            path: From `find_recording`.
+
+        Raises:
+            RecordingFault: It cannot be read, is cut off, or is empty.
+        """
+        self.path = path
+        self._is_ros1 = path.suffix == ".bag"
+        try:
+            self._reader = Reader1(path) if self._is_ros1 else Reader2(path)
+            self._reader.open()
+        # Readers raise what their parts raise: of structures, checksums, SQLite, YAML, and assertions.
+        except Exception as error:
+            raise RecordingFault(f"{path} cannot be read: {_said(error)}{self._remedy(error)}") from error
+        try:
+            self._look()
+        except BaseException:
+            self.close()
+            raise
+
+    def _look(self) -> None:
+        self._connections: list[Connection] = list(self._reader.connections)
+        self.counts: dict[str, int] = {}
+        """Messages by topic; a topic that was recorded and never heard has 0."""
+        self.types: dict[str, set[str]] = {}
+        """Types by topic."""
+        for each in self._connections:
+            self.counts[each.topic] = self.counts.get(each.topic, 0) + each.msgcount
+            self.types.setdefault(each.topic, set()).add(each.msgtype)
+        if not any(self.counts.values()):
+            topics = f" on its topics {self.shown()}" if self.counts else ""
+            raise RecordingFault(f"{self.path} is empty: there is no message in it{topics}; record a run")
+        self.start_ns: int = self._reader.start_time
+        """When the first message was received."""
+        self.end_ns: int = self._reader.end_time - 1
+        """When the last message was received."""
+        self._store: Any = None
+
+    def close(self) -> None:
+        """Closes the files."""
+        with suppress(Exception):  # nothing was written
+            self._reader.close()
+
+    def topics_of(self, *types: str) -> list[str]:
+        """Topics whose messages have one of these types."""
+        return [topic for topic, found in self.types.items() if found & set(types)]
+
+    def type_of(self, topic: str) -> str:
+        """Type of a topic's messages.
+
+        Raises:
+            RecordingFault: The recording has no such topic, or it has two types.
+        """
+        found = self.types.get(topic)
+        if found is None:
+            raise RecordingFault(f"{self.path} has no topic {topic}{self.near(topic)}")
+        if len(found) > 1:
+            raise RecordingFault(
+                f"{self.path}: {topic} has messages of {' and '.join(sorted(found))}; one type would do"
+            )
+        (only,) = found
+        return only
+
+    def near(self, topic: str) -> str:
+        """Says which topic may have been meant, or which there are."""
+        return nearest(topic, self.types) or f"; it has {self.shown()}"
+
+    def shown(self) -> str:
+        """Names of its topics, the first of them."""
+        names = sorted(self.types)
+        more = f" and {len(names) - _MAX_SHOWN} more" if len(names) > _MAX_SHOWN else ""
+        return ", ".join(names[:_MAX_SHOWN]) + more
+
+    def messages(self, topics: Collection[str]) -> Iterator[Message]:
+        """Yields the messages of topics in the order in which they were received.
+
+        Raises:
+            RecordingFault: The recording is damaged or shorter than it says, or a message is not of its type.
+        """
+        wanted = [each for each in self._connections if each.topic in topics and each.msgcount]
+        if not wanted:
+            return
+        store, seen = self._types(wanted), 0
+        read = store.deserialize_ros1 if self._is_ros1 else store.deserialize_cdr
+        rows = iter(self._reader.messages(connections=wanted))
+        while True:
+            try:
+                row = next(rows, None)
+            except Exception as error:  # see above
+                where = f"after {seen} messages on {', '.join(sorted(topics))}"
+                raise RecordingFault(f"{self.path} is damaged: {where}: {_said(error)}{self._remedy(error)}") from error
+            if row is None:
+                break
+            connection, time_ns, raw = row
+            seen += 1
+            try:
+                content = read(raw, connection.msgtype)
+            except Exception as error:  # what is no such message fails in many ways
+                raise RecordingFault(
+                    f"{self.path}: message {seen} on {connection.topic} is no {connection.msgtype}: {_said(error)}; "
+                    "record the topic anew, with the definitions that its publisher has"
+                ) from error
+            yield Message(time_ns, connection.topic, connection.msgtype, content)
+        if seen < (expected := sum(each.msgcount for each in wanted)):
+            raise RecordingFault(
+                f"{self.path} is cut off: it says that {', '.join(sorted(topics))} have {expected} messages, and has "
+                f"{seen}; {self._repair()}"
+            )
+
+    def _types(self, connections: Collection[Connection]) -> Any:
+        """Definitions of the types of some topics; those of others may be missing or wrong."""
+        types: dict[str, Any] = {}
+        if any(each.msgdef.format == MessageDefinitionFormat.NONE for each in connections):
+            types |= get_typestore(Stores.LATEST).fielddefs
+            for name, text in _GAZEBO.items():
+                types |= get_types_from_msg(text, name)
+        for each in connections:
+            try:
+                types |= _definitions(each)
+            except Exception as error:  # of the parsers of definitions
+                raise RecordingFault(
+                    f"{self.path}: the definition of {each.msgtype} on {each.topic} cannot be read: {_said(error)}"
+                ) from error
+        if unknown := [each for each in connections if each.msgtype not in types]:
+            raise RecordingFault(
+                f"{self.path} has no definition of {unknown[0].msgtype} ({unknown[0].topic}); record with ROS 2 Iron "
+                "or later, or as MCAP, which keep definitions"
+            )
+        store = get_typestore(Stores.EMPTY)
+        store.register(types)
+        return store
+
+    def _remedy(self, error: Exception) -> str:
+        """What would do, for a recording that cannot be read."""
+        text = str(error)
+        if "empty" in text:
+            return "; record a run"
+        if "Profile" in text:
+            return "; an MCAP of ROS 2 would be right, as `ros2 bag record -s mcap` makes it"
+        return f"; if it is cut off, {self._repair()}"
+
+    def _repair(self) -> str:
+        tools = {".bag": "`rosbag reindex`", ".db3": "`ros2 bag reindex`"}
+        tool = tools.get(self.path.suffix, "`mcap recover`" if self.path.suffix == ".mcap" else "`ros2 bag reindex`")
+        return f"{tool} saves what is there, up to where it ends"
+
+
+def _definitions(connection: Connection) -> dict[str, Any]:
+    data, kind = connection.msgdef.data, connection.msgdef.format
+    if kind == MessageDefinitionFormat.NONE:
+        return {}
+    if kind == MessageDefinitionFormat.MSG:
+        return get_types_from_msg(data, connection.msgtype)
+    if not data.startswith(f"{_IDL_SEPARATOR}IDL: "):
+        return get_types_from_idl(data)
+    parts = [part.partition("\n")[2] for part in data.split(_IDL_SEPARATOR)[1:]]
+    return {name: each for part in parts for name, each in get_types_from_idl(part).items()}
+
+
+def _said(error: Exception) -> str:
+    """The words of an error, which may have none."""
+    if isinstance(error, struct.error | AssertionError | IndexError | TypeError) or not str(error):
+        return "it ends in the middle of a record"
+    return str(error).rstrip(".")

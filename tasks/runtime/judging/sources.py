@@ -1,0 +1,371 @@
+"""Sources of a recording: silence of topics, poses, contacts, and distances that a lidar sees."""
+
+import math
+import re
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
+from typing import Any
+
+import numpy as np
+
+from ....schemas.runs.recording_sources import RecordingSources
+from ....schemas.runs.requirement_kinds.kind import ROUNDING_S, Rule
+from .bags import Message, RecordingFault
+from .frames import FrameTree, Matrix, bare, matrix_of, quaternion_of
+
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+"""Types of `/tf`, of ROS 2 and 1 and of old ROS 1."""
+_POSES: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
+    "nav_msgs/msg/Odometry": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
+    "geometry_msgs/msg/PoseStamped": lambda m: (m.pose.position, m.pose.orientation),
+    "geometry_msgs/msg/PoseWithCovarianceStamped": lambda m: (m.pose.pose.position, m.pose.pose.orientation),
+    "geometry_msgs/msg/TransformStamped": lambda m: (m.transform.translation, m.transform.rotation),
+}
+POSE_TYPES = tuple(_POSES)
+"""Types of messages with one pose."""
+SCAN_TYPE = "sensor_msgs/msg/LaserScan"
+
+
+class Source:
+    """Something that rules measure by, and how long it was silent."""
+
+    def __init__(self, name: str, max_gap_s: float) -> None:
+        """Begins to listen at the beginning of the run.
+
+        Args:
+            name: What it is heard on, for messages.
+            max_gap_s: Longest silence that nothing is missed in, in seconds; infinite: it only speaks when something
+                happens.
+        """
+        self.name = name
+        self._max_gap_s = max_gap_s
+        self._last_s = 0.0
+        self._stamp_s = -math.inf
+        self.rules: list[Rule[Any]] = []
+        self.messages = 0
+
+    def hear(self, time_s: float) -> None:
+        """Takes note of a message, and of the silence before it."""
+        self.messages += time_s >= 0
+        if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
+            words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
+            self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
+        self._last_s = max(self._last_s, time_s)
+
+    def finish(self, end_s: float) -> None:
+        """Takes note of the silence at the end."""
+        if not self.messages and math.isfinite(self._max_gap_s):
+            self._break(f"no message on {self.name} could be used")
+        self.hear(end_s)
+
+    def check_stamp(self, stamp: Any, path: object) -> None:
+        """Refuses time that goes backwards by more than what messages overtake each other by.
+
+        Raises:
+            RecordingFault: It does.
+        """
+        stamp_s = stamp.sec + stamp.nanosec / 1e9
+        if stamp_s < self._stamp_s - min(1.0, self._max_gap_s):
+            raise RecordingFault(
+                f"{path}: time goes backwards on {self.name}, from {self._stamp_s:.3f} to {stamp_s:.3f} s; record each "
+                "run in a recording of its own"
+            )
+        self._stamp_s = max(self._stamp_s, stamp_s)
+
+    def _break(self, why: str) -> None:
+        for rule in self.rules:
+            if not _is_decided(rule, self._last_s):
+                rule.fail(why)
+
+
+def _is_decided(rule: Rule[Any], time_s: float) -> bool:
+    """Whether all that counts was found before a time: a violation, or the thing that is asked for in time."""
+    if rule.violated_s is not None:
+        return rule.violated_s <= time_s + ROUNDING_S
+    return rule.is_reached is True
+
+
+class Pose:
+    """The newest pose of a frame in the map; numbers are NaN before the first."""
+
+    def __init__(self, sources: Sequence[Source]) -> None:
+        self.sources = sources
+        self.position = [math.nan] * 3
+        """x, y and z in metres; changes in place."""
+        self.orientation = [math.nan] * 4
+        """Quaternion, w first; changes in place."""
+
+    def set(self, matrix: Matrix) -> None:
+        """Takes a new pose."""
+        self.position[:] = matrix[:3, 3].tolist()
+        self.orientation[:] = quaternion_of(matrix)
+
+
+class PoseTopic:
+    """A topic with one pose in each message."""
+
+    def __init__(self, topic: str, sources: RecordingSources) -> None:
+        self.source = Source(topic, sources.max_gap_s)
+        self.pose = Pose([self.source])
+        self.frame = ""
+        """Frame that the poses are in, once one came."""
+
+    def take(self, message: Message, time_s: float, path: object) -> None:
+        """Takes a message; one with numbers that are not finite is none."""
+        self.source.check_stamp(message.content.header.stamp, path)
+        matrix = matrix_of(*_POSES[message.type](message.content))
+        if matrix is not None:
+            self.frame = self.frame or bare(message.content.header.frame_id)
+            self.source.hear(time_s)
+            self.pose.set(matrix)
+
+
+class TransformPoses:
+    """Poses of frames by `/tf`: each link of a chain is a source of its own."""
+
+    def __init__(self, tree: FrameTree, sources: RecordingSources) -> None:
+        self._tree = tree
+        self._max_gap_s = sources.max_gap_s
+        self._links: dict[str, Source] = {}
+        self._poses: dict[tuple[str, ...], Pose] = {}
+
+    def pose(self, chain: Sequence[str]) -> Pose:
+        """The pose at the end of a chain of frames (see `FrameTree.chain`)."""
+        key = tuple(chain)
+        if key not in self._poses:
+            moving = [frame for frame in key if not self._tree.is_static[frame]]
+            for frame in moving:
+                name = f"/tf ({self._tree.parents[frame]} to {frame})"
+                self._links.setdefault(frame, Source(name, self._max_gap_s))
+            pose = self._poses[key] = Pose([self._links[frame] for frame in moving])
+            if not moving and (matrix := self._tree.along(key)) is not None:
+                pose.set(matrix)
+        return self._poses[key]
+
+    def take(self, message: Message, time_s: float, path: object) -> None:
+        """Takes a message of `/tf`."""
+        changed: set[str] = set()
+        for transform in message.content.transforms:
+            link = self._links.get(bare(transform.child_frame_id))
+            if link is not None:
+                link.check_stamp(transform.header.stamp, path)
+            frame = self._tree.place(transform, is_static=False)
+            if frame is not None and link is not None:
+                link.hear(time_s)
+                changed.add(frame)
+        for chain, pose in self._poses.items():
+            if changed.intersection(chain) and (matrix := self._tree.along(chain)) is not None:
+                pose.set(matrix)
+
+
+class Contacts:
+    """Topics with contacts: the largest force of each thing since a rule last looked."""
+
+    def __init__(self, topics: Sequence[str], sources: RecordingSources) -> None:
+        self.topics = list(topics)
+        self.robot = sources.robot
+        self.sources = [Source(topic, math.inf) for topic in topics]
+        """They speak when something is touched, so that silence is no gap."""
+        self._by_topic = dict(zip(self.topics, self.sources, strict=True))
+        self._is_robot_seen = False
+        self._others: set[str] = set()
+        self._readers: list[dict[str, float]] = []
+
+    def reader(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
+        """Reader of the forces since it was last called, by what was touched."""
+        felt: dict[str, float] = {}
+        self._readers.append(felt)
+        for source in self.sources:
+            source.rules.append(rule)
+
+        def read() -> Mapping[str, float]:
+            now = dict(felt)
+            felt.clear()
+            return now
+
+        return read
+
+    def take(self, message: Message, time_s: float) -> None:
+        """Takes a message."""
+        source = self._by_topic[message.topic]
+        source.hear(time_s)
+        for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
+            if not math.isfinite(force):
+                for rule in source.rules:
+                    rule.fail(f"{source.name} says that {name} was touched, and not how hard (no wrenches)")
+                continue
+            for felt in self._readers:
+                felt[name] = max(felt.get(name, 0.0), force)
+
+    def _other_side(self, first: str, second: str) -> str | None:
+        """The other side of a contact; None: the robot has no part in it, or it is on the floor."""
+        ours = [_is_of(name, self.robot or "") for name in (first, second)]
+        self._is_robot_seen = self._is_robot_seen or any(ours)
+        if ours[0] == ours[1]:
+            self._others.update(name.partition("::")[0] for name in (first, second) if not any(ours))
+            return None
+        other = second if ours[0] else first
+        return None if _is_of(other, _FLOOR) else other
+
+    def finish(self, end_s: float) -> None:
+        """Finds out whether the robot's contacts were told from others at all."""
+        for source in self.sources:
+            source.finish(end_s)
+            for rule in source.rules if self._others and not self._is_robot_seen else ():
+                models = ", ".join(sorted(self._others)[:_MAX_SHOWN])
+                rule.fail(f"no contact on {source.name} is of a model named {self.robot!r} (robot); there are {models}")
+
+    def remarks(self) -> Iterator[str]:
+        """Lines about topics on which nothing came."""
+        for source in self.sources:
+            if source.rules and not source.messages:
+                yield f"no message came on {source.name}: nothing was touched, or its sensor was off"
+
+
+_FLOOR = "ground_plane"
+"""Gazebo's own floor, which may always be touched."""
+_MAX_SHOWN = 12
+_OtherSide = Callable[[str, str], str | None]
+
+
+def _is_of(name: str, model: str) -> bool:
+    """Whether a collision is of a model: `model::link::collision`, also with the name of an outer one before."""
+    return any(fnmatchcase(part, model) for part in name.split("::")[:-1])
+
+
+def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
+    """Contacts of our own recordings: each thing's name, and its force in newtons as text; several are added."""
+    del other_side  # they are all of the robot
+    sums: dict[str, float] = {}
+    for marker in content.markers:
+        if found := re.match(r"[-+0-9.eE]+", marker.text):
+            sums[marker.ns] = sums.get(marker.ns, 0.0) + float(found[0])
+    yield from sums.items()
+
+
+def _of_states(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
+    """Contacts of Gazebo classic."""
+    for state in content.states:
+        name = other_side(state.collision1_name, state.collision2_name)
+        if name is not None:
+            forces = [_along(wrench.force, state.contact_normals, i) for i, wrench in enumerate(state.wrenches)]
+            yield name, sum(forces) if forces else math.nan
+
+
+def _of_contacts(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
+    """Contacts of Gazebo, by its bridge."""
+    for contact in content.contacts:
+        name = other_side(contact.collision1.name, contact.collision2.name)
+        if name is not None:
+            forces = [_along(w.body_1_wrench.force, contact.normals, i) for i, w in enumerate(contact.wrenches)]
+            yield name, sum(forces) if forces else math.nan
+
+
+def _along(force: Any, normals: Sequence[Any], index: int) -> float:
+    """The part of a force along its contact's normal, in newtons; all of it where the normal is not told."""
+    size = math.hypot(force.x, force.y, force.z)
+    if index >= len(normals):
+        return size
+    normal = normals[index]
+    length = math.hypot(normal.x, normal.y, normal.z)
+    return abs(force.x * normal.x + force.y * normal.y + force.z * normal.z) / length if length > 0 else size
+
+
+CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, float]]]] = {
+    "gazebo_msgs/msg/ContactsState": _of_states,
+    "ros_gz_interfaces/msg/Contacts": _of_contacts,
+    "visualization_msgs/msg/MarkerArray": _of_markers,
+}
+"""Readers of contacts by type: what the robot touched, and how hard in newtons; NaN: that is not told."""
+MARKERS = "visualization_msgs/msg/MarkerArray"
+"""Type of contacts in our own recordings, which others draw anything with."""
+
+_ALL_AROUND_RAD = math.radians(350)
+"""Scans that see more are all around: many lidars have a gap of a few degrees between the last ray and the first."""
+
+
+class Scan:
+    """Distances from the robot's surface to what its lidar sees, as a circle around its base sees them."""
+
+    def __init__(self, topic: str, tree: FrameTree, base: str, sources: RecordingSources) -> None:
+        self.topic = topic
+        self.source = Source(topic, sources.max_gap_s)
+        self._tree, self._base, self._radius_m = tree, base, sources.radius_m or 0.0
+        self._partial = sources.partial_scan
+        self._mount: Matrix | None = None
+        self._rays: Any = None
+        self._form: tuple[float, ...] = ()
+        self._near: list[list[float]] = []
+
+    def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
+        """Meter of the smallest distance since it was last called."""
+        self.source.rules.append(rule)
+        near = [math.inf]
+        self._near.append(near)
+
+        def measure(within_m: float) -> tuple[float, str] | None:
+            distance_m, near[0] = near[0], math.inf
+            return (distance_m, f"what {self.topic} sees") if distance_m < within_m else None
+
+        return measure
+
+    def take(self, message: Message, time_s: float, path: object) -> None:
+        """Takes a scan; one of which less than half of the rays are valid is none."""
+        scan = message.content
+        self.source.check_stamp(scan.header.stamp, path)
+        ranges = np.asarray(scan.ranges, dtype=np.float64)
+        too_near = np.isneginf(ranges)  # REP 117: -Inf is nearer than the least range, Inf farther than the largest
+        returned = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
+        beyond = np.isposinf(ranges) | (np.isfinite(ranges) & (ranges > scan.range_max))
+        if not len(ranges) or (returned | too_near | beyond).mean() < 0.5:
+            return
+        if not self._is_mounted(scan, len(ranges)):
+            return
+        self.source.hear(time_s)
+        ranges = np.where(too_near, scan.range_min, ranges)
+        seen = returned | too_near
+        if not seen.any() or self._mount is None:
+            return
+        points = self._rays[seen] * ranges[seen, None] @ self._mount[:2, :2].T + self._mount[:2, 3]
+        nearest_m = float(np.hypot(points[:, 0], points[:, 1]).min()) - self._radius_m
+        for near in self._near:
+            near[0] = min(near[0], nearest_m)
+
+    def _is_mounted(self, scan: Any, count: int) -> bool:
+        """Finds out where the lidar is on the robot and which way its rays go; what it cannot see is an error."""
+        frame = bare(scan.header.frame_id)
+        self._mount = self._tree.relative(self._base, frame)
+        if self._mount is None:
+            self._fail(
+                f"{self.topic} is in the frame {frame!r}; /tf and /tf_static do not say where it is on {self._base}"
+            )
+            return False
+        form = (scan.angle_min, scan.angle_increment, float(count))
+        if form != self._form:
+            self._form = form
+            angles = scan.angle_min + scan.angle_increment * np.arange(count)
+            self._rays = np.column_stack((np.cos(angles), np.sin(angles)))
+            sees_rad = abs(scan.angle_increment) * count
+            if sees_rad < _ALL_AROUND_RAD and not self._partial:
+                self._fail(
+                    f"{self.topic} sees {math.degrees(sees_rad):.0f} degrees, so what is elsewhere could be missed; "
+                    "partial_scan: true judges by what it sees"
+                )
+            self._check_nearest(scan.range_min)
+        return True
+
+    def _check_nearest(self, range_min_m: float) -> None:
+        """A limit nearer than the lidar's least range could not be missed."""
+        assert self._mount is not None
+        away_m = math.hypot(self._mount[0, 3], self._mount[1, 3])
+        for rule in self.source.rules:
+            least_m = getattr(rule.asked, "min_m", math.inf)
+            if least_m + self._radius_m - away_m < range_min_m:
+                rule.fail(
+                    f"{self.topic} sees nothing nearer than {range_min_m:g} m, so a clearance of {least_m:g} m from a "
+                    f"robot with a radius of {self._radius_m:g} m could not be missed"
+                )
+
+    def _fail(self, why: str) -> None:
+        for rule in self.source.rules:
+            rule.fail(why)

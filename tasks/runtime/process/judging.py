@@ -1,0 +1,88 @@
+"""Judges the recording of a run whose processes have ended: a program of its own.
+
+`python -P -m prefect_robomaker.tasks.runtime.process.judging` reads a `JudgingRequest` as JSON from its standard input,
+and prints the result of the run as JSON. An exit code other than 0 says that nothing was judged, and the last line of
+standard error why.
+
+Programs of the run could write to its recording, so nothing in it is trusted: memory is bounded, and no function of
+theirs is called.
+"""
+
+import resource
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pydantic import Field
+
+from ....schemas.runs.plan import RunPlan, RunResult
+from ....schemas.runs.recording_sources import RecordingSources
+from ....schemas.wire.base import Model, optional
+from ....schemas.wire.errors import RobomakerError
+from ..applications.recorded_run import RecordedRun, make_agent
+from ..episode.results import make_result
+from ..limits.processes import die_with_parent
+from ..recording.recording import Recorder
+from ..requirements.observer import RequirementsObserver
+from .loop import run_episode
+
+_MEMORY_BYTES = 8 * 1024 * 1024 * 1024
+"""Address space of the program: libraries of numerics reserve gigabytes for threads that they never start."""
+
+
+class JudgingRequest(Model):
+    """A recording of a run that is to be judged."""
+
+    plan: RunPlan = Field(description="The run, with its requirements and its world.")
+    recording: Path = Field(description="The recording.")
+    sources: RecordingSources = Field(default=RecordingSources(), description="Topics that it is judged by.")
+    ended_by: str | None = optional("What ended the run; absent: it ended by itself.")
+
+
+class _NeverStopped:
+    """Stops nothing: who started this program kills it."""
+
+    reason = ""
+
+
+def judge(request: JudgingRequest) -> RunResult:
+    """Judges a recording.
+
+    Args:
+        request: Which, and by what.
+
+    Raises:
+        LaunchError: It cannot be judged at all.
+    """
+    observer = RequirementsObserver(request.plan)
+    no_stop: Any = _NeverStopped()
+    episode = run_episode(
+        lambda: RecordedRun(request.recording, request.sources, calls_functions=False),
+        lambda environment: make_agent(None, environment),
+        mark=lambda _phase: None,
+        stop=no_stop,
+        recorder=Recorder(),
+        watchers=(observer,),
+    )
+    if request.ended_by is not None and episode.ended_by == "environment":
+        episode = replace(episode, ended_by=request.ended_by)
+    return make_result(episode, request.plan.seed, [observer.close(episode.ended_by)])
+
+
+def main() -> int:
+    """Judges the recording of the request; returns the exit code."""
+    die_with_parent()
+    resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
+    request = JudgingRequest.model_validate_json(sys.stdin.read())
+    try:
+        result = judge(request)
+    except (RobomakerError, OSError, MemoryError) as error:
+        sys.stderr.write(f"{str(error) or type(error).__name__}\n")
+        return 1
+    sys.stdout.write(result.model_dump_json())
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

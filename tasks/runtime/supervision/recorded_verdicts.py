@@ -1,0 +1,75 @@
+"""Verdicts of jobs that have only programs, such as a Gazebo of the user's own: by the topics that they recorded."""
+
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from ....schemas.runs.plan import RunPlan, RunResult
+from ....schemas.runs.programs import RunStop
+from ....schemas.runs.recording_sources import sources_in
+from ....schemas.runs.variables import variables_of
+from ....schemas.wire.errors import InvalidParameterException
+from ..episode.results import write_result
+from ..process.judging import JudgingRequest
+from .finished_outputs import read_result, with_judged
+from .helper_programs import run_helper
+
+_JUDGING = "prefect_robomaker.tasks.runtime.process.judging"
+_RECORDINGS = ("recording.mcap", "ros-topics.bag")
+"""Recordings of ROS 2 and of ROS 1 that a run leaves."""
+_LIMIT_S = 120.0
+"""Wall-clock limit of judging, besides what the size of the recording adds; importing alone takes seconds."""
+_BYTES_A_SECOND = 1024 * 1024
+"""A fifth of what was measured with transforms at 50 Hz, whose messages are the smallest, on two busy processors."""
+
+
+def judge_topics(
+    plan: RunPlan, *, timed_out: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
+) -> None:
+    """Judges the requirements of a run that had only programs by what it recorded, and changes its result.
+
+    What cannot be judged is an error with its reason, as the result says it already.
+
+    Args:
+        plan: The run; it is completed, its recordings are joined, and its result is written.
+        timed_out: Whether the duration limit ended it.
+        stop: Asked about every 0.1 s; anything but None ends the judging.
+        environment: Variables of the judging process.
+    """
+    if plan.has_episode or not plan.requirements or (result := read_result(plan.output_dir)) is None:
+        return
+    recording = next((path for name in _RECORDINGS if _is_file(path := plan.output_dir / name)), None)
+    judged: RunResult | None = None
+    if recording is None:
+        why: str | None = "the job has only programs, and no ROS topics of theirs were recorded"
+    else:
+        judged, why = _judged(plan, recording, timed_out, stop, environment)
+    with suppress(OSError):  # no room for it, or an application put something in the way: it stays ERROR
+        write_result(with_judged(plan, result, judged, why), plan.output_dir)
+
+
+def _is_file(path: Path) -> bool:
+    """Whether a program of the job did not put a link there."""
+    return path.is_file() and not path.is_symlink()
+
+
+def _judged(
+    plan: RunPlan,
+    recording: Path,
+    timed_out: bool,
+    stop: Callable[[], str | None],
+    environment: Mapping[str, str],
+) -> tuple[RunResult | None, str | None]:
+    try:
+        sources = sources_in(variables_of(plan))
+    except InvalidParameterException as error:
+        return None, str(error)
+    ended_by = RunStop.DURATION_LIMIT if timed_out else None
+    request = JudgingRequest(plan=plan, recording=recording, sources=sources, ended_by=ended_by)
+    limit_s = _LIMIT_S + recording.stat().st_size / _BYTES_A_SECOND
+    said, problem = run_helper(
+        [_JUDGING], stop=stop, environment=environment, limit_s=limit_s, request=request.model_dump_json()
+    )
+    if problem is not None:
+        return None, problem
+    return RunResult.model_validate(said, strict=False), None
