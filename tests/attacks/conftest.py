@@ -7,12 +7,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from helpers.attack_targets import key, listeners, targets, victim
 from helpers.small_flat import ROLE
 
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import pack_tar_gz
+
+__all__ = ["key", "listeners", "targets", "victim"]
 
 
 @pytest.fixture

@@ -253,7 +253,15 @@ class Surfaces:
         answer(spoilt(question, rng), self.job, self.service)
 
     def drawings(self, rng: random.Random) -> None:
-        name = rng.choice(sorted(self.drawn))
+        self._drawing(rng.choice(sorted(self.drawn)), rng)
+
+    def drawings_in_svg(self, rng: random.Random) -> None:
+        self._drawing("flat.svg", rng)
+
+    def drawings_in_dxf(self, rng: random.Random) -> None:
+        self._drawing("flat.dxf", rng)
+
+    def _drawing(self, name: str, rng: random.Random) -> None:
         spoil = spoilt_xml if name.endswith("svg") and rng.random() < 0.7 else scrambled
         path = self.folder / name
         path.write_bytes(spoil(self.drawn[name], rng))
@@ -266,6 +274,8 @@ class Surfaces:
 
 
 NAMES = ("wire", "specs", "bodies", "packed", "keys", "frames", "pages", "questions", "drawings", "robots")
+FILES = ("drawings_in_svg", "drawings_in_dxf", "robots", "specs")
+"""Kinds of files that people get from others."""
 
 
 @pytest.fixture
@@ -274,7 +284,7 @@ def surfaces(service: Service, tmp_path: Path) -> Iterator[dict[str, Surface]]:
     folder = tmp_path / "own"
     folder.mkdir()
     found = Surfaces(service, folder)
-    yield {name: getattr(found, name) for name in NAMES}
+    yield {name: getattr(found, name) for name in (*NAMES, *FILES)}
     found.client.close()
 
 
@@ -340,15 +350,25 @@ def attack(surfaces: dict[str, Surface], seed: int, count: int) -> None:
     grown_kb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before_kb
     assert grown_kb < MOST_GROWTH_KB, f"the process grew by {grown_kb} kB"
     print(f"\n{count} inputs of seed {seed}: {dict(sorted(ends.items()))}")
+    print(f"the process grew by {grown_kb // 1000} MB at most;", end=" ")
     print("slowest, in CPU-seconds:", {name: round(took_s, 3) for name, took_s in slowest.items()})
 
 
 @pytest.mark.deep
 def test_a_sample_of_generated_inputs(surfaces: dict[str, Surface]) -> None:
-    attack(surfaces, seed=15, count=1_000)
+    attack({name: surfaces[name] for name in NAMES}, seed=15, count=1_000)
 
 
 @pytest.mark.endurance
 @pytest.mark.timeout(0)
 def test_all_generated_inputs(surfaces: dict[str, Surface]) -> None:
-    attack(surfaces, seed=int(os.environ.get("ROBOMAKER_TESTS_SEED", "1")), count=100_000)
+    seed = int(os.environ.get("ROBOMAKER_TESTS_SEED", "1"))
+    attack({name: surfaces[name] for name in NAMES}, seed=seed, count=100_000)
+
+
+@pytest.mark.endurance
+@pytest.mark.timeout(0)
+@pytest.mark.parametrize("name", FILES)
+def test_two_thousand_mutated_files_of_a_kind(surfaces: dict[str, Surface], name: str) -> None:
+    seed = int(os.environ.get("ROBOMAKER_TESTS_SEED", "32"))
+    attack({name: surfaces[name]}, seed=seed, count=2_000)

@@ -72,6 +72,10 @@ NO_PROGRAM = "/robomaker-no-such-program"
 """Path of a program that no image has."""
 
 
+_WITHOUT = ("NET_RAW", "MKNOD")
+"""Capabilities that engines give to root of a container, and no simulation needs: on the machine's network the first
+reads all that passes, the second makes devices in folders that this machine sees."""
+
 _SHARES = 1024
 _SHARE_BY_NICE = 1.25
 """Factor by which the kernel lowers the weight of a process with each step of niceness."""
@@ -150,7 +154,7 @@ def create_arguments(container: Container, variables: Path) -> list[str]:
         **(_gpu_option(container) if limits.gpu else {}),
         "--env-file": variables,
     }
-    words = _words(options)
+    words = [*_words(options), *(word for name in _WITHOUT for word in ("--cap-drop", name))]
     for name, value in sorted(container.environment.items()):
         words += [] if _fits_line(value) else ["-e", f"{name}={value}"]
     for mount in container.mounts:

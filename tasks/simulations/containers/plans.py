@@ -1,8 +1,10 @@
 """Applications that are container images: pulled, given folders, run by docker or podman."""
 
 import hashlib
+import logging
 import os
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path, PurePosixPath
 from tempfile import NamedTemporaryFile
 from typing import Any
@@ -11,6 +13,7 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.runs.programs import ProgramPlan
 from ....schemas.runs.ros import RosPlan
+from ....schemas.settings import Settings
 from ....schemas.wire.errors import LaunchError
 from ...catalog import Resource
 from ...runtime.agents.agent_client import SOCKET_VARIABLE
@@ -49,6 +52,8 @@ from .command_lines import (
 )
 from .engines import CREATE_TIMEOUT_S, Engine, EngineError, copy_out, find_engine, get_image
 
+_logger = logging.getLogger(__name__)
+
 
 def plan_container(
     role: ApplicationRole,
@@ -77,6 +82,7 @@ def plan_container(
         LaunchError: there is no engine, or the image cannot be had or may not be run, or the container cannot be made.
     """
     launch = config["launchConfig"]
+    _check_network(run_environment.service.settings)
     engine = find_engine(run_environment.environ, run_environment.which)
     digest = ApplicationDocument.of(application).image_digest
     image = get_image(engine, uri, role, digest=digest, stopped=run_environment.stopped)
@@ -126,6 +132,29 @@ def plan_container(
         planned = tool_plan(role, {"name": "ros-bridge"}, argv, sandbox.root, environment)
         tools.append(planned.model_copy(update={"name": f"{role}.ros-bridge"}))  # a tool's name has a dash there
     return [program, *tools]
+
+
+def _check_network(settings: Settings) -> None:
+    """Refuses containers, or warns, where jobs are to have less than the machine's network, which all containers have.
+
+    Raises:
+        LaunchError: the settings require it.
+    """
+    if settings.sandbox == "off" or settings.sandbox_network == "full":
+        return
+    lacks = f"containers have the machine's network; it cannot be {settings.sandbox_network!r} for them"
+    if settings.sandbox == "require":
+        raise LaunchError(
+            f"{lacks}, and ROBOMAKER_SANDBOX=require refuses to run them so: let job workers with "
+            "ROBOMAKER_SANDBOX_NETWORK=full run this job, or set it to auto",
+            "InternalServiceError",
+        )
+    _warn_once(lacks)
+
+
+@cache
+def _warn_once(text: str) -> None:
+    _logger.warning("%s", text)
 
 
 _BRIDGE = "/opt/robomaker/ros1_bridge.py"

@@ -246,7 +246,7 @@ ATTACKS: dict[str, Callable[[Any], Any]] = {
     "network cards": other_links,
     "kernel log": lambda path: opens(path, os.O_RDONLY | os.O_NONBLOCK),
     "memory of the kernel": opens,
-    "group of processes": lambda path: Path(path).write_text(str(os.getpid())) > 0,
+    "group of processes": lambda path: opens(path, os.O_WRONLY),
     "loop devices": lambda path: opens(path, os.O_RDWR),
     "file system": lambda _: opened(LIBC.syscall(FSOPEN, b"tmpfs", 0)),
     "watching all files": lambda _: opened(LIBC.syscall(FANOTIFY_INIT, 0, 0)),
