@@ -24,6 +24,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 from ezdxf import filemanagement
 from helpers.asgi import Client
 from helpers.colcon_bundles import bundle_v1
@@ -204,7 +205,10 @@ class Surfaces:
         assert told.status < 500, (shape.name, body[:500], told)
 
     def specs(self, rng: random.Random) -> None:
-        load_spec(scrambled(SPEC.encode(), rng).decode(errors="replace"), "spec.yaml")
+        if rng.random() < 0.5:
+            load_spec(json.dumps(spoilt(yaml.safe_load(SPEC), rng)), "spec.yaml")
+        else:
+            load_spec(scrambled(SPEC.encode(), rng).decode(errors="replace"), "spec.yaml")
 
     def bodies(self, rng: random.Random) -> None:
         body = json.dumps(spoilt(BODY, rng))

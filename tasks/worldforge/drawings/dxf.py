@@ -132,10 +132,10 @@ def read_dxf(content: bytes, name: str) -> Drawing:
         raise ConfigurationError(f"{name}: the file is cut off; DXF ends with a line EOF")
     try:
         document = _document(content)
+        reader = _Reader(document, name)
+        reader.walk(document.modelspace(), (), 0)
     except (DXFError, ValueError, KeyError, IndexError, AttributeError, TypeError) as error:
         raise ConfigurationError(f"{name}: this is DXF that cannot be read: {error}") from error
-    reader = _Reader(document, name)
-    reader.walk(document.modelspace(), (), 0)
     # $INSUNITS; 0 says nothing. ezdxf's inch is 0.0254000000001016 m.
     factor = units.conversion_factor(InsertUnits(document.units), InsertUnits.Meters) if document.units else None
     left_out = [f"{count} {what}" for what, count in reader.unread.items()]
@@ -187,6 +187,9 @@ class _Reader:
                 raise ConfigurationError(
                     f"{self._name}: it has more than {_MOST_ENTITIES:,} entities, those in blocks too"
                 )
+            if not entity.dxf.is_supported("layer"):  # a kind that ezdxf does not know, without the usual members
+                self.unread[entity.dxftype()] += 1
+                continue
             layer: Entity = self._layers.get(entity.dxf.layer) if entity.dxf.layer in self._layers else None
             if not entity.dxf.invisible and (layer is None or (layer.is_on() and not layer.is_frozen())):
                 yield entity

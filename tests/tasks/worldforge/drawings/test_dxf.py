@@ -12,6 +12,7 @@ from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.worldforge.drawings import dxf
+from prefect_robomaker.tasks.worldforge.drawings.dxf import read_dxf
 from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
@@ -245,6 +246,21 @@ def test_files_that_are_no_drawings(content: bytes, expected: str, tmp_path: Pat
     with pytest.raises(ConfigurationError) as refused:
         import_world(Source(path), DrawingNotes(), 0, settle=False)
     assert expected in str(refused.value)
+
+
+def test_an_entity_of_no_known_kind_is_left_out_and_counted(tmp_path: Path) -> None:
+    """Such an entity may have no layer, nor any other of the usual members."""
+    plan = Plan()
+    plan.both_doors()
+    plan.document.saveas(tmp_path / "flat.dxf")
+    text = (tmp_path / "flat.dxf").read_text()
+    head, entities = text.split("\nENTITIES\n")
+    (tmp_path / "flat.dxf").write_text(f"{head}\nENTITIES\n{entities.replace('LWPOLYLINE', 'TELESCOPE', 1)}")
+
+    made = read_dxf((tmp_path / "flat.dxf").read_bytes(), "flat.dxf")
+
+    assert "1 TELESCOPE" in made.left_out
+    assert made.shapes
 
 
 def test_blocks_that_multiply_end_with_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
