@@ -67,6 +67,8 @@ class RecordedRun(dm_env.Environment):
         self._next_s = self._clock_s = self._time_s = 0.0
         self._path: list[tuple[float, float, float]] = []
         self._heard: dict[str, int] = {}
+        self._held: list[tuple[Message, float]] = []
+        """What was touched and seen in the first moment: requirements begin to look after it."""
 
     @property
     def physics(self) -> Physics:
@@ -85,10 +87,10 @@ class RecordedRun(dm_env.Environment):
         """
         topics = {*self._measurements.topics, *([CLOCK] if self._clock else [])}
         self._messages = self._bag.messages(topics)
-        self._clock_s, self._path, self._heard = 0.0, [], {}
+        self._clock_s, self._path, self._heard, self._held = 0.0, [], {}, []
         self._physics.reset()
         self._advance()
-        self._take_until(0.0)
+        self._take_until(0.0, holds=True)
         if self._next is None and self.end_s <= 0:
             raise RecordingFault(
                 f"{self._bag.path} ends before start_s ({self._sources.start_s:g} s), so there is no run in it"
@@ -102,6 +104,9 @@ class RecordedRun(dm_env.Environment):
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.
         """
+        for message, time_s in self._held:
+            self._measurements.take(message, time_s)
+        self._held.clear()
         if self._next is None:
             end_s = max(self._time_s, self.end_s)
             self._measurements.finish(end_s)
@@ -171,12 +176,15 @@ class RecordedRun(dm_env.Environment):
     def _received_s(self, time_ns: int) -> float:
         return (time_ns - self._bag.start_ns) / 1e9 - self._sources.start_s
 
-    def _take_until(self, until_s: float) -> float:
-        """Takes the messages up to a time; returns that of the last one."""
+    def _take_until(self, until_s: float, *, holds: bool = False) -> float:
+        """Takes the messages up to a time, or holds those back that are no poses; returns the time of the last one."""
         last_s = self._time_s
         while self._next is not None and self._next_s <= until_s:
             message, time_s = self._next, self._next_s
-            self._measurements.take(message, time_s)
+            if not holds or self._measurements.is_pose(message.topic):
+                self._measurements.take(message, time_s)
+            elif time_s >= 0:
+                self._held.append((message, time_s))
             self._heard[message.topic] = self._heard.get(message.topic, 0) + 1
             last_s = max(last_s, time_s)
             self._advance()

@@ -47,6 +47,9 @@ class Source:
     def hear(self, time_s: float) -> None:
         """Takes note of a message, and of the silence before it."""
         self.messages += time_s >= 0
+        self._look_back(time_s)
+
+    def _look_back(self, time_s: float) -> None:
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
@@ -56,7 +59,7 @@ class Source:
         """Takes note of the silence at the end."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
-        self.hear(end_s)
+        self._look_back(end_s)
 
     def check_stamp(self, stamp: Any, path: object) -> None:
         """Refuses time that goes backwards by more than what messages overtake each other by.
@@ -345,13 +348,13 @@ class Scan:
             self._form = form
             angles = scan.angle_min + scan.angle_increment * np.arange(count)
             self._rays = np.column_stack((np.cos(angles), np.sin(angles)))
-            sees_rad = abs(scan.angle_increment) * count
-            if sees_rad < _ALL_AROUND_RAD and not self._partial:
-                self._fail(
-                    f"{self.topic} sees {math.degrees(sees_rad):.0f} degrees, so what is elsewhere could be missed; "
-                    "partial_scan: true judges by what it sees"
-                )
-            self._check_nearest(scan.range_min)
+        sees_rad = abs(scan.angle_increment) * count
+        if sees_rad < _ALL_AROUND_RAD and not self._partial:
+            self._fail(
+                f"{self.topic} sees {math.degrees(sees_rad):.0f} degrees, so what is elsewhere could be missed; "
+                "partial_scan: true judges by what it sees"
+            )
+        self._check_nearest(scan.range_min)
         return True
 
     def _check_nearest(self, range_min_m: float) -> None:

@@ -68,6 +68,10 @@ class Measurements:
         found += self._contacts.topics if self._contacts else []
         return [*found, *([self._scan.topic] if self._scan else [])]
 
+    def is_pose(self, topic: str) -> bool:
+        """Whether a topic tells where things are, which counts from before the run as well."""
+        return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
+
     def take(self, message: Message, time_s: float) -> None:
         """Takes a message; of what came before the run began only poses count."""
         topic = message.topic
