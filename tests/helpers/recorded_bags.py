@@ -158,6 +158,20 @@ def touch(time_s: float, first: str, second: str, force: float | None) -> Said:
     return Said(time_s, "/bumper", STATES, {"header": header(time_s, "map"), "states": [state]})
 
 
+def drive(seconds: float = 12.0, start_s: float = EPOCH_S, wall_x: float = 6.0) -> list[Said]:
+    """A robot drives along x at 0.4 m/s, towards a wall that its lidar sees in front of it; all else is 5 m away."""
+    found = [mount(start_s, 0.1)]
+    for step in range(round(seconds * 20) + 1):
+        time_s, x = start_s + step / 20, 0.4 * step / 20
+        found.append(odometry(time_s, (x, 0.0, 0.0)))
+        if step % 4 == 0:
+            ahead = [math.inf] * 360
+            ahead[180] = wall_x - (x + 0.1)
+            ahead[90] = 5.0
+            found.append(scan(time_s, ahead))
+    return found
+
+
 def as_real_robot(recording: Path, seed: int = 1) -> list[Said]:
     """What a real robot would have recorded in a simulated run: noise, drift, a localisation, and no ground truth.
 

@@ -1,11 +1,13 @@
 """Generated pages and files: which there are, the map of rooms, and the tables of the guide."""
 
 import ast
+import json
 import re
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from prefect_robomaker.schemas.operations.registry import OPERATION_GROUPS
+from prefect_robomaker.schemas.runs.recording_sources import RecordingSources
 from prefect_robomaker.schemas.runs.requirements import REQUIREMENT_KINDS
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import SENSOR_KINDS
@@ -103,9 +105,19 @@ def _sensor_kinds() -> str:
     return "\n".join(lines)
 
 
+def _recording_sources() -> str:
+    """Each member of the sources that recordings are judged by."""
+    lines = ["| member | default | |", "| --- | --- | --- |"]
+    for name, field in RecordingSources.model_fields.items():
+        default = "" if field.default is None else f"`{json.dumps(field.default)}`"
+        lines.append(f"| `{name}` | {default} | {field.description} |")
+    return "\n".join(lines)
+
+
 _TABLES: Mapping[str, Callable[[], str]] = {
     "calls": _calls,
     "requirement-kinds": _requirement_kinds,
+    "recording-sources": _recording_sources,
     "sensor-kinds": _sensor_kinds,
     "differences": lambda: _by_kind("differs", ("the service", "here")),
     "decisions": lambda: _by_kind("decided", ("what is known", "here")),
@@ -123,7 +135,7 @@ def pages() -> Mapping[Path, str]:
         ConfigurationError: this is an installed package, which has no documentation.
     """
     guide = DOCS / "coming-from-robomaker.md"
-    tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md")))
+    tables = (guide, *(DOCS / name for name in ("verdicts.md", "robots.md", "judging.md")))
     if not guide.exists():
         raise ConfigurationError(f"{guide} does not exist; the documentation is made in a copy of the repository")
     root, architecture = DOCS.parent, DOCS / "architecture.md"

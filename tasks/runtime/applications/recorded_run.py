@@ -113,7 +113,9 @@ class RecordedRun(dm_env.Environment):
             self._show(end_s)
             return dm_env.termination(0.0, self._time())
         first_s = max(self._next_s, self._time_s)
-        self._show(self._take_until(first_s + _STEP_S))
+        last_s = self._take_until(first_s + _STEP_S)
+        self._measurements.look_back(last_s)
+        self._show(last_s)
         return dm_env.transition(0.0, self._time())
 
     def observation_spec(self) -> specs.Array:

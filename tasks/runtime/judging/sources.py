@@ -47,19 +47,20 @@ class Source:
     def hear(self, time_s: float) -> None:
         """Takes note of a message, and of the silence before it."""
         self.messages += time_s >= 0
-        self._look_back(time_s)
+        self.look_back(time_s)
+        self._last_s = max(self._last_s, time_s)
 
-    def _look_back(self, time_s: float) -> None:
+    def look_back(self, time_s: float) -> None:
+        """Takes note of a silence that is too long already, before requirements are measured by what is old."""
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
-        self._last_s = max(self._last_s, time_s)
 
     def finish(self, end_s: float) -> None:
         """Takes note of the silence at the end."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
-        self._look_back(end_s)
+        self.look_back(end_s)
 
     def check_stamp(self, stamp: Any, path: object) -> None:
         """Refuses time that goes backwards by more than what messages overtake each other by.

@@ -21,6 +21,7 @@ from .sources import (
     Pose,
     PoseTopic,
     Scan,
+    Source,
     TransformPoses,
 )
 
@@ -86,13 +87,15 @@ class Measurements:
         if self._contacts is not None and topic in self._contacts.topics:
             self._contacts.take(message, time_s)
 
+    def look_back(self, time_s: float) -> None:
+        """Takes note of what has been silent for too long."""
+        for source in self._steady_sources():
+            source.look_back(time_s)
+
     def finish(self, end_s: float) -> None:
         """Takes note of what was silent at the end."""
-        poses = [self.pose, *self._bodies.values()]
-        for source in {id(source): source for pose in poses if pose for source in pose.sources}.values():
+        for source in self._steady_sources():
             source.finish(end_s)
-        if self._scan is not None:
-            self._scan.source.finish(end_s)
         if self._contacts is not None:
             self._contacts.finish(end_s)
 
@@ -106,6 +109,12 @@ class Measurements:
             name = self.pose.sources[0].name
             found.append(f"positions are those of {name} in the frame {frame!r}, which may drift from the map")
         return found
+
+    def _steady_sources(self) -> list[Source]:
+        """Sources whose silence is a gap, each once."""
+        poses = [self.pose, *self._bodies.values()]
+        found = {id(source): source for pose in poses if pose is not None for source in pose.sources}
+        return [*found.values(), *([self._scan.source] if self._scan is not None else [])]
 
     # What rules ask for
 

@@ -18,10 +18,9 @@ from helpers.recorded_bags import (
     Said,
     as_real_robot,
     clock,
+    drive,
     link,
-    mount,
     odometry,
-    scan,
     touch,
     write_bag,
 )
@@ -72,20 +71,6 @@ def judge(tmp_path: Path) -> Judge:
         return make_result(episode, 1, [observer.close(episode.ended_by)])
 
     return run
-
-
-def drive(seconds: float = 12.0, start_s: float = EPOCH_S, wall_x: float = 6.0) -> list[Said]:
-    """A robot drives along x at 0.4 m/s, towards a wall that its lidar sees in front of it; all else is 5 m away."""
-    found = [mount(start_s, 0.1)]
-    for step in range(round(seconds * 20) + 1):
-        time_s, x = start_s + step / 20, 0.4 * step / 20
-        found.append(odometry(time_s, (x, 0.0, 0.0)))
-        if step % 4 == 0:
-            ahead = [math.inf] * 360
-            ahead[180] = wall_x - (x + 0.1)
-            ahead[90] = 5.0
-            found.append(scan(time_s, ahead))
-    return found
 
 
 def only(result: RunResult) -> Requirement:
