@@ -15,11 +15,19 @@ from ..schemas.operations.simulation_job_batches import BatchPolicy
 from ..schemas.operations.simulation_jobs import SimulationJobRequest
 from ..schemas.operations.world_generation_jobs import WorldCount
 from ..schemas.operations.world_templates import TemplateLocation
+from ..schemas.runs.requirement_kinds.all_rooms import AllRoomsRequirement
 from ..schemas.runs.requirement_kinds.clearance import ClearanceRequirement
+from ..schemas.runs.requirement_kinds.coverage import CoverageRequirement
+from ..schemas.runs.requirement_kinds.expression import ExpressionRequirement
 from ..schemas.runs.requirement_kinds.goal import GoalRequirement
+from ..schemas.runs.requirement_kinds.localization import LocalizationRequirement
 from ..schemas.runs.requirement_kinds.no_collision import CollisionRequirement
+from ..schemas.runs.requirement_kinds.path_length import PathLengthRequirement
 from ..schemas.runs.requirement_kinds.predicate import PredicateRequirement
+from ..schemas.runs.requirement_kinds.progress import ProgressRequirement
+from ..schemas.runs.requirement_kinds.speed import SpeedRequirement
 from ..schemas.runs.requirement_kinds.time_limit import TimeLimitRequirement
+from ..schemas.runs.requirement_kinds.upright import UprightRequirement
 from ..schemas.runs.trials import Trials
 from ..schemas.wire.common import Filter
 from ..schemas.wire.common import OutputLocation
@@ -103,7 +111,7 @@ def ListSimulationJobBatches(*, nextToken: str | None = None, maxResults: int | 
 @flow
 def CancelSimulationJobBatch(*, batch: str) -> dict[str, Any]: ...
 @flow
-def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[ClearanceRequirement | GoalRequirement | CollisionRequirement | PredicateRequirement | TimeLimitRequirement] | None = None, trials: Trials | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
+def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[AllRoomsRequirement | ClearanceRequirement | CoverageRequirement | ExpressionRequirement | GoalRequirement | LocalizationRequirement | CollisionRequirement | PathLengthRequirement | PredicateRequirement | ProgressRequirement | SpeedRequirement | TimeLimitRequirement | UprightRequirement] | None = None, trials: Trials | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
 @flow
 def DescribeSimulationJob(*, job: str) -> dict[str, Any]: ...
 @flow

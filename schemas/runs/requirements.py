@@ -130,7 +130,6 @@ def check_requirements(request: JobRequest) -> None:
         )
     try:
         place, requirements = _placed_requirements(request)
-        rooms = rooms_asked(request)
     except InvalidParameterException as error:
         raise ValueError(str(error)) from None
     if requirements and _has_only_programs(request) and not _records_topics(request):
@@ -144,11 +143,14 @@ def check_requirements(request: JobRequest) -> None:
             raise ValueError(f"{place}[{index}].{member}: {problem}")
     if _has_world(request):
         return
-    for path, room in rooms:
-        raise ValueError(
-            f"{path} is {room!r}, but the job names no world; "
-            "add simulationApplications[0].worldConfigs, or give the goal as x and y"
-        )
+    for index, asked in enumerate(requirements):
+        if (room := asked.asked_room) is not None:
+            said, remedy = f"{place}[{index}].room is {room!r}", f", or {asked.without_world}"
+        elif asked.needs_world:
+            said, remedy = f"{place}[{index}].kind is {asked.kind!r}, which needs a world", ""
+        else:
+            continue
+        raise ValueError(f"{said}, but the job names no world; add simulationApplications[0].worldConfigs{remedy}")
 
 
 def misspelt_requirements(variables: Iterable[str]) -> list[str]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import read_map
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import OccupancyGrid
 
 

@@ -17,8 +17,17 @@ ASKED: Mapping[str, dict[str, Any]] = {
     "time_limit": {"name": "quick", "limit_s": 4.5},
     "clearance": {"name": "polite", "min_m": 0.05},
     "predicate": {"name": "moves", "attribute": "yard.moves"},
+    "progress": {"name": "gets-on", "max_stuck_s": 1.0, "until": "east"},
+    "path_length": {"name": "direct", "goal": "east", "min_ratio": 0.5},
+    "expression": {"name": "arrives", "formula": "eventually (x > 1 and clearance > 0.1)"},
 }
 """One requirement of each kind, which the unspoiled robot meets."""
+
+JUDGED_ELSEWHERE: Mapping[str, str] = dict.fromkeys(
+    ("speed", "upright", "coverage", "all_rooms", "localization"),
+    "tests/tasks/runtime/requirements/test_motion.py::test_who_is_spoilt_is_caught",
+)
+"""Tests of kinds that need more than the yard has, such as a world or a robot that can fall."""
 
 CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
     "goal": {
@@ -51,6 +60,27 @@ CAUGHT_BY: Mapping[str, Mapping[str, str]] = {
     },
     "predicate": {
         "idle": "moves",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "progress": {
+        "idle": "gets-on",
+        "blind": "gets-on",
+        "reversed": "gets-on",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "path_length": {
+        "idle": "direct",
+        "blind": "direct",
+        "reversed": "direct",
+        "nan": "physics",
+        "gone": "simulated",
+    },
+    "expression": {
+        "idle": "arrives",
+        "blind": "arrives",
+        "reversed": "arrives",
         "nan": "physics",
         "gone": "simulated",
     },

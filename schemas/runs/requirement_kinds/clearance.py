@@ -57,5 +57,4 @@ class ClearanceRule(Rule[ClearanceRequirement]):
     def _detail(self) -> str:
         if not self._other:
             return "there was nothing to come near to"
-        when = "" if self.violated_s is None else f", first at {self.violated_s:.2f} s"
-        return f"{self.nearest_m:.3f} m from {self._other} at least, {self.asked.min_m:g} m asked for{when}"
+        return f"{self.nearest_m:.3f} m from {self._other} at least, {self.asked.min_m:g} m asked for{self._until()}"

@@ -2,18 +2,16 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Literal, Self
+from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from ...wire.base import ShapeName, optional
-from ...wire.common import text
+from ...wire.base import optional
 from ...wire.json_values import is_mapping
-from ...wire.request_problems import nearest
-from ...worlds.world import Point, contains
+from ...worlds.world import contains
 from .kind import (
     ROUNDING_S,
-    STOP,
+    STOP_OR_REACHED,
     Coordinate,
     Look,
     Metres,
@@ -21,6 +19,7 @@ from .kind import (
     RequirementKind,
     RequirementName,
     RobotRequirement,
+    RoomName,
     Rule,
     Scene,
     Seconds,
@@ -36,12 +35,11 @@ class GoalRequirement(RobotRequirement):
 
     violated_when = "the robot's body never was in `room`, or within `within_m` (0.5) of `x`, `y`; or not before `by_s`"
     more_members = "`after`: name of a goal above that has to be reached first"
+    without_world = "give the goal as x and y"
     margins_compare = False  # seconds where it was reached, metres where it was not
 
     kind: Literal["goal"] = Field(description="`goal`.")
-    room: Annotated[str, ShapeName("RoomName"), text(1, 255)] | None = optional(
-        "Room of the world that the robot's body has to be in."
-    )
+    room: RoomName | None = optional("Room of the world that the robot's body has to be in.")
     x: Coordinate | None = optional("Point to get to, in metres.")
     y: Coordinate | None = optional("Point to get to, in metres.")
     within_m: Metres = Field(default=_WITHIN_M, description="How near to the point is there, in metres.")
@@ -50,9 +48,7 @@ class GoalRequirement(RobotRequirement):
         "Name of the goal that has to be reached before; only then this one counts."
     )
     period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
-    stop: bool = Field(
-        default=False, description=f"{STOP}, or once all goals that say so are reached; the verdict stands then."
-    )
+    stop: bool = Field(default=False, description=STOP_OR_REACHED)
 
     @model_validator(mode="after")
     def _one_place(self) -> Self:
@@ -70,10 +66,20 @@ class GoalRequirement(RobotRequirement):
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
         """Checks that the goal it comes after is one of those above."""
-        goals = [each.name for each in before if isinstance(each, GoalRequirement)]
-        if self.after is not None and self.after not in goals:
-            there = f"those before it are {', '.join(goals)}" if goals else "there is none before it"
-            raise ValueError(f"{self.name}: after is {self.after!r}, no goal further up; {there}")
+        check_goal(self, "after", before)
+
+
+def check_goal(requirement: RequirementKind, member: str, before: Sequence[RequirementKind]) -> None:
+    """Checks that a member of a requirement, if it is given, names one of the goals above it.
+
+    Raises:
+        ValueError: There is no such goal.
+    """
+    name = getattr(requirement, member)
+    goals = [each.name for each in before if isinstance(each, GoalRequirement)]
+    if name is not None and name not in goals:
+        there = f"those before it are {', '.join(goals)}" if goals else "there is none before it"
+        raise ValueError(f"{requirement.name}: {member} is {name!r}, no goal further up; {there}")
 
 
 class GoalRule(Rule[GoalRequirement]):
@@ -92,8 +98,7 @@ class GoalRule(Rule[GoalRequirement]):
 
     def follow(self, before: Sequence[Rule[Any]]) -> None:
         """Finds the goal that has to be reached first."""
-        goals = [rule for rule in before if isinstance(rule, GoalRule)]
-        self._before = next((goal for goal in goals if goal.asked.name == self.asked.after), None)
+        self._before = goal_named(self.asked.after, before)
 
     def bind(self, scene: Scene) -> Look:
         """Measures how far the body is from the point, or whether it is in the room."""
@@ -101,7 +106,7 @@ class GoalRule(Rule[GoalRequirement]):
         if goal.room is None:
             x, y = goal.x or 0.0, goal.y or 0.0
             return lambda time_s: self.update(time_s, math.hypot(position[0] - x, position[1] - y))
-        polygon = self._polygon(goal.room, scene)
+        polygon = self.polygon(goal.room, scene)
 
         def look(time_s: float) -> None:
             is_inside = contains(polygon, float(position[0]), float(position[1]))
@@ -109,19 +114,10 @@ class GoalRule(Rule[GoalRequirement]):
 
         return look
 
-    def _polygon(self, room: str, scene: Scene) -> Sequence[Point]:
-        if scene.world is None:
-            raise self.cannot(f"it asks for the room {room!r}, but there is no world")
-        rooms = {each.name: each.polygon for each in scene.world.floorplan.rooms}
-        if room not in rooms:
-            there = nearest(room, rooms) or f"; there are {', '.join(rooms)}"
-            raise self.cannot(f"the world has no room {room!r}{there}")
-        return rooms[room]
-
     def update(self, time_s: float, distance_m: float) -> None:
         """Takes note of the distance to a goal; 0 inside a room, infinite outside of it."""
         goal = self.asked
-        is_its_turn = self._before is None or self._before.is_reached
+        is_its_turn = self.is_due
         if is_its_turn and math.isfinite(distance_m):
             self._nearest_m = distance_m if self._nearest_m is None else min(self._nearest_m, distance_m)
         if self.reached_s is None and is_its_turn and distance_m <= (goal.within_m if goal.room is None else 0.0):
@@ -147,6 +143,11 @@ class GoalRule(Rule[GoalRequirement]):
             return f"{self.asked.name}: reached where the robot starts, before it moved"
         return None
 
+    @property
+    def is_due(self) -> bool:
+        """Whether it is its turn: the goal that comes before, if there is one, is reached."""
+        return self._before is None or bool(self._before.is_reached)
+
     def _numbers(self) -> Numbers:
         if self.reached_s is None and self.asked.room is None:
             return Numbers(self._nearest_m, self.asked.within_m, "m")
@@ -165,6 +166,11 @@ class GoalRule(Rule[GoalRequirement]):
             since = f" after {goal.after}" if goal.after else ""
             near = f", nearest{since} {self._nearest_m:.2f} m, {goal.within_m:g} m asked for"
         return f"{place} not reached in {self._end_s:.2f} s{asked}{near}{why}; ended by {self._ended_by}"
+
+
+def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None:
+    """Finds the rule of a goal among those of requirements."""
+    return next((rule for rule in before if isinstance(rule, GoalRule) and rule.asked.name == name), None)
 
 
 def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:

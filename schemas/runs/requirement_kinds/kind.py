@@ -4,7 +4,7 @@ Nothing here knows of MuJoCo: rules measure in a `Scene`. Times are simulated se
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Annotated, Any, ClassVar, Generic, Protocol, TypeVar, get_args, get_origin
@@ -14,14 +14,19 @@ from pydantic import Field
 from ...wire.base import Model, Shape, ShapeName, optional
 from ...wire.common import text
 from ...wire.errors import ConfigurationError, LaunchError
-from ...worlds.world import World
+from ...wire.request_problems import nearest
+from ...worlds.world import Point, World
 
 Seconds = Annotated[float, ShapeName("Seconds"), Field(gt=0, allow_inf_nan=False)]
 Metres = Annotated[float, ShapeName("Metres"), Field(gt=0, allow_inf_nan=False)]
 Coordinate = Annotated[float, ShapeName("Coordinate"), Field(allow_inf_nan=False)]
+MetresPerSecond = Annotated[float, ShapeName("MetresPerSecond"), Field(gt=0, allow_inf_nan=False)]
+Share = Annotated[float, ShapeName("Share"), Field(gt=0, le=1, allow_inf_nan=False)]
 Newtons = Annotated[float, ShapeName("Newtons"), Field(ge=0, allow_inf_nan=False)]
 Count = Annotated[int, ShapeName("Count"), Field(ge=0)]
 RequirementName = Annotated[str, ShapeName("RequirementName"), text(1, 64, r"[a-zA-Z0-9_\-]+")]
+RoomName = Annotated[str, ShapeName("RoomName"), text(1, 255)]
+DottedName = Annotated[str, ShapeName("DottedName"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+")]
 BodyName = Annotated[str, ShapeName("BodyName"), text(1, 255)]
 NamePatterns = Annotated[
     list[Annotated[str, ShapeName("NamePattern"), text(1, 255)]],
@@ -32,6 +37,7 @@ NamePatterns = Annotated[
 ROUNDING_S = 1e-6
 """Times that differ by less are the same: sums of time steps are no round numbers."""
 STOP = "Whether the run ends as soon as it is violated"
+STOP_OR_REACHED = f"{STOP}, or once all goals that say so are reached; the verdict stands then."
 _MAX_TEXT = 300
 """Characters of an error, or of a reason, that results keep."""
 
@@ -95,6 +101,11 @@ class RequirementKind(Shape):
             raise ConfigurationError(f"{kind.__module__} has no class that is a Rule[{kind.__name__}]")
         return names
 
+    needs_world: ClassVar[bool] = False
+    """True: there is nothing to judge without a world."""
+    without_world: ClassVar[str] = "leave out `room`"
+    """Remedy for a request that asks for a room and names no world."""
+
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it
         """The packages whose code judges a requirement, as JSON, besides those of every run."""
@@ -134,6 +145,27 @@ class ThingsRequirement(RobotRequirement):
     )
 
 
+class Floor(Protocol):
+    """The floor of a world as its map has it, in cells; a cell is known by its number."""
+
+    @property
+    def cell_m2(self) -> float:
+        """Area of a cell."""
+        ...
+
+    def cells(self, polygon: Sequence[Point] | None, radius_m: float) -> Set[int]:
+        """Cells inside a polygon, or of the whole map, that a disc of a radius can pass over."""
+        ...
+
+    def passed(self, start: Point, end: Point, radius_m: float) -> Set[int]:
+        """Cells that a disc of a radius passes over on a straight way."""
+        ...
+
+    def shortest_m(self, start: Point, target: Sequence[Point], radius_m: float) -> float | None:
+        """Length of the shortest way of a disc from a point to another, or into a polygon; `None`: there is none."""
+        ...
+
+
 class Scene(Protocol):
     """A simulation as rules see it; `tasks/runtime/requirements/scene.py` reads MuJoCo."""
 
@@ -149,6 +181,22 @@ class Scene(Protocol):
 
     def position(self, rule: "Rule[Any]") -> Sequence[float]:
         """Position of the robot's body, x, y, z in m, which changes with the simulation."""
+        ...
+
+    def rotation(self, rule: "Rule[Any]") -> Sequence[float]:
+        """Rotation matrix of the robot's body, row by row, 9 numbers, which changes with the simulation."""
+        ...
+
+    def can_tilt(self, rule: "Rule[Any]") -> bool:
+        """Whether the robot's body can be tilted at all: no joint may let it."""
+        ...
+
+    def floor(self, rule: "Rule[Any]") -> Floor | None:
+        """The floor of the world; `None`: there is no world.
+
+        Raises:
+            RequirementError: The world has no map.
+        """
         ...
 
     def contacts(self, rule: "Rule[Any]") -> Callable[[], Mapping[str, float]]:
@@ -248,6 +296,20 @@ class Rule(ABC, Generic[Asked]):
         """The error for a requirement that cannot be judged in a scene."""
         return RequirementError(f"requirement {self.asked.name} ({self.asked.kind}): {why}")
 
+    def polygon(self, room: str, scene: Scene) -> Sequence[Point]:
+        """Outline of a room of the world.
+
+        Raises:
+            RequirementError: There is no such room, or no world.
+        """
+        if scene.world is None:
+            raise self.cannot(f"it asks for the room {room!r}, but there is no world")
+        rooms = {each.name: each.polygon for each in scene.world.floorplan.rooms}
+        if room not in rooms:
+            there = nearest(room, rooms) or f"; there are {', '.join(rooms)}"
+            raise self.cannot(f"the world has no room {room!r}{there}")
+        return rooms[room]
+
     def violate(self, time_s: float) -> bool:
         """Notes that it is violated; returns whether this is the first time."""
         is_first = self.violated_s is None
@@ -291,6 +353,10 @@ class Rule(ABC, Generic[Asked]):
     def remark(self) -> str | None:
         """Returns a line beside the verdict, once it is judged; None: there is nothing to say."""
         return None
+
+    def _until(self) -> str:
+        """Returns when it was violated, in words; empty: it was not."""
+        return "" if self.violated_s is None else f", first at {self.violated_s:.2f} s"
 
     @abstractmethod
     def _numbers(self) -> Numbers: ...

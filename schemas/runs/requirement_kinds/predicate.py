@@ -1,15 +1,11 @@
 """Predicates: a function of the application has to say yes."""
 
 from collections.abc import Iterator, Mapping
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 from pydantic import Field
 
-from ...wire.base import ShapeName
-from ...wire.common import text
-from .kind import Look, Numbers, RequirementKind, Rule, Scene, Seconds
-
-DottedName = Annotated[str, ShapeName("DottedName"), text(1, 255, r"[a-zA-Z_][a-zA-Z0-9_]*(\.[a-zA-Z_][a-zA-Z0-9_]*)+")]
+from .kind import DottedName, Look, Numbers, RequirementKind, Rule, Scene, Seconds
 
 
 class PredicateRequirement(RequirementKind):

@@ -17,6 +17,7 @@ from ....schemas.runs.requirement_kinds.kind import Rule, is_meant
 from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.world import World
 from ..episode.loading import load_judging_function
+from ..episode.occupancy_map import read_world_map
 from ..episode.physics import (
     ClearanceMeter,
     ContactForces,
@@ -27,8 +28,11 @@ from ..episode.physics import (
     geom_names,
     robot_geoms,
 )
+from .floor import MapFloor
 
 _MAX_SHOWN = 12
+_UPRIGHT_AXIS = 0.99999
+"""Cosine above which an axis is vertical."""
 
 
 @dataclass(frozen=True)
@@ -59,6 +63,37 @@ class Scene:
     def position(self, rule: Rule[Any]) -> Sequence[float]:
         """Position of the robot's body, x, y, z in m, which changes with the simulation."""
         return self.data.xpos[self._robot(rule)]
+
+    def rotation(self, rule: Rule[Any]) -> Sequence[float]:
+        """Rotation matrix of the robot's body, row by row, 9 numbers, which changes with the simulation."""
+        return self.data.xmat[self._robot(rule)]
+
+    def can_tilt(self, rule: Rule[Any]) -> bool:
+        """Whether a joint lets the robot's body tilt: hinges around the vertical alone do not."""
+        body = self._robot(rule)
+        while body:
+            first = self.model.body_jntadr[body]
+            for joint in range(first, first + self.model.body_jntnum[body]):
+                kind = int(self.model.jnt_type[joint])
+                if kind in (int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_BALL)):
+                    return True
+                if kind == int(mujoco.mjtJoint.mjJNT_HINGE) and abs(self.data.xaxis[joint][2]) < _UPRIGHT_AXIS:
+                    return True
+            body = int(self.model.body_parentid[body])
+        return False
+
+    def floor(self, rule: Rule[Any]) -> MapFloor | None:
+        """The floor of the world, from its map; `None`: there is no world.
+
+        Raises:
+            RequirementError: The world's map cannot be read.
+        """
+        if self.plan.world_dir is None:
+            return None
+        try:
+            return MapFloor(read_world_map(self.plan.world_dir))
+        except (OSError, ValueError) as error:
+            raise rule.cannot(f"the map of the world cannot be read: {error}") from error
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the normal force in N of everything that touches the robot now, by name; rules share it."""

@@ -18,6 +18,7 @@ from prefect_robomaker.schemas.wire.base import STORED
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
+FORMULA = {"kind": "expression", "name": "a", "formula": "always sped < 1"}
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"
 
 
@@ -51,6 +52,22 @@ def problems(*arguments: Any, **members: Any) -> list[str]:
         ({"kind": "goal", "name": "a", "x": 1.0}, "requirements[0]: a point needs both x and y"),
         ({"kind": "goal", "name": "a"}, "requirements[0]: neither room and x, y; a goal is one of them"),
         ({"kind": "predicate", "name": "a", "attribute": "f"}, "requirements[0].attribute: is 'f'; it has to be a"),
+        ({"kind": "sped", "name": "a"}, "requirements[0].kind: is 'sped'; did you mean 'speed'?"),
+        ({"kind": "speed", "name": "a", "max_mps": 0}, "requirements[0].max_mps: is 0; it has to be above 0"),
+        ({"kind": "upright", "name": "a", "max_tilt_deg": 180}, "requirements[0].max_tilt_deg: is 180; it may be at most 179"),
+        ({"kind": "progress", "name": "a"}, "requirements[0].max_stuck_s: is missing"),
+        ({"kind": "path_length", "name": "a", "goal": "b", "min_ratio": 1.2}, "requirements[0].min_ratio: is 1.2;"),
+        ({"kind": "coverage", "name": "a", "min_share": 0.5}, "requirements[0].radius_m: is missing"),
+        ({"kind": "all_rooms", "name": "a", "rooms": ["x"]}, "requirements[0].rooms: is not known"),
+        ({"kind": "localization", "name": "a", "attribute": "f", "max_m": 1}, "requirements[0].attribute: is 'f'"),
+        (FORMULA, "requirements[0]: formula: column 8: there is no signal 'sped'; did you mean 'speed'?"),
+        ({**FORMULA, "formula": "always[0, 0.25] speed < 1"}, "requirements[0]: formula: the bound 0.25 is no multiple"
+         " of period_s, 0.1; write 0.2, or give a period_s that divides it"),
+        ({**FORMULA, "formula": "always[0, 600] speed < 1"}, "requirements[0]: formula: the bound 600 is more than "
+         "3000 times period_s, 0.1; give a period_s of 0.2 or more"),
+        ({**FORMULA, "formula": "speed < 1", "stop": True}, "requirements[0]: stop: an expression is judged when"),
+        ({**FORMULA, "formula": "a < 1", "signals": {"a": "m.f", "b": "m.g"}}, "requirements[0]: signals: b is not in"),
+        ({**FORMULA, "signals": {"speed": "m.f"}}, "requirements[0]: signals: speed is a signal of every run;"),
         ("goal", "requirements[0]: is 'goal'; it has to be a mapping"),
     ],
 )  # fmt: skip
@@ -135,7 +152,30 @@ def test_a_room_needs_a_world() -> None:
     goal = {"kind": "goal", "name": "home", "room": "Hall"}
     (problem,) = problems([goal])
     assert "requirements[0].room is 'Hall', but the job names no world" in problem
+    assert "or give the goal as x and y" in problem
     assert problems([goal], worldConfigs=[{"world": WORLD}]) == []
+    (problem,) = problems([LIMIT, {"kind": "speed", "name": "slow", "max_mps": 1.0, "room": "Hall"}])
+    assert problem.endswith(
+        "requirements[1].room is 'Hall', but the job names no world; "
+        "add simulationApplications[0].worldConfigs, or leave out `room`"
+    )
+    for asked in ({"kind": "all_rooms"}, {"kind": "coverage", "min_share": 0.5, "radius_m": 0.2}):
+        (problem,) = problems([{"name": "it", **asked}])
+        assert f"requirements[0].kind is {asked['kind']!r}, which needs a world, but the job names no world" in problem
+
+
+@pytest.mark.parametrize(
+    ("member", "asked"),
+    [
+        ("goal", {"kind": "path_length", "name": "it", "goal": "home", "min_ratio": 0.5}),
+        ("until", {"kind": "progress", "name": "it", "max_stuck_s": 5, "until": "home"}),
+    ],
+)
+def test_what_refers_to_a_goal_needs_it_above(member: str, asked: dict[str, Any]) -> None:
+    home = {"kind": "goal", "name": "home", "x": 9, "y": 0}
+    assert problems([home, asked]) == []
+    (problem,) = problems([asked, home])
+    assert f"it: {member} is 'home', no goal further up; there is none before it" in problem
 
 
 def test_a_room_that_the_world_has_not() -> None:

@@ -11,13 +11,13 @@ from .....schemas.runs.variables import number_in
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import World
 from ...episode.context import ResumableEnvironment, SimulationContext
+from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...episode.results import EnvironmentReport
 from ...rendering.views import FOLLOW
 from ...robots.lookup import find_robot
 from ...robots.robot import CONTROL_TIMESTEP_S, Robot
 from ...robots.scout import SCOUT
 from .navigation_task import NavigationTask
-from .occupancy_map import OccupancyMap, read_world_map
 from .scene import ScenePhysics, assemble
 from .telemetry import frames_of_bodies
 

@@ -20,13 +20,13 @@ from dm_env import specs
 from numpy.typing import NDArray
 
 from .....schemas.worlds.world import World
+from ...episode.occupancy_map import OccupancyMap
 from ...episode.results import EnvironmentReport
 from ...recording.recording import Frames, Recorder
 from ...robots.drives import bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
 from .mission import CollisionMonitor, Mission
-from .occupancy_map import OccupancyMap
 from .scene import ScenePhysics
 from .scene_markers import ContactMarkers
 from .telemetry import RobotState, Telemetry

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .....schemas.worlds.world import Room
+from ...episode.occupancy_map import OccupancyMap
 from ...episode.physics import floor_geoms, geom_names, robot_geoms
 from ...recording import messages as ros
 from ...recording.messages import ColorRGBA, Marker, MarkerArray, MarkerType, OccupancyGrid
 from ...recording.recording import Recorder
 from ...rendering.ray_camera import geom_colours
 from ...rendering.views import SHOWN_GROUPS
-from .occupancy_map import OccupancyMap
 
 CONTACT_RATE_HZ = 50.0
 ARROW_M_PER_N = 0.01

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .....schemas.worlds.world import Room
 from ...episode.context import KeepsAttributes
+from ...episode.occupancy_map import OccupancyMap
 from ...recording import messages as ros
 from ...recording.cdr import laser_scan
 from ...recording.companions import WORLD_TOPIC
@@ -21,7 +22,6 @@ from ...recording.robot_description import robot_description
 from ...recording.state_series import STATE_RATE_HZ, RowSeries, StateSeries
 from ...robots.robot import Lidar, Robot
 from ...robots.sensors.kind import SensorKind
-from .occupancy_map import OccupancyMap
 from .scene_markers import goal_markers, occupancy_grid, robot_markers, world_markers
 
 _ROUNDING_S = 1e-6

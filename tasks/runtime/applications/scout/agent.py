@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 from .....schemas.wire.errors import LaunchError
 from .....schemas.worlds.world import Point
 from ...episode.context import KeepsAttributes, SimulationContext
+from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...recording import messages as ros
 from ...recording.messages import Path, PoseStamped
 from ...recording.recording import Recorder
 from ...robots.robot import Lidar, Limits, robot_of
 from ...robots.scout import LIDAR, LIMITS
-from ..indoor_navigation.occupancy_map import OccupancyMap, read_world_map
 from .following import PathFollower
 from .obstacles import ObstacleMemory, Pose, free_ahead, near_hits, nearest_to_path, ray_directions
 from .planner import GridPlanner, WayKind

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
-from ..indoor_navigation.occupancy_map import OccupancyMap
+from ...episode.occupancy_map import OccupancyMap
 
 STEP_M = 0.05
 """Distance between the points of a finished path."""

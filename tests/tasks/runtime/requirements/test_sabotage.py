@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from helpers.paths import REPOSITORY
-from helpers.yard_sabotages import ASKED, CAUGHT_BY, SABOTAGES, YARD, asked, assert_caught
+from helpers.yard_sabotages import ASKED, CAUGHT_BY, JUDGED_ELSEWHERE, SABOTAGES, YARD, asked, assert_caught
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunOutcome, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
@@ -160,7 +160,8 @@ def test_a_program_alone(
 
 
 def test_each_kind_has_a_row_and_catches_what_it_is_for() -> None:
-    assert set(REQUIREMENT_KINDS) == set(ASKED) == set(CAUGHT_BY)
+    assert set(ASKED) == set(CAUGHT_BY)
+    assert set(REQUIREMENT_KINDS) == {*ASKED, *JUDGED_ELSEWHERE}
     assert {sabotage for caught in CAUGHT_BY.values() for sabotage in caught} == set(SABOTAGES)
     for kind, caught in CAUGHT_BY.items():
         assert ASKED[kind]["name"] in caught.values(), f"{kind} catches nothing by itself"
@@ -177,7 +178,7 @@ def test_each_module_that_asks_for_a_verdict_has_a_row() -> None:
 
 
 def test_each_way_has_a_test() -> None:
-    for ways in JUDGES.values():
+    for ways in (*JUDGES.values(), JUDGED_ELSEWHERE):
         for way, test in ways.items():
             path, _, name = test.rpartition("::")
             source = (REPOSITORY / path if path else Path(__file__)).read_text()

@@ -15,10 +15,10 @@ from ruamel.yaml import YAML
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.applications.scout import agent as scout
 from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.robots.drives import VelocityController
 from prefect_robomaker.tasks.runtime.robots.robot import CONTROL_TIMESTEP_S, Limits, Robot
 

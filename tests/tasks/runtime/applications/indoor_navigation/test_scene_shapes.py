@@ -11,12 +11,12 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
     IndoorNavigation,
     make_environment,
 )
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import read_map
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene_markers import (
     occupancy_grid,
     robot_markers,
     world_markers,
 )
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 from prefect_robomaker.tasks.runtime.recording import messages as ros
 from prefect_robomaker.tasks.runtime.recording.messages import Marker, MarkerType
 

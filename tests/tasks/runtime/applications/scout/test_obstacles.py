@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.applications.scout.obstacles import (
     ObstacleMemory,
     free_ahead,
@@ -11,6 +10,7 @@ from prefect_robomaker.tasks.runtime.applications.scout.obstacles import (
     ray_directions,
 )
 from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.robots.scout import LIDAR
 
 RAYS = ray_directions(LIDAR.angles_rad)

@@ -4,8 +4,8 @@ from helpers.examples import examples
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap
 from prefect_robomaker.tasks.runtime.applications.scout.planner import GridPlanner
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap
 
 RADIUS_M = 0.17
 

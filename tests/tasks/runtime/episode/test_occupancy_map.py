@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import read_map
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 
 YAML = """image: plan.pgm
 mode: trinary

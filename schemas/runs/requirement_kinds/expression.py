@@ -1,0 +1,211 @@
+"""Expressions: a formula of signal temporal logic has to hold of the run."""
+
+import importlib.util
+import math
+from collections.abc import Iterator, Mapping
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, model_validator
+
+from ...extras import how_to_install
+from ...wire.base import ShapeName, optional
+from ...wire.common import text
+from ...wire.json_values import is_mapping
+from ..formulas import FormulaError, bounds_of, in_words, off_grid, read_formula, signals_of
+from ..robustness import Robustness, robustness
+from .kind import DottedName, Look, Numbers, Rule, Scene, Seconds, ThingsRequirement
+from .upright import tilt_deg
+
+SIGNALS: Mapping[str, str] = {
+    "speed": "m/s, mean since the last check",
+    "turn_rate": "deg/s, likewise; around the vertical, positive or negative",
+    "clearance": "m, from the robot's surface to the nearest thing",
+    "tilt": "deg, of its body's z axis off the vertical",
+    "x": "m", "y": "m", "z": "m, of its body",
+    "yaw": "deg, -180 to 180",
+    "time": "s",
+}  # fmt: skip
+"""Signals that every run has, with their units."""
+
+_RATES = ("speed", "turn_rate")
+"""Signals that say how it was since the last look."""
+_MAX_SAMPLES = 100_000
+"""Samples of a run: almost three hours at 0.1 s. Judging them takes some seconds an operator."""
+_MAX_BOUND = 3000
+"""Samples that bounds may span: five minutes at 0.1 s; the time it takes to judge grows with it."""
+_FAR_M = 1e6
+"""Clearance where nothing is near."""
+
+Text = Annotated[str, ShapeName("FormulaText"), text(1, 500)]
+SignalName = Annotated[str, ShapeName("SignalName"), text(1, 64, r"[a-zA-Z_][a-zA-Z0-9_]*")]
+SignalFunctions = Annotated[dict[SignalName, DottedName], ShapeName("SignalFunctions"), Field(max_length=20)]
+
+
+class ExpressionRequirement(ThingsRequirement):
+    """A formula of signal temporal logic has to hold of the run."""
+
+    violated_when = "`formula`, of signal temporal logic, does not hold"
+    more_members = "`signals`: functions of the application by name; `others`, `ignore`: as for `clearance`"
+    margins_compare = False  # the unit is that of the comparison that decides
+
+    kind: Literal["expression"] = Field(description="`expression`.")
+    formula: Text = Field(
+        description="The formula, `always (clearance < 0.5 -> speed < 0.3)`: comparisons of signals and numbers, "
+        "`not`, `and`, `or`, `->`, and `always`, `eventually`, `until`, which may have bounds in seconds from now, "
+        "`eventually[0, 3]`. Signals: " + ", ".join(SIGNALS) + ", and those of `signals`."
+    )
+    signals: SignalFunctions | None = optional(
+        "Further signals by name: dotted paths of functions in the simulation or robot application, "
+        "`(environment, time_s)` gives a number."
+    )
+    period_s: Seconds = Field(
+        default=0.1, description="Simulated seconds from one sample to the next; bounds are multiples of it."
+    )
+
+    @model_validator(mode="after")
+    def _readable(self) -> Self:
+        own = self.signals or {}
+        if taken := sorted(own.keys() & SIGNALS.keys()):
+            raise ValueError(f"signals: {taken[0]} is a signal of every run; call it otherwise")
+        try:
+            formula = read_formula(self.formula, [*SIGNALS, *own])
+        except FormulaError as error:
+            raise ValueError(f"formula: {error}") from None
+        if unused := sorted(own.keys() - set(signals_of(formula))):
+            raise ValueError(f"signals: {unused[0]} is not in the formula; use it there, or leave it out")
+        if odd := off_grid(formula, self.period_s):
+            raise ValueError(
+                f"formula: the bound {odd[0]:g} is no multiple of period_s, {self.period_s:g}; "
+                f"write {round(odd[0] / self.period_s) * self.period_s:g}, or give a period_s that divides it"
+            )
+        for _, last in bounds_of(formula):
+            if last > _MAX_BOUND * self.period_s:
+                raise ValueError(
+                    f"formula: the bound {last:g} is more than {_MAX_BOUND} times period_s, {self.period_s:g}; "
+                    f"give a period_s of {last / _MAX_BOUND:g} or more"
+                )
+        if self.stop:
+            raise ValueError("stop: an expression is judged when the run is over; leave out stop")
+        return self
+
+    @classmethod
+    def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
+        """The packages of the functions."""
+        signals = requirement.get("signals")
+        for attribute in signals.values() if is_mapping(signals) else ():
+            yield str(attribute).partition(".")[0]
+
+
+class ExpressionRule(Rule[ExpressionRequirement]):
+    """Samples of the signals of a formula."""
+
+    def __init__(self, asked: ExpressionRequirement) -> None:
+        super().__init__(asked)
+        self._formula = read_formula(asked.formula, [*SIGNALS, *(asked.signals or {})])
+        self.samples: dict[str, list[float]] = {name: [] for name in dict.fromkeys(signals_of(self._formula))}
+        """Values of the signals, one in each period; where there was no look the last one goes on."""
+        self._last: tuple[float, tuple[float, ...], float] | None = None
+        self._found: Robustness | None = None
+
+    def bind(self, scene: Scene) -> Look:
+        """Reads the signals that the formula uses.
+
+        Raises:
+            RequirementError: There is no such function or body, or rtamt is not installed.
+        """
+        if importlib.util.find_spec("rtamt") is None:
+            raise self.cannot(f"rtamt, which judges formulas, is not installed: {how_to_install('stl')}")
+        environment, names = scene.environment, self.samples.keys()
+        functions = {name: scene.function(self, at) for name, at in (self.asked.signals or {}).items()}
+        position, rotation = scene.position(self), scene.rotation(self)
+        clearance = scene.clearance(self) if "clearance" in names else None
+
+        def look(time_s: float) -> None:
+            here, yaw = tuple(map(float, position)), math.degrees(math.atan2(rotation[3], rotation[0]))
+            speed, turn_rate = self._rates(time_s, here, yaw)
+            values = dict(zip(("x", "y", "z"), here, strict=True)) | {
+                "time": time_s, "yaw": yaw, "tilt": tilt_deg(rotation), "speed": speed, "turn_rate": turn_rate,
+            }  # fmt: skip
+            if clearance is not None:
+                found = clearance(_FAR_M)
+                values["clearance"] = _FAR_M if found is None else found[0]
+            for name, function in functions.items():
+                number = self._asked(name, function, environment, time_s)
+                if number is None:
+                    return
+                values[name] = number
+            self.update(time_s, {name: values[name] for name in names})
+
+        return look
+
+    def _asked(self, name: str, function: Any, environment: Any, time_s: float) -> float | None:
+        attribute = (self.asked.signals or {})[name]
+        try:
+            number = function(environment, time_s)
+            if getattr(number, "shape", None) == ():
+                number = number.item()  # a number of NumPy
+        except (Exception, SystemExit) as error:
+            self.fail(f"{attribute} raised {type(error).__name__}: {error}")
+            return None
+        if isinstance(number, int | float) and math.isfinite(number):
+            return float(number)
+        self.fail(f"{attribute} returned {str(number)[:80]} at {time_s:.2f} s; a number would be right")
+        return None
+
+    def _rates(self, time_s: float, here: tuple[float, ...], yaw: float) -> tuple[float, float]:
+        """Speed in m/s and turn rate in deg/s since the last look."""
+        last, self._last = self._last, (time_s, here, yaw)
+        if last is None or time_s <= last[0]:
+            return 0.0, 0.0
+        passed_s = time_s - last[0]
+        return math.dist(here, last[1]) / passed_s, math.remainder(yaw - last[2], 360.0) / passed_s
+
+    def update(self, time_s: float, values: Mapping[str, float]) -> None:
+        """Takes a sample of all signals."""
+        count = len(next(iter(self.samples.values())))
+        # A look that came late is the sample of the next period; the last of a run may come before its time.
+        number = max(count, math.ceil(time_s / self.asked.period_s - 1e-6))
+        if number >= _MAX_SAMPLES:
+            seconds = f"{_MAX_SAMPLES * self.asked.period_s:g} s"
+            self.fail(f"the run takes more than {_MAX_SAMPLES} periods, {seconds}; give a larger period_s")
+            return
+        for name, samples in self.samples.items():
+            value, is_rate = values[name], name in _RATES
+            if is_rate and count == 1:
+                samples[0] = value  # there is none before the second look
+            samples.extend([value if is_rate or not samples else samples[-1]] * (number - count))
+            samples.append(value)
+
+    def _unjudgeable(self) -> str | None:
+        if self.error is not None:
+            return None
+        count = len(next(iter(self.samples.values())))
+        if count < 2:
+            return "the run ended before a second look at its signals"
+        self._found = found = robustness(self._formula, self.samples, self.asked.period_s)
+        if found.most < 0:
+            violated_at = (count - 1) if found.violated_at is None else found.violated_at
+            self.violate(min(self._end_s, violated_at * self.asked.period_s))
+            return None
+        if found.least <= 0:
+            return (
+                f"the run ended at {self._end_s:.2f} s, before it was decided: the formula looks further ahead; let "
+                "the run take longer, or give its outermost operator bounds that end earlier"
+            )
+        return None
+
+    def remark(self) -> str | None:
+        """Returns a line about conditions that never held."""
+        if self.error is not None or self._found is None or not self._found.idle:
+            return None
+        never = ", ".join(in_words(each) for each in self._found.idle)
+        return f"{self.asked.name}: {never} never held, so what was to follow was not put to the test"
+
+    def _numbers(self) -> Numbers:
+        if self._found is None:
+            return Numbers()
+        return Numbers(self._found.least if self._found.least > 0 else self._found.most, 0.0, None, at_least=True)
+
+    def _detail(self) -> str:
+        said = "holds" if self.violated_s is None else "does not hold"
+        return f"{self.asked.formula} {said}, robustness {self._numbers().value or 0:.3g}{self._until()}"

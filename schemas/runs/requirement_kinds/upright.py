@@ -1,0 +1,69 @@
+"""Tilt: the robot has to stay upright."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ...wire.base import ShapeName
+from .kind import Look, Numbers, RobotRequirement, Rule, Scene, Seconds
+
+Tilt = Annotated[float, ShapeName("Tilt"), Field(gt=0, le=179, allow_inf_nan=False)]
+
+
+def tilt_deg(rotation: Sequence[float]) -> float:
+    """Returns the angle in degrees between a body's z axis and the vertical.
+
+    Args:
+        rotation: Rotation matrix of the body, row by row, 9 numbers.
+    """
+    sideways, up = math.hypot(rotation[2], rotation[5]), rotation[8]
+    return math.degrees(math.atan2(sideways, up))  # the arc cosine alone is inexact near 0
+
+
+class UprightRequirement(RobotRequirement):
+    """The robot has to stay upright."""
+
+    violated_when = "its body's z axis is more than `max_tilt_deg` off the vertical"
+
+    kind: Literal["upright"] = Field(description="`upright`.")
+    max_tilt_deg: Tilt = Field(
+        description="Largest angle between the z axis of the robot's body and the vertical, in degrees."
+    )
+    period_s: Seconds = Field(default=0.1, description="Simulated seconds from one check to the next.")
+
+
+class UprightRule(Rule[UprightRequirement]):
+    """Largest tilt of the robot's body."""
+
+    largest_deg: float | None = None
+    """The largest tilt so far; None: it was not measured."""
+
+    def bind(self, scene: Scene) -> Look:
+        """Measures the tilt; a body that nothing lets tilt is an error."""
+        rotation = scene.rotation(self)
+        if not scene.can_tilt(self):
+            self.fail("no joint lets the robot's body tilt, so it could not be missed")
+        return lambda time_s: self.update(time_s, tilt_deg(rotation))
+
+    def update(self, time_s: float, tilt: float) -> None:
+        """Takes note of a tilt in degrees."""
+        self.largest_deg = tilt if self.largest_deg is None else max(self.largest_deg, tilt)
+        if tilt > self.asked.max_tilt_deg:
+            self.violate(time_s)
+
+    def add_metrics(self, metrics: dict[str, float]) -> None:
+        """Adds the largest tilt."""
+        if self.largest_deg is not None:
+            metrics["max_tilt_deg"] = max(metrics.get("max_tilt_deg", 0.0), round(self.largest_deg, 6))
+
+    def _unjudgeable(self) -> str | None:
+        return "the robot's tilt was never measured" if self.largest_deg is None else None
+
+    def _numbers(self) -> Numbers:
+        return Numbers(self.largest_deg, self.asked.max_tilt_deg, "deg")
+
+    def _detail(self) -> str:
+        allowed = f"{self.asked.max_tilt_deg:g} deg allowed"
+        return f"tilted by {self.largest_deg or 0:.1f} deg at most, {allowed}{self._until()}"
