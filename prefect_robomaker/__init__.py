@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from .tasks.inspection.pipeline_parts import RunInterrupted as RunInterrupted
     from .tasks.operations.registry import call as call
     from .tasks.service.service import Service as Service
+    from .tasks.worlds.training import robot_env as robot_env
 
     __version__: str
 
@@ -49,6 +50,7 @@ __all__ = [
     "__version__",
     "call",
     "load_spec",
+    "robot_env",
     "run_spec",
 ]
 __all__ += operation_flows.__all__
@@ -63,6 +65,7 @@ _MODULES = {
     "StorageError": "schemas.wire.errors",
     "call": "tasks.operations.registry",
     "load_spec": "schemas.specs.check",
+    "robot_env": "tasks.worlds.training",
     "run_spec": "flows.pipelines",
     **dict.fromkeys(_ERRORS.split(), "schemas.wire.errors"),
     **dict.fromkeys(operation_flows.__all__, "flows.operations"),

@@ -32,6 +32,7 @@ NAMES = {
     "__version__",
     "call",
     "load_spec",
+    "robot_env",
     "run_spec",
 }
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from ..runs.plan import VideoPolicy
+from ..runs.policies import Policy, check_policy
 from ..runs.recording_sources import check_sources
 from ..runs.requirements import JobRequirements, check_requirements
 from ..runs.ros import check_ros
@@ -126,6 +127,10 @@ class SimulationJobRequestMembers(Shape):
     trials: Trials | None = optional(
         "Extension: episodes that are run one after the other, each with a seed of its own."
     )
+    policy: Policy | None = optional(
+        "Extension: what drives the robot: a Python callable, `package.module:function`, or an ONNX file; of the robot "
+        "application, if there is one."
+    )
 
     @model_validator(mode="after")
     def _members_agree(self, info: ValidationInfo) -> Self:
@@ -141,6 +146,7 @@ class SimulationJobRequestMembers(Shape):
         check_trials(self)
         check_ros(self)
         check_sources(self)
+        check_policy(self)
         return self
 
 

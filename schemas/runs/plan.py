@@ -52,6 +52,9 @@ class ApplicationPlan(Model):
     package: str | None = optional(
         "Installed package that a program is of; absent: it is a bundle, an image or no program."
     )
+    policy: str | None = optional(
+        "Policy that the factory `attribute` makes the agent of, of this application's files; absent: it has none."
+    )
     environment_variables: dict[str, str] = Field(
         default={},
         description="The launch configuration's variables; of a container those that set how a run goes.",

@@ -131,7 +131,15 @@ def _trials_of(job: JobRecord, places: Mapping[str, StoredPlace], service: Servi
 
 
 _APPLICATIONS = ("robotApplications", "simulationApplications")
-_DECISIVE = (*_APPLICATIONS, "maxJobDurationInSeconds", "failureBehavior", "dataSources", "compute", "requirements")
+_DECISIVE = (
+    *_APPLICATIONS,
+    "maxJobDurationInSeconds",
+    "failureBehavior",
+    "dataSources",
+    "compute",
+    "requirements",
+    "policy",
+)
 """Members of a request that its result depends on, besides the seed."""
 
 

@@ -12,6 +12,7 @@ from ...schemas.documents.simulation_jobs import MadeOf, ReusedFrom, SimulationJ
 from ...schemas.operations.registry import seed_of, video_of
 from ...schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ...schemas.runs.plan import ApplicationRole, RunResult
+from ...schemas.runs.policies import policy_in
 from ...schemas.runs.provenance import PROVENANCE_FILE, Provenance
 from ...schemas.runs.requirements import requirements_of
 from ...schemas.runs.trials import trials_of
@@ -23,6 +24,7 @@ from .inputs.bundles import check_rooms
 from .inputs.data_sources import resolve_data_sources
 from .outputs.bounds import lacks_outputs
 from .outputs.output_places import check_output_location
+from .planning.application_plans import image_of
 from .planning.job_contents import CurrentApplications, changed_import, contents_of_request
 from .planning.run_plans import world_arn
 
@@ -271,9 +273,16 @@ def _store(
 def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[str]:
     """Names of the applications of a role, all of which can be started."""
     names = []
+    follows_policy = role == "robot" and policy_in(request) is not None  # which says what of the archive is used
     for index, config in enumerate(request.get(f"{role}Applications") or []):
         application = current.find(config["application"], role, config.get("applicationVersion"))
-        _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
+        if follows_policy and image_of(application) is not None:
+            raise InvalidParameterException(
+                f"{role}Applications[{index}].application: {application.name} is a container image, whose files no "
+                "policy is read from; give an application with an archive, an installed package, or a data source"
+            )
+        if not follows_policy:
+            _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
         names.append(application.name)
     return names
 

@@ -41,6 +41,10 @@ TRIALS = (
     "Extension: many episodes in one job, each with a seed of its own; the launch variable `ROBOMAKER_TRIALS` says the "
     "same as JSON. See [Trials](trials.md)."
 )
+POLICY = (
+    "Extension: a Python callable or an ONNX file that drives the robot; the launch variable `ROBOMAKER_POLICY` says the "
+    "same. See [Bring your policy](policies.md)."
+)
 PRIORITY = (
     "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "
     "See [A machine that is shared](machines.md#a-machine-that-is-shared)."
@@ -157,6 +161,8 @@ DIFFERENCES: tuple[Difference, ...] = (
     *(Difference(f"{shape}.trials", "Trials", None, TRIALS) for shape in _VIDEO_SHAPES),
     *(Difference(shape, kind, None, TRIALS) for shape, kind in _TRIAL_SHAPES.items()),
     *(Difference(member, shape, None, ROLLOUTS) for member, shape in {**_ROLLOUT_MEMBERS, **_ROLLOUT_SHAPES}.items()),
+    *(Difference(f"{shape}.policy", "Policy", None, POLICY) for shape in _VIDEO_SHAPES),
+    Difference("Policy", "string", None, POLICY),
     Difference("BatchPolicy.priority", "BatchPriority", None, PRIORITY),
     Difference("BatchPriority", "integer", None, PRIORITY),
     Difference("DeploymentConfig.requiresBatch", "Arn", None, REQUIRES_BATCH),

@@ -263,7 +263,8 @@ def factory_of(application: ApplicationPlan) -> Callable[..., Any]:
         LoadError: It cannot be imported.
     """
     assert application.attribute is not None, "programs are not imported"
-    return load_factory(application.attribute, application.path)
+    # The factory of a policy is built in; what it loads is the application's.
+    return load_factory(application.attribute, None if application.policy is not None else application.path)
 
 
 def read_world(world_dir: Path | None) -> World | None:

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ....schemas.runs.plan import ApplicationPlan
+from ....schemas.runs.policies import parse_policy
 from ....schemas.wire.errors import LaunchError
 from .robot import Robot
 from .robot_yaml.assembly import make_robot
@@ -161,6 +162,8 @@ def _short_name(text: str) -> str:
 def _package_of(application: ApplicationPlan) -> _Package | None:
     """Finds an application's files without importing them: a failed import could not be attributed yet."""
     module = application.package or (application.attribute or "").rpartition(".")[0]
+    if application.policy is not None:  # the attribute is that of a built-in factory
+        module = parse_policy(application.policy).package
     parts = module.split(".") if module else []
     if application.path is not None:
         return _Package([*_inwards(application.path, parts)[::-1], application.path], application.path)

@@ -33,6 +33,8 @@ DEFAULT_VARIABLES = {
     # The order of sets of strings is part of what a seed has to repeat.
     "PYTHONHASHSEED": "0",
     "MUJOCO_GL": "disable",
+    # The wheels of onnxruntime send what they are used for to their makers, and keep a number of the machine.
+    "ORT_DISABLE_TELEMETRY": "1",
 }
 _INHERITED_VARIABLES = frozenset(
     {

@@ -10,6 +10,7 @@ from typing import Any
 
 from ....schemas.documents.applications import ApplicationDocument, StoredSource
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole
+from ....schemas.runs.policies import POLICY_FACTORY, parse_policy, policy_in
 from ....schemas.runs.programs import PortPlan, ProgramPlan
 from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
@@ -148,6 +149,8 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
     for role, config in application_configs(request):
         has_master = any(_is_ros_1(launch) for _, launch in launches.values())
         launches[role] = _plan(role, config, run_environment, planned, has_master)
+    if (policy := policy_in(request)) is not None:
+        launches["robot"] = _follow_policy(policy, planned)
     check_pair(launches.get("simulation"), launches.get("robot"))
     simulation = launches.get("simulation")
     if simulation is None or isinstance(simulation[1], Program):
@@ -164,6 +167,36 @@ def plan_applications(request: Mapping[str, Any], run_environment: RunEnvironmen
             for program in planned.programs
         ]
     return planned
+
+
+def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
+    """Makes the robot application the one that follows a policy, of its own files if there is one.
+
+    Raises:
+        LaunchError: it is a container, whose files are not read here.
+    """
+    robot = planned.plans.get("robot")
+    if robot is not None and robot.attribute is None:
+        raise LaunchError(
+            f"policy {policy}: robot application {robot.name} is a container, whose files are not read here; give an "
+            "application with an archive, an installed package, or the path of a data source",
+            "RobotApplicationCrash",
+        )
+    module = parse_policy(policy).module
+    if robot is not None and robot.path is None and module is not None:
+        # An installed package is named by its application, as `launchFile` is: its modules may be named without it.
+        package = (robot.attribute or "").rpartition(".")[0]
+        if module != package and not module.startswith(f"{package}."):
+            policy = f"{package}.{policy}"
+    planned.plans["robot"] = ApplicationPlan(
+        role="robot",
+        name=robot.name if robot is not None else policy,
+        attribute=POLICY_FACTORY,
+        path=robot.path if robot is not None else None,
+        policy=policy,
+        environment_variables=robot.environment_variables if robot is not None else {},
+    )
+    return planned.plans["robot"].name, Factory(POLICY_FACTORY)
 
 
 def with_ros1_bridge(planned: Applications, run_environment: RunEnvironment) -> list[ProgramPlan]:

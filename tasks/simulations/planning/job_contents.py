@@ -19,6 +19,7 @@ from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.documents.simulation_jobs import ARCHIVE, MadeOf
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.runs.plan import ApplicationPlan, ApplicationRole, RunPlan
+from ....schemas.runs.policies import parse_policy, policy_in
 from ....schemas.runs.provenance import Provenance
 from ....schemas.runs.requirements import REQUIREMENT_KINDS, REQUIREMENTS_VARIABLE
 from ....schemas.wire.errors import ResourceNotFoundException
@@ -35,6 +36,7 @@ _ROLES: tuple[ApplicationRole, ...] = ("robot", "simulation")
 _DISTRIBUTIONS = ("mujoco", "dm-control", "numpy", "scipy")
 _OWN = "prefect-robomaker"
 _MODELS = "mujoco-menagerie"
+_ONNX_RUNTIME = "onnxruntime"
 _ROBOT_VARIABLE, _MENAGERIE, _MENAGERIE_ROOT = "ROBOMAKER_ROBOT", "menagerie:", "MENAGERIE_ROOT"
 _BUILT_IN = "built in"
 _SHOWN = 6
@@ -116,6 +118,8 @@ def contents_of_request(
         contents[role] = current.content(found)
         program = program or _program_of(role, config, found)
     robot, simulation = contents.get("robot"), contents.get("simulation")
+    if robot is None and (policy := policy_in(request)) is not None:
+        robot = _content_of_policy(policy)
     return _made_of(_world(request, service), robot, simulation, _requirements_in(request), program, request)
 
 
@@ -131,7 +135,7 @@ def _made_of(
         world=world,
         robot=robot,
         simulation=simulation,
-        versions={**software_versions(), **_judging_packages(requirements)},
+        versions={**software_versions(), **_judging_packages(requirements), **_network_versions(request)},
         once_only=program or _unknown(robot, simulation) or _foreign_files(request, robot),
     )
 
@@ -152,6 +156,7 @@ def imported_packages(requests: Iterable[Mapping[str, Any]], current: CurrentApp
     for request in requests:
         judging = _judging_packages(_requirements_in(request))
         packages |= {name.removeprefix("package "): content for name, content in judging.items()}
+        packages |= _package_of_policy(request)
         for role, config in application_configs(request):
             used.add((config["application"], role, config.get("applicationVersion")))
     for reference, role, version in used:
@@ -224,8 +229,36 @@ def _content_of_plan(application: ApplicationPlan | None) -> str | None:
         return None
     if application.path is not None:
         return f"{ARCHIVE}{application.path.name}"
+    if application.policy is not None:
+        return _content_of_policy(application.policy)
     name = application.attribute or application.package
     return package_content(name) if name else "image"
+
+
+def _content_of_policy(policy: str) -> str:
+    """Content of a policy that no archive has: its installed package; files of data sources are compared with these."""
+    module = parse_policy(policy).module
+    return _BUILT_IN if module is None else package_content(module)
+
+
+def _package_of_policy(request: Mapping[str, Any]) -> dict[str, str]:
+    """The installed package that a request's policy is of, by name, with what it is here; of an application's, none."""
+    policy = policy_in(request)
+    module = None if policy is None or request.get("robotApplications") else parse_policy(policy).module
+    if module is None or (content := package_content(module)) == _BUILT_IN:
+        return {}
+    return {module.partition(".")[0]: content}
+
+
+def _network_versions(request: Mapping[str, Any]) -> dict[str, str]:
+    """The version of what computes a policy's network, whose last bits may depend on it."""
+    policy = policy_in(request)
+    if policy is None or not parse_policy(policy).is_onnx:
+        return {}
+    try:
+        return {_ONNX_RUNTIME: metadata.version(_ONNX_RUNTIME)}
+    except metadata.PackageNotFoundError:  # which the run finds out, and says
+        return {_ONNX_RUNTIME: ""}
 
 
 def package_content(name: str) -> str:

@@ -1,0 +1,170 @@
+"""The policy of a job: a Python callable or an ONNX file that maps observations to actions."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import PurePosixPath
+from typing import Annotated, Any, Protocol
+
+from pydantic import AfterValidator
+
+from ..wire.base import ShapeName
+from ..wire.common import text
+from ..wire.job_configs import JobRequest, is_program, launches
+from .trials import Trials
+
+POLICY_VARIABLE = "ROBOMAKER_POLICY"
+"""A launch variable with the same text as the member `policy`, for clients that do not know the member."""
+
+POLICY_FACTORY = "prefect_robomaker.tasks.runtime.policies.agent.make_agent"
+"""Dotted path of the factory of agents that follow a policy."""
+
+_MODULE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")
+_ONNX, _PYTHON = ".onnx", ".py"
+_RIGHT = "package.module:function, file.py:function or a file such as policies/walk.onnx"
+_STARTS = ("command", "launchFile", "packageName")
+"""Members of a launch configuration that start something else than a policy."""
+
+
+@dataclass(frozen=True)
+class PolicyReference:
+    """A policy by its text."""
+
+    text: str
+    file: str | None
+    """ONNX or Python file: relative to the robot application, or an absolute path of the job; None: a module."""
+
+    module: str | None
+    """Dotted module of a callable; None: it is in a file."""
+
+    attribute: str | None
+    """Dotted name of the callable in the module or Python file; None: it is an ONNX file."""
+
+    @property
+    def is_onnx(self) -> bool:
+        """Whether it is an ONNX file."""
+        return self.attribute is None
+
+    @property
+    def package(self) -> str:
+        """Dotted package that holds it, as far as its name says so; the robot's `robot.yaml` is looked for there."""
+        if self.module is not None:
+            return self.module
+        folder = PurePosixPath(self.file or "").parent
+        return "" if folder.is_absolute() else ".".join(part for part in folder.parts if part != ".")
+
+
+def parse_policy(policy: str) -> PolicyReference:
+    """Reads a policy's text.
+
+    Raises:
+        ValueError: it is none; the text says what would be right.
+    """
+    place, colon, attribute = policy.rpartition(":")
+    if colon and _MODULE.fullmatch(attribute):
+        if place.endswith(_PYTHON):
+            return PolicyReference(policy, _checked_path(policy, place), None, attribute)
+        if _MODULE.fullmatch(place):
+            return PolicyReference(policy, None, place, attribute)
+    elif policy.endswith(_ONNX):
+        return PolicyReference(policy, _checked_path(policy, policy), None, None)
+    raise ValueError(f"{policy!r} is no policy; {_RIGHT} would be right")
+
+
+def _checked_path(policy: str, path: str) -> str:
+    if ".." in PurePosixPath(path).parts or "\0" in path or "://" in path:
+        raise ValueError(
+            f"{policy!r} is no policy: give a path in the robot application, or that of a data source, such as "
+            "/opt/robomaker/datasources/policies/walk.onnx"
+        )
+    return path
+
+
+def _is_policy(policy: str) -> str:
+    parse_policy(policy)
+    return policy
+
+
+Policy = Annotated[str, ShapeName("Policy"), text(1, 1024), AfterValidator(_is_policy)]
+
+
+class PolicyRequest(JobRequest, Protocol):
+    """A request for a job that may name a policy."""
+
+    @property
+    def policy(self) -> str | None:
+        """The policy."""
+        ...
+
+    @property
+    def trials(self) -> Trials | None:
+        """The trials."""
+        ...
+
+
+def policy_in(request: Mapping[str, Any]) -> str | None:
+    """The policy that a checked request on the wire names, by its member or by a launch variable."""
+    if (policy := request.get("policy")) is not None:
+        return policy
+    configs: list[Mapping[str, Any]] = [
+        config for member in ("simulationApplications", "robotApplications") for config in request.get(member) or ()
+    ]
+    variables: list[Mapping[str, str]] = [each["launchConfig"].get("environmentVariables") or {} for each in configs]
+    return next((each[POLICY_VARIABLE] for each in variables if POLICY_VARIABLE in each), None)
+
+
+def check_policy(request: PolicyRequest) -> None:
+    """Finds out whether a request's policy is one, given once, and the only thing that shall drive the robot.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if request.trials is not None and POLICY_VARIABLE in (request.trials.parameters or {}):
+        raise ValueError(f"trials.parameters.{POLICY_VARIABLE}: a job has one policy; order a job for each of them")
+    where, policy = _given(request)
+    if policy is None:
+        return
+    try:
+        reference = parse_policy(policy)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+    _check_nothing_else(request, where)
+    if reference.file is not None and not reference.file.startswith("/") and not request.robotApplications:
+        raise ValueError(
+            f"{where}: {reference.file} is a file of the robot application, and the job has none; name the application "
+            "whose archive has it, or give the path of a data source, such as "
+            f"/opt/robomaker/datasources/policies/{PurePosixPath(reference.file).name}"
+        )
+
+
+def _given(request: PolicyRequest) -> tuple[str, str | None]:
+    """Finds a request's policy, and where it is given."""
+    given = {"policy": request.policy} if request.policy is not None else {}
+    for place, launch in launches(request):
+        if (found := (launch.environmentVariables or {}).get(POLICY_VARIABLE)) is not None:
+            given[f"{place}.environmentVariables.{POLICY_VARIABLE}"] = found
+    if not given:
+        return "policy", None
+    (where, policy), *others = given.items()
+    for place, again in others:
+        if again != policy:
+            raise ValueError(f"{where} and {place} differ; leave one of them out")
+    return where, policy
+
+
+def _check_nothing_else(request: PolicyRequest, where: str) -> None:
+    """Refuses launch configurations with which a policy would be left out, or have nothing to step."""
+    for index, config in enumerate(request.robotApplications or ()):
+        member = next((member for member in _STARTS if getattr(config.launchConfig, member)), None)
+        if member is not None:
+            raise ValueError(
+                f"{where} and robotApplications[{index}].launchConfig.{member} both say what drives the robot; leave "
+                "one of them out"
+            )
+    for index, config in enumerate(request.simulationApplications or ()):
+        member = "command" if config.launchConfig.command else "launchFile"
+        if is_program(config.launchConfig):
+            raise ValueError(
+                f"{where}: a policy steps an environment, and simulationApplications[{index}].launchConfig.{member} "
+                "starts a program, which makes none"
+            )

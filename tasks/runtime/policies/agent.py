@@ -1,0 +1,131 @@
+"""The agent that follows a policy: a Python callable or an ONNX file."""
+
+import importlib.util
+import inspect
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import dm_env
+import numpy as np
+
+from ....schemas.runs.policies import PolicyReference, parse_policy
+from ..episode.context import SimulationContext
+from ..episode.loading import LoadError, add_to_import_path, load_factory
+from .arrays import NotFiniteError, Observed, ObservedArrays, checked_action, single_action
+from .onnx_file import OnnxPolicy
+
+_STATE = ("state", "restore")
+
+Policy = Callable[[Observed], Any]
+
+
+def make_agent(context: SimulationContext, environment: dm_env.Environment) -> "PolicyAgent":
+    """Makes the agent that follows the policy of the job.
+
+    Raises:
+        LoadError: It cannot be found, read or fed; the text says why.
+    """
+    application = context.plan.robot_application
+    assert application is not None, "the plan names the policy in its robot application"
+    assert application.policy is not None, "the plan names the policy in its robot application"
+    return PolicyAgent(application.policy, application.path, context.plan.root_dir, environment)
+
+
+class PolicyAgent:
+    """An agent that calls a policy with the arrays of each observation.
+
+    Args:
+        policy: The policy's text, as in a specification.
+        folder: The robot application's files; None: it has none.
+        root: Folder that is `/` for the job, for absolute paths; None: that of this machine.
+        environment: The environment, whose specs say what it observes and takes.
+
+    Raises:
+        LoadError: The policy cannot be found, read or fed.
+    """
+
+    def __init__(self, policy: str, folder: Path | None, root: Path | None, environment: dm_env.Environment) -> None:
+        self._name = policy
+        self._arrays = ObservedArrays(environment.observation_spec())
+        self._action = single_action(environment.action_spec(), policy)
+        reference = parse_policy(policy)
+        if reference.is_onnx:
+            self._policy: Policy = OnnxPolicy(_file(reference, folder, root), policy, self._arrays, self._action)
+        else:
+            self._policy = _callable(reference, folder, root)
+        if all(callable(getattr(self._policy, name, None)) for name in _STATE):
+            # Only then: a run is continued from its checkpoints if its agent says what it remembers.
+            self.state, self.restore = (getattr(self._policy, name) for name in _STATE)
+
+    def __call__(self, timestep: dm_env.TimeStep) -> Any:
+        """Returns the action of a time step.
+
+        Raises:
+            RobotProgramError: The policy gave something else.
+        """
+        observed = self._arrays.read(timestep.observation)
+        try:
+            return checked_action(self._policy(observed), self._action, f"policy {self._name}")
+        except NotFiniteError as error:
+            given = [name for name, array in observed.items() if not np.isfinite(array).all()]
+            if not given:
+                raise
+            # A lidar's ray that meets nothing is infinitely long, which networks make NaN of.
+            raise NotFiniteError(
+                f"{error}; nor is what it observed of {', '.join(given)}, which it has to limit"
+            ) from None
+
+
+def _callable(reference: PolicyReference, folder: Path | None, root: Path | None) -> Policy:
+    """The callable that a policy names; a class is called first, and its instance is the policy."""
+    assert reference.attribute is not None
+    try:
+        if reference.module is not None:
+            found = load_factory(f"{reference.module}.{reference.attribute}", folder)
+        else:
+            found = _attribute_of_file(_file(reference, folder, root), reference.attribute, folder)
+    except LoadError as error:
+        raise LoadError(f"policy {reference.text}: {error}") from error.__cause__
+    policy = found() if inspect.isclass(found) else found
+    if not callable(policy):
+        raise LoadError(f"policy {reference.text}: an instance of it cannot be called; give its class a __call__")
+    return policy
+
+
+def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Callable[..., Any]:
+    if folder is not None:
+        add_to_import_path(folder)  # so that it may import what is beside it
+    name = f"robomaker_policy_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        raise LoadError(f"running {path.name} failed: {type(error).__name__}: {error}") from error
+    return load_factory(f"{name}.{attribute}")
+
+
+def _file(reference: PolicyReference, folder: Path | None, root: Path | None) -> Path:
+    """The file of a policy.
+
+    Raises:
+        LoadError: There is none.
+    """
+    assert reference.file is not None
+    is_absolute = reference.file.startswith("/")
+    top = (root or Path("/")) if is_absolute else folder
+    if top is None:
+        raise LoadError(f"policy {reference.text}: there is no robot application that could have this file")
+    path = top / reference.file.lstrip("/")
+    # Names such as a link to `/etc` would lead out of it.
+    if path.is_file() and path.resolve().is_relative_to(top.resolve()):
+        return path
+    there = sorted(each.relative_to(top).as_posix() for each in top.rglob(f"*{path.suffix}")) if not is_absolute else []
+    listed = f"; the robot application has {', '.join(there[:8])}" if there else ""
+    where = "the job's data sources have" if is_absolute else "the robot application has"
+    raise LoadError(f"policy {reference.text}: {where} no file {reference.file}{listed}")

@@ -1,0 +1,130 @@
+"""Named arrays of an observation, as policies and `gymnasium` environments have them, and checked actions.
+
+Names of nested observations are joined by `/`. Truth values are numbers, 0 and 1 of type `int8`, as spaces of
+`gymnasium` have them, and names are in alphabetical order, as in its `Dict` spaces: one vector of all numbers is what
+`gymnasium.wrappers.FlattenObservation` makes.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from dm_env import specs
+from numpy.typing import NDArray
+
+from ..episode.context import RobotProgramError
+from ..episode.loading import LoadError
+
+ALONE = "observation"
+"""Name of an observation that is one array."""
+
+_KINDS = "biuf"
+"""Kinds of numpy types that are numbers or truth values."""
+
+_SHOWN = 80
+
+Observed = dict[str, NDArray[Any]]
+
+
+class NotFiniteError(RobotProgramError):
+    """An action has numbers that are infinite or none."""
+
+
+class ObservedArrays:
+    """The arrays of an environment's observation.
+
+    Args:
+        spec: The environment's observation spec.
+    """
+
+    def __init__(self, spec: Any) -> None:
+        found = dict(_leaves(spec))
+        self.specs: dict[str, specs.Array] = {name: found[name] for name in sorted(found) if _is_numeric(found[name])}
+        """Specs by name, in alphabetical order."""
+        self.left_out = sorted(set(found) - set(self.specs))
+        """Names of what is no array of numbers, such as text."""
+        self.size = sum(math.prod(each.shape) for each in self.specs.values())
+        """Numbers in all arrays together."""
+
+    def read(self, observation: Any) -> Observed:
+        """Copies an observation's arrays, by name."""
+        values = dict(_leaves(observation))
+        return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
+
+    def vector(self, observed: Observed) -> NDArray[Any]:
+        """All numbers of an observation in one row."""
+        rows = [observed[name].reshape(-1) for name in self.specs]
+        return np.concatenate(rows) if rows else np.zeros(0)
+
+    def __str__(self) -> str:
+        """Names and numbers of arrays in words: `pose 3, scan 360`."""
+        return ", ".join(f"{name} {math.prod(each.shape)}" for name, each in self.specs.items()) or "nothing"
+
+
+def number_type(spec: specs.Array) -> "np.dtype[Any]":
+    """The type of an array's numbers; that of truth values is `int8`."""
+    return np.dtype(np.int8) if spec.dtype == np.bool_ else np.dtype(spec.dtype)
+
+
+def _as_numbers(value: Any, spec: specs.Array) -> NDArray[Any]:
+    return np.array(value, dtype=number_type(spec)).reshape(spec.shape)
+
+
+def _leaves(value: Any, name: str = "") -> list[tuple[str, Any]]:
+    if not isinstance(value, Mapping):
+        return [(name or ALONE, value)]
+    inside = ((f"{name}/{key}" if name else str(key), item) for key, item in value.items())
+    return [leaf for key, item in inside for leaf in _leaves(item, key)]
+
+
+def _is_numeric(spec: Any) -> bool:
+    dtype = getattr(spec, "dtype", None)
+    return dtype is not None and np.dtype(dtype).kind in _KINDS and hasattr(spec, "shape")
+
+
+def single_action(spec: Any, policy: str) -> specs.Array:
+    """The action spec of an environment whose actions are one array.
+
+    Raises:
+        LoadError: They are something else.
+    """
+    if isinstance(spec, specs.Array) and _is_numeric(spec):
+        return spec
+    raise LoadError(f"policy {policy}: the environment's action is not one array of numbers, and that is what it gives")
+
+
+def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
+    """Reads an action.
+
+    Args:
+        action: The action.
+        spec: Its spec.
+        giver: Who gave it, for messages, such as `policy walk.onnx`.
+
+    Raises:
+        RobotProgramError: It is no action of this environment, or not finite.
+    """
+    wanted = math.prod(spec.shape)
+    try:
+        found = np.asarray(action)
+    except ValueError:  # lists of lists of different lengths
+        found = np.asarray(None)
+    if found.dtype.kind not in _KINDS or found.size != wanted:
+        raise RobotProgramError(
+            f"{giver} gave {_shown(action)}; an action has {wanted} {'number' if wanted == 1 else 'numbers'}"
+            f"{_named(spec)}"
+        )
+    if not np.isfinite(found).all():
+        raise NotFiniteError(f"{giver} gave {_shown(action)}, which is not finite")
+    if np.dtype(spec.dtype).kind in "iu" and found.dtype.kind == "f":
+        raise RobotProgramError(f"{giver} gave {_shown(action)}; an action has whole numbers{_named(spec)}")
+    return found.astype(spec.dtype).reshape(spec.shape)
+
+
+def _named(spec: specs.Array) -> str:
+    return f": {spec.name}" if spec.name else ""
+
+
+def _shown(action: Any) -> str:
+    return " ".join(repr(action).split())[:_SHOWN]

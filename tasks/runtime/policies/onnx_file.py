@@ -1,0 +1,180 @@
+"""Policies in ONNX files, run by onnxruntime on one thread, so that a run repeats to the bit."""
+
+import math
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from dm_env import specs
+from numpy.typing import NDArray
+
+from ..episode.context import RobotProgramError
+from ..episode.loading import LoadError
+from .arrays import Observed, ObservedArrays
+
+_ACTION_NAMES = ("action", "actions")
+_TYPES: Mapping[str, type] = {
+    "tensor(float16)": np.float16,
+    "tensor(float)": np.float32,
+    "tensor(double)": np.float64,
+    "tensor(int8)": np.int8,
+    "tensor(int32)": np.int32,
+    "tensor(int64)": np.int64,
+    "tensor(uint8)": np.uint8,
+    "tensor(bool)": np.bool_,
+}
+"""Types of numpy by those of onnxruntime."""
+
+_MAX_WORDS = 200
+
+
+@dataclass(frozen=True)
+class _Input:
+    """An input of the network, and what is fed into it."""
+
+    name: str
+    dtype: type
+    shape: tuple[int, ...]
+    """The shape that is fed, with a batch of one where the network has batches."""
+    read: Callable[[Observed], NDArray[Any]]
+
+
+class OnnxPolicy:
+    """A network: a function of an observation's arrays.
+
+    An input that has the name of an array gets that array; a network whose one input has another name gets all numbers
+    in a row. The action is the output `action`, or the only one.
+
+    Args:
+        path: The file.
+        policy: The policy's text, for messages.
+        arrays: The observation's arrays.
+        action: The action's spec.
+
+    Raises:
+        LoadError: onnxruntime is missing, the file is no network, or it does not fit the environment.
+    """
+
+    def __init__(self, path: Path, policy: str, arrays: ObservedArrays, action: specs.Array) -> None:
+        self._policy = policy
+        self._session = _session(path, policy)
+        self._inputs = [self._input(each, arrays) for each in self._session.get_inputs()]
+        self._output = self._action_output(action)
+
+    def __call__(self, observed: Observed) -> NDArray[Any]:
+        """Returns the action."""
+        feed = {
+            each.name: np.ascontiguousarray(each.read(observed).reshape(each.shape).astype(each.dtype))
+            for each in self._inputs
+        }
+        try:
+            return np.asarray(self._session.run([self._output], feed)[0])
+        except Exception as error:  # onnxruntime's exceptions have no common class but this
+            raise RobotProgramError(f"policy {self._policy} cannot be computed: {_words(error)}") from None
+
+    def state(self) -> dict[str, Any]:
+        """Returns nothing: a network remembers nothing between two steps, so that a killed run can go on."""
+        return {}
+
+    def restore(self, state: dict[str, Any]) -> None:
+        """Has nothing to put back."""
+
+    def _input(self, found: Any, arrays: ObservedArrays) -> _Input:
+        dtype = _TYPES.get(found.type)
+        if dtype is None:
+            raise self._unfit(f"its input {found.name!r} is {found.type}; {', '.join(_TYPES)} can be fed")
+        spec = arrays.specs.get(found.name)
+        if spec is not None:
+            kinds = "f" if np.dtype(spec.dtype).kind == "f" else "biuf"
+            if np.dtype(dtype).kind not in kinds:
+                raise self._unfit(f"its input {found.name!r} is {found.type}, and the observation has {spec.dtype}")
+            shape = _fed_shape(found.shape, tuple(spec.shape))
+            if shape is None:
+                raise self._unfit(
+                    f"its input {found.name!r} has shape {_shape(found.shape)}, and the observation has "
+                    f"{list(spec.shape)}"
+                )
+            return _Input(found.name, dtype, shape, lambda observed: observed[found.name])
+        if len(self._session.get_inputs()) > 1:
+            names = ", ".join(repr(each.name) for each in self._session.get_inputs())
+            raise self._unfit(f"its inputs are {names}, and {found.name!r} is none of the observation's: {arrays}")
+        if np.dtype(dtype).kind != "f":
+            raise self._unfit(f"its input {found.name!r} is {found.type}; all numbers in a row need tensor(float)")
+        shape = _fed_shape(found.shape, (arrays.size,))
+        if shape is None:
+            raise self._unfit(
+                f"its input {found.name!r} has shape {_shape(found.shape)}, and the observation has {arrays.size} "
+                f"numbers: {arrays}"
+            )
+        return _Input(found.name, dtype, shape, arrays.vector)
+
+    def _action_output(self, action: specs.Array) -> str:
+        outputs = self._session.get_outputs()
+        named = [each for each in outputs if each.name in _ACTION_NAMES] or outputs
+        if len(named) != 1:
+            names = ", ".join(repr(each.name) for each in outputs)
+            raise self._unfit(f"its outputs are {names}; name the one that is the action 'action'")
+        (output,) = named
+        kind = np.dtype(_TYPES[output.type]).kind if output.type in _TYPES else "?"
+        if kind not in ("iu" if np.dtype(action.dtype).kind in "iu" else "f"):
+            raise self._unfit(f"its output {output.name!r} is {output.type}, and an action has {action.dtype}")
+        if _fed_shape(output.shape, tuple(action.shape)) is None:
+            raise self._unfit(
+                f"its output {output.name!r} has shape {_shape(output.shape)}, and an action has "
+                f"{math.prod(action.shape)} numbers: {action.name}"
+            )
+        return output.name
+
+    def _unfit(self, why: str) -> LoadError:
+        return LoadError(f"policy {self._policy} does not fit the environment: {why}")
+
+
+def _session(path: Path, policy: str) -> Any:
+    # Else its wheels send what they are used for to their makers, from the moment of the import on.
+    os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
+    try:
+        import onnxruntime
+    except ImportError as error:
+        raise LoadError(
+            f"policy {policy} needs onnxruntime, which cannot be imported here ({error}); "
+            "pip install 'prefect-robomaker[onnx]'"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    # Sums over several threads are added in the order in which these end, so that a run would not repeat to the bit.
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
+    options.use_deterministic_compute = True
+    options.log_severity_level = 3  # errors: its warnings are about the machine's devices
+    try:
+        return onnxruntime.InferenceSession(str(path), options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # onnxruntime's exceptions have no common class but this
+        raise LoadError(f"policy {policy} is no network that onnxruntime can read: {_words(error)}") from None
+
+
+def _fed_shape(declared: list[Any], needed: tuple[int, ...]) -> tuple[int, ...] | None:
+    """The shape that is fed where one of the network's is needed, with a batch of one or without; None: it is another.
+
+    Dimensions that have a name or none may be of any length; a network may also leave the whole shape open, which
+    onnxruntime tells as no dimensions.
+    """
+    if not declared:
+        return (1, *needed) if needed else ()
+    for shape in ((1, *needed), needed):
+        if len(declared) == len(shape) and all(
+            not isinstance(wanted, int) or wanted == length for wanted, length in zip(declared, shape, strict=True)
+        ):
+            return shape
+    return None
+
+
+def _shape(declared: list[Any]) -> str:
+    return f"[{', '.join('any' if not isinstance(each, int) else str(each) for each in declared)}]"
+
+
+def _words(error: Exception) -> str:
+    """The first line of what onnxruntime says, without its code."""
+    said = str(error).strip().splitlines() or [type(error).__name__]
+    return said[0].rpartition(" : ")[2][:_MAX_WORDS]
