@@ -138,7 +138,7 @@ class AgentSocket:
                 if self._may_connect(connection):
                     return connection
                 connection.close()
-            if until():
+            if until() and not self.has_waiting_client():  # one that came meanwhile goes first
                 return None
 
     def accept_waiting(self) -> socket.socket | None:

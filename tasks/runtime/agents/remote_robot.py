@@ -206,6 +206,12 @@ def _copied(action: Any) -> Any:
 
 CONNECT_TIMEOUT_S = 60.0
 
+_REFUSE_EVERY_S = 0.2
+"""Wall-clock time between two looks for programs that connect while nodes drive."""
+_LATE = (
+    "ROS nodes drive this run already; a program that is to drive by the agent socket has to connect before they "
+    "publish commands, or to set ROBOMAKER_ROS to off"
+)
 _FAILED = "the run failed; the reason is the job's failureReason"
 
 
@@ -266,6 +272,7 @@ class RemoteRobot(Observer):
         self._agent: RemoteAgent | None = None
         self._keeper: ActionRecorder | None = None
         self._driven_by_nodes = False
+        self._refuses_again_s, self._late = 0.0, 0
 
     def make_agent(self, context: SimulationContext, environment: dm_env.Environment) -> Agent:
         """Waits for the robot program or ROS nodes, and makes an agent from them.
@@ -291,12 +298,12 @@ class RemoteRobot(Observer):
             greeted = greeter.greet(greeting, _connect_timeout_s(context.environment))
         except Stopped:
             raise RunStopped from None
-        self._stop_listening()
         if greeted is None:
             assert nodes is not None
             self._keeper = ActionRecorder(self._plan.output_dir / ACTIONS_FILE, header_of(nodes.mode, action))
             self._driven_by_nodes = True
-            return nodes.make_agent(environment, self._stop, self._keeper.keep)
+            return self._refusing_late(nodes.make_agent(environment, self._stop, self._keeper.keep))
+        self._stop_listening()
         if nodes is not None:
             nodes.close()
         self._link, hello = greeted
@@ -320,6 +327,27 @@ class RemoteRobot(Observer):
         )
         return self._agent
 
+    def _refusing_late(self, agent: Agent) -> Agent:
+        """Lets ROS nodes drive, and tells programs that connect meanwhile that they are too late."""
+
+        def drive(timestep: dm_env.TimeStep) -> Any:
+            self._refuse_late()
+            return agent(timestep)
+
+        return drive
+
+    def _refuse_late(self) -> None:
+        """Takes no driver instead of another one in the middle of a run, which could not be repeated."""
+        now_s = time.monotonic()
+        if self._socket is None or now_s < self._refuses_again_s:
+            return
+        self._refuses_again_s = now_s + _REFUSE_EVERY_S
+        while (connection := self._socket.accept_waiting()) is not None:
+            link = AgentLink(connection, {}, self._stop)
+            link.refuse(_LATE)
+            link.close()
+            self._late += 1
+
     def actions(self) -> ActionsSummary | None:
         """Summary of the recorded actions; `None` before the end, and without a log."""
         return self._keeper.summary if self._keeper is not None else None
@@ -333,6 +361,8 @@ class RemoteRobot(Observer):
         Returns:
             What the result says about the conversation.
         """
+        self._refuses_again_s = 0.0
+        self._refuse_late()
         self._stop_listening()
         if self._keeper is not None:
             self._keeper.close()
@@ -340,6 +370,8 @@ class RemoteRobot(Observer):
         if self._driven_by_nodes:
             if self._keeper is not None and self._keeper.error is not None:
                 of_nodes.extra["ros"]["actions_not_kept"] = self._keeper.error
+            if self._late:
+                of_nodes.notes.append(f"a program connected to the agent socket and did not drive: {_LATE}")
             return of_nodes
         if self._agent is None:
             if self._link is not None:

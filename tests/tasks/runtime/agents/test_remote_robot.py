@@ -1,19 +1,25 @@
 """Robots in processes of their own: real runs, real sockets, real clients."""
 
+import socket
 import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from threading import Event, Thread
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from dm_env import specs
+from helpers.processes import wait_for
 from helpers.remote_jobs import ARENA, Job, action, greeting, last_words
 
-from prefect_robomaker.schemas.runs.plan import RunResult
-from prefect_robomaker.tasks.runtime.agents.agent_client import SimulationError
-from prefect_robomaker.tasks.runtime.agents.remote_robot import CONNECT_TIMEOUT_VARIABLE
+from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
+from prefect_robomaker.tasks.runtime.agents.agent_client import HEADER, HELLO, SimulationError, connect
+from prefect_robomaker.tasks.runtime.agents.agent_socket import agent_socket_path
+from prefect_robomaker.tasks.runtime.agents.remote_robot import CONNECT_TIMEOUT_VARIABLE, RemoteRobot
+from prefect_robomaker.tasks.runtime.episode.results import Findings
 
 
 def test_lockstep_to_the_end_of_the_episode(start: Callable[..., Job]) -> None:
@@ -275,3 +281,88 @@ def test_only_this_user_reaches_the_socket_and_any_user_of_a_container(start: Ca
     modes = [stat.S_IMODE(path.stat().st_mode) for path in (job.path.parent.parent, job.path.parent, job.path)]
     assert modes == [0o700, 0o755, 0o666]
     assert [path.name for path in job.path.parent.iterdir()] == [job.path.name]
+
+
+class Nodes:
+    """ROS nodes that are there once they are looked for."""
+
+    mode = "free"
+
+    def __init__(self, came: Callable[[], None] = lambda: None) -> None:
+        self._came = came
+
+    def look_in(self, environment: Any) -> None: ...
+
+    def came(self) -> bool:
+        self._came()
+        return True
+
+    def missing(self) -> str:
+        return "or nodes"
+
+    def make_agent(self, *_: Any) -> Callable[[Any], Any]:
+        return lambda _: np.zeros(1)
+
+    def close(self, ended_by: str | None = None) -> Findings:
+        del ended_by
+        return Findings({"ros": {}})
+
+
+def greeted_in(plan: RunPlan, nodes: Nodes) -> tuple[RemoteRobot, Any]:
+    plan.work_dir.mkdir(parents=True)
+    plan.output_dir.mkdir(parents=True)
+    array = specs.Array((1,), float)
+    environment: Any = SimpleNamespace(observation_spec=lambda: array, action_spec=lambda: array)
+    remote = RemoteRobot(plan, "driver", SimpleNamespace(reason=""), nodes)  # pyright: ignore[reportArgumentType]
+    return remote, remote.make_agent(SimpleNamespace(environment={}), environment)  # pyright: ignore[reportArgumentType]
+
+
+def test_a_program_that_connects_after_ros_nodes_came_is_told_so_at_once(
+    make_plan: Callable[..., RunPlan],
+) -> None:
+    plan = make_plan()
+    remote, agent = greeted_in(plan, Nodes())
+    said: list[str] = []
+
+    def client() -> None:
+        try:
+            connect(path=str(agent_socket_path(plan)), connect_timeout_s=200.0)
+        except SimulationError as error:
+            said.append(str(error))
+
+    late = Thread(target=client)
+    late.start()
+    wait_for(lambda: (agent(None), said)[1], "the refusal")
+    late.join()
+    assert said[0].startswith("ROS nodes drive this run already; a program that is to drive by the agent socket has to")
+    assert "ROBOMAKER_ROS to off" in said[0]
+    (note,) = remote.close("environment").notes
+    assert note.startswith("a program connected to the agent socket and did not drive: ROS nodes drive")
+    assert not agent_socket_path(plan).exists()
+
+
+def test_a_program_that_connects_as_ros_nodes_come_goes_first(make_plan: Callable[..., RunPlan]) -> None:
+    plan = make_plan()
+    clients: list[Thread] = []
+
+    def come() -> None:
+        """Nodes and a program, in the same moment."""
+        if not clients:
+            clients.append(Thread(target=drives))
+            clients[0].start()
+            wait_for(begun.is_set, "the connection")
+
+    begun = Event()
+    kinds: list[int] = []
+
+    def drives() -> None:
+        with socket.socket(socket.AF_UNIX) as program:
+            program.connect(str(agent_socket_path(plan)))
+            begun.set()
+            kinds.append(HEADER.unpack(program.recv(HEADER.size, socket.MSG_WAITALL))[1])
+
+    remote, agent = greeted_in(plan, Nodes(come))
+    agent(None)
+    clients[0].join()
+    remote.close("environment")
+    assert kinds == [HELLO], "the simulation greeted the program, before it let nodes drive in its place"
