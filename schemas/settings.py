@@ -16,6 +16,7 @@
 | `ROBOMAKER_MAX_JOB_DISK_GB` | what the folders of a simulation job's run may hold, in GB | 128 |
 | `ROBOMAKER_MAX_OUTPUT_GB` | what is stored of the outputs of a run, in GB; holes count | `ROBOMAKER_MAX_JOB_DISK_GB` |
 | `ROBOMAKER_MAX_OUTPUT_FILES` | how many files are stored of the outputs of a run | 100000 |
+| `ROBOMAKER_MAX_ROS_TOPICS_GB` | what is recorded of the topics of a job's ROS 2 nodes, in GB | 4 |
 | `ROBOMAKER_SANDBOX` | what jobs are confined to: `auto`, `require`, `off` | `auto`: what this machine can |
 | `ROBOMAKER_SANDBOX_NETWORK` | what jobs reach: `full`, `local` or `none` | `full` |
 | `ROBOMAKER_SANDBOX_SHOW` | folders that jobs may read besides their own, with `:` between | none |
@@ -130,6 +131,12 @@ class Settings(Model):
         ge=1,
         le=1_000_000,
         description="How many files are stored of the outputs of a simulation job's run.",
+    )
+    max_ros_topics_gb: int = Field(
+        # A raw camera of 640 x 480 at 30 Hz for two and a half minutes.
+        default=4,
+        ge=1,
+        description="Limit on the recorded messages of a job's ROS 2 nodes, in GB; one topic takes half at most.",
     )
     sandbox: SandboxMode = Field(
         default="auto",

@@ -289,9 +289,7 @@ class Series(Protocol):
         ...
 
     def take(self) -> tuple[Numbers, Sequence[Sequence[AnyNumbers]]]:
-        """Returns the data since the last call: simulated times, and for each topic its numbers, a row for each
-        time.
-        """
+        """Returns the data since the last call: simulated times, and for each topic a row of numbers a time."""
         ...
 
 

@@ -26,8 +26,16 @@ from ..recording.companions import Offer, channel_metadata
 from ..recording.mcap_file import McapFile, Unbuffered
 from .dds import Reach, Received, ros_type_name
 from .dds_listening import Announced, Call, Listener, ListenError, Subscription
-from .topic_report import RecorderReport, RecorderRequest, TopicReport, part_path, report_path
-from .type_definitions import SERVICE, SERVICE_TYPE, confirmed_hash, definition_in, known_definition, request_of
+from .topic_report import RecorderReport, RecorderRequest, TopicReport, part_path, report_path, unfinished_of
+from .type_definitions import (
+    SERVICE,
+    SERVICE_TYPE,
+    PackageFiles,
+    confirmed_hash,
+    definition_in,
+    known_definition,
+    request_of,
+)
 
 DOMAIN_VARIABLE = "ROS_DOMAIN_ID"
 
@@ -168,6 +176,7 @@ class TopicRecorder:
         self._refused: dict[str, TopicReport] = {}
         self._writers: dict[int, Publisher] = {}
         """Publishers by their handles, also those that have left: their last messages come later."""
+        self._files = PackageFiles(request.packages)
         self._services: dict[str, set[str]] = {}
         """Services that tell definitions, by participant."""
         self._simulated = SimulatedClock()
@@ -270,6 +279,8 @@ class TopicRecorder:
 
     def _define(self, topic: Recorded, found: Announced) -> None:
         definition = known_definition(topic.type, topic.type_hash)
+        if definition is None:
+            definition = self._files.definition(topic.type, topic.type_hash)
         if definition is None and topic.type_hash:
             topic.asked = Question(found.participant, self._clock() + _ASK_TIMEOUT_S)
         else:
@@ -361,7 +372,7 @@ class TopicRecorder:
             return
         self._said = report
         path = report_path(self._path)
-        unfinished = path.with_name(f".{path.name}.unfinished")
+        unfinished = unfinished_of(path)
         unfinished.write_text(report.model_dump_json())
         unfinished.replace(path)
 

@@ -44,6 +44,9 @@ class RecorderRequest(Model):
         "messages were sent, since 1970."
     )
     max_bytes: int = Field(gt=0, description="Bytes of all messages that are recorded.")
+    packages: list[Path] = Field(
+        default=[], description="Folders below which packages have `.msg` and `.srv` files of types."
+    )
     interface: str | None = optional("Network interface, `eth0`; absent: the loopback.")
     peers: list[str] = Field(default=[], description="Addresses of other machines that nodes run on.")
 

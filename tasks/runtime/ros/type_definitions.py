@@ -1,8 +1,15 @@
-"""Definitions of message types by their hashes: those that every ROS 2 has, and those that nodes tell."""
+"""Definitions of message types: those that every ROS 2 has, those in files of packages, and those that nodes tell."""
 
-from functools import cache
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from functools import cache, cached_property
+from itertools import islice
+from pathlib import Path
 from typing import Any
 
+from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
 
@@ -48,6 +55,158 @@ def known_definition(ros_type: str, type_hash: str) -> str | None:
     return None
 
 
+_MOST_FOLDERS = 20_000
+"""Folders that are looked through for packages: a workspace of Nav2 has 6,000 once it is built, 0.3 s."""
+_DEEPEST = 7
+"""Folders below which packages are not looked for: `opt/ros/jazzy/share/PACKAGE/msg` of a bundle has six."""
+_NOT_OF_PACKAGES = frozenset({"bin", "doc", "include", "lib", "log", "node_modules", "proc", "site-packages", "sys"})
+_MOST_FILE_BYTES = 256 * 1024
+_EVENT, _REQUEST_OF, _RESPONSE_OF = "_Event", "_Request", "_Response"
+_EVENT_TEXT = """service_msgs/ServiceEventInfo info
+{service}_Request[<=1] request
+{service}_Response[<=1] response
+"""
+"""What ROS 2 publishes on `/NAME/_service_event`."""
+
+
+class PackageFiles:
+    """Definitions in `.msg` and `.srv` files of packages, which are looked for when they are first asked for."""
+
+    def __init__(self, folders: Sequence[Path]) -> None:
+        """Looks at nothing yet.
+
+        Args:
+            folders: Bundles and prefixes, whose packages are anywhere below; the first that has a package counts.
+        """
+        self._roots = folders
+
+    def definition(self, ros_type: str, type_hash: str) -> str | None:
+        """The definition of a type, as concatenated files.
+
+        Args:
+            ros_type: Its name in ROS.
+            type_hash: Its hash; empty: none is known, and the first file of that name is taken.
+
+        Returns:
+            `None` where there is no such file, or it has another hash.
+        """
+        package, _, name = ros_type.split("/")
+        for folder in self._folders.get(package, ()):
+            texts: dict[str, str] = {}
+            with suppress(Exception):  # the parser has many kinds of errors, and files are a user's
+                self._gather(ros_type, self._text(folder, name), texts)
+                first, *others = texts
+                sections = [f"{_SEPARATOR}MSG: {each}\n{texts[each]}" for each in others]
+                definition = texts[first] + "".join(sections)
+                if not type_hash or _hash_of(ros_type, definition, characters_as="uint8") == type_hash:
+                    return definition
+        return None
+
+    @cached_property
+    def _folders(self) -> dict[str, list[Path]]:
+        """Folders of packages that have definitions, by the packages' names."""
+        found: dict[str, list[Path]] = {}
+        for folder in islice(self._walk(), _MOST_FOLDERS):
+            if folder.name in ("msg", "srv"):
+                known = found.setdefault(folder.parent.name, [])
+                if folder.parent not in known:
+                    known.append(folder.parent)
+        return found
+
+    def _walk(self) -> Iterator[Path]:
+        for root in self._roots:
+            for place, folders, _ in os.walk(root):
+                path = Path(place)
+                yield path
+                is_deepest = len(path.relative_to(root).parts) >= _DEEPEST
+                folders[:] = [] if is_deepest else sorted(set(folders) - _NOT_OF_PACKAGES)
+
+    def _text(self, package: Path, name: str) -> str:
+        """What the files of a package say of a type; a service has three types.
+
+        Raises:
+            OSError: It has no such file.
+        """
+        service, _, part = name.rpartition("_")
+        path = package / "srv" / f"{service}.srv"
+        if f"_{part}" not in (_EVENT, _REQUEST_OF, _RESPONSE_OF) or not path.is_file():
+            return _read(package / "msg" / f"{name}.msg")
+        request, _, response = f"\n{_read(path)}".partition("\n---")
+        texts = {_REQUEST_OF: request, _RESPONSE_OF: response}
+        return texts.get(f"_{part}", _EVENT_TEXT.format(service=f"{package.name}/{service}"))
+
+    def _gather(self, ros_type: str, text: str, texts: dict[str, str]) -> None:
+        """Adds a type's text and those of all that it needs, by their names in concatenated files.
+
+        Raises:
+            Exception: One is missing, or no definition.
+        """
+        package, _, name = ros_type.split("/")
+        texts[f"{package}/{name}"] = text if text.endswith("\n") else f"{text}\n"
+        (members,) = get_types_from_msg(text, f"{package}/msg/{name}").values()
+        for needed in _types_in(members[1]):
+            package, _, name = needed.split("/")
+            if f"{package}/{name}" not in texts:
+                self._gather(needed, self._needed(package, name, needed), texts)
+
+    def _needed(self, package: str, name: str, ros_type: str) -> str:
+        for folder in self._folders.get(package, ()):
+            with suppress(OSError):
+                return self._text(folder, name)
+        return _store(Stores.LATEST).generate_msgdef(ros_type, ros_version=2)[0].partition(_SEPARATOR)[0]
+
+
+def _read(path: Path) -> str:
+    """The text of a file.
+
+    Raises:
+        OSError: It is no file, or a large one.
+    """
+    if not path.is_file() or path.stat().st_size > _MOST_FILE_BYTES:  # a pipe would keep who reads it waiting
+        raise FileNotFoundError(path)
+    return path.read_text(errors="replace")
+
+
+def _types_in(members: Sequence[tuple[str, Any]]) -> Iterator[str]:
+    """Names of the types that members have, other than numbers and text."""
+    for _, (node, about) in members:
+        if node in (Nodetype.ARRAY, Nodetype.SEQUENCE):
+            node, about = about[0]
+        if node == Nodetype.NAME:
+            yield about
+
+
+def _hash_of(ros_type: str, definition: str, characters_as: str = "char") -> str:
+    """The hash of a definition; that of ROS 2 itself takes a `char` for a `uint8`, that of `rosbags` does not.
+
+    Raises:
+        Exception: It is no definition.
+    """
+    store = get_typestore(Stores.EMPTY)
+    store.register(_types_of(definition, ros_type, characters_as))
+    return store.hash_rihs01(ros_type)
+
+
+def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
+    """The types of a definition; those of services are called so, which the parser takes for messages."""
+    package, kind, name = ros_type.split("/")
+    parsed = get_types_from_msg(definition, f"{package}/msg/{name}")
+    service = re.escape(name.rpartition("_")[0])
+    of_service = re.compile(rf"{re.escape(package)}/msg/({service}_(?:Request|Response|Event))")
+
+    def renamed(part: Any) -> Any:
+        if part == ("char", 0):
+            return characters_as, 0
+        if isinstance(part, str):
+            match = of_service.fullmatch(part) if kind == "srv" else None
+            return f"{package}/srv/{match[1]}" if match else part
+        if isinstance(part, tuple | list):
+            return type(part)(map(renamed, part))
+        return part
+
+    return {renamed(each): renamed(members) for each, members in parsed.items()}
+
+
 def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
     """A hash that readers may hold against a definition, or empty where they would find another.
 
@@ -57,9 +216,7 @@ def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
     if not (definition and type_hash):
         return type_hash
     try:
-        store = get_typestore(Stores.EMPTY)
-        store.register(get_types_from_msg(definition, ros_type))
-        return type_hash if store.hash_rihs01(ros_type) == type_hash else ""
+        return type_hash if _hash_of(ros_type, definition) == type_hash else ""
     except Exception:  # its parser has many kinds of errors, and the definition came from a node
         return ""
 

@@ -25,6 +25,9 @@ from .helper_programs import MAX_REASON_CHARACTERS, run_helper
 
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
+_REPORT_SUFFIX = ".json"
+_JOINED = ("recording.mcap", "metadata.yaml", "foxglove-layout.json")
+"""Files that joining writes anew."""
 _BLOCK_BYTES = 512
 """Unit of `st_blocks` on Linux, whatever the file system."""
 _LIMIT_S = 60.0
@@ -55,6 +58,7 @@ def join_ros_topics(
             why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", MAX_REASON_CHARACTERS * 4)
             add_result_notes(folder, why.decode(errors="replace").splitlines()[:1])
         return
+    _remove_unfinished(folder)
     parts = _parts(folder)
     if not parts:
         said = "; ".join(log_tail(folder, program)[1][-1:])
@@ -69,6 +73,14 @@ def join_ros_topics(
     else:
         for note in notes:
             add_note(folder, f"robomaker: {note}")
+
+
+def _remove_unfinished(folder: Path) -> None:
+    """Removes files that a recorder or a joining program was writing when it was killed."""
+    for pattern in (f"ros-topics.*{_REPORT_SUFFIX}", *_JOINED):
+        for left in folder.glob(unfinished_of(Path(pattern)).name):
+            with suppress(OSError):
+                left.unlink()
 
 
 def _parts(folder: Path) -> list[Path]:
@@ -101,9 +113,7 @@ def _joined(
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)
     if problem is not None:
-        for name in ("recording.mcap", "metadata.yaml", "foxglove-layout.json"):
-            with suppress(OSError):
-                unfinished_of(folder / name).unlink(missing_ok=True)
+        _remove_unfinished(folder)
         return [f"ROS topics are in {', '.join(names)}, and not in recording.mcap: {problem}"]
     for part in parts:
         with suppress(OSError):

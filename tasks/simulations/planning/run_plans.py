@@ -196,7 +196,9 @@ def run_plan(
     )
     _check_trials(planned)
     if request.get("loggingConfig", {}).get("recordAllRosTopics"):
-        planned = with_topic_recorder(planned, applications.ros and applications.ros.launch.ros, os.environ)
+        launched_by = applications.ros and applications.ros.launch.ros
+        most_bytes = service.settings.max_ros_topics_gb * 10**9
+        planned = with_topic_recorder(planned, launched_by, os.environ, most_bytes)
     return planned
 
 

@@ -11,16 +11,18 @@ from ....schemas.runs.programs import ApplicationRole, ProgramPlan
 from ...runtime.ros.topic_report import MODULE, PROGRAM, LogTimes, RecorderRequest
 from ..ros.job_services import DOMAIN_VARIABLE
 
-_MOST_BYTES = 4 * 10**9
-"""Bytes of all messages that are recorded of nodes: a raw camera of 640 x 480 at 30 Hz for two and a half minutes."""
 _DISK_SHARE = 8
 """The recorder takes at most one part of so many of the job's disk, so that it never ends its run."""
 _OURS = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "LD_PRELOAD")
 """Variables that applications set for themselves, and that decide whether our Python starts."""
 
 
-def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str]) -> RunPlan:
-    """Adds a program that records all ROS 2 topics to a run's plan, or logs why it cannot.
+_ROS_FOLDERS = Path("/opt/ros")
+"""Where ROS installs its packages."""
+
+
+def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:
+    """Adds the program that records all topics of a run's domain of ROS 2, or writes the log that says why not.
 
     A run without programs has nothing to record.
 
@@ -28,28 +30,33 @@ def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping
         plan: The run.
         launched_by: The ROS of its first launch file; `None`: it has none. The launch of ROS 1 has its recorder.
         environ: Variables of this process.
+        most_bytes: Bytes of all messages that may be recorded.
     """
     if not plan.programs or launched_by == 1:
         return plan
-    recorder = _recorder(plan, environ)
+    recorder = _recorder(plan, environ, most_bytes)
     if isinstance(recorder, str):
         note_no_recorder(plan.output_dir, recorder)
         return plan
     return plan.model_copy(update={"programs": [*plan.programs, recorder]})
 
 
-def _recorder(plan: RunPlan, environ: Mapping[str, str]) -> ProgramPlan | str:
+def _recorder(plan: RunPlan, environ: Mapping[str, str], most_bytes: int) -> ProgramPlan | str:
     if plan.ros is not None and plan.ros.suite == 1:
         return "of ROS 1 they are recorded where a launch file starts the nodes; record in a tool of the application"
     if importlib.util.find_spec("cyclonedds") is None:
         return f"cyclonedds is not installed where the job runs: {how_to_install('ros')}"
     options = plan.ros.options if plan.ros is not None else None
     times: LogTimes = "clock" if options is not None else "elapsed" if plan.has_episode else "sent"
-    most = _MOST_BYTES if plan.compute.disk_bytes is None else min(_MOST_BYTES, plan.compute.disk_bytes // _DISK_SHARE)
+    disk_bytes = plan.compute.disk_bytes
+    most = most_bytes if disk_bytes is None else min(most_bytes, disk_bytes // _DISK_SHARE)
+    # Of a container the folder is its home, which has what the job put there and not what is in the image.
+    packages = [*dict.fromkeys(each.folder for each in plan.programs), _ROS_FOLDERS]
     request = RecorderRequest(
         output_dir=plan.output_dir,
         times=times,
         max_bytes=max(1, most),
+        packages=packages,
         interface=options.interface if options else None,
         peers=options.peers if options else [],
     )

@@ -224,6 +224,16 @@ def test_what_is_missing_is_noted_in_the_result(plan: RunPlan, noted: Notes) -> 
     assert not list(plan.output_dir.glob("ros-topics*"))
 
 
+def test_what_a_killed_recorder_and_a_killed_joining_were_writing_is_removed(plan: RunPlan, noted: Notes) -> None:
+    reported(part(plan.output_dir, 1, [1]), TopicReport(name="/pose", type=POSE, messages=1))
+    for name in ("ros-topics.1.json", "ros-topics.2.json", "recording.mcap"):
+        (plan.output_dir / f".{name}.unfinished").write_text("{")
+    (plan.output_dir / ".mine.unfinished").write_text("of the job")
+
+    assert noted() == []
+    assert [path.name for path in plan.output_dir.glob(".*")] == [".mine.unfinished"]
+
+
 def test_a_recorder_that_never_began_is_noted_with_the_end_of_its_log(plan: RunPlan, noted: Notes) -> None:
     (plan.output_dir / "logs" / "robot.ros-topics.stderr.log").write_text("Traceback\nLaunchError: no domain\n")
     assert noted() == ["ROS topics: their recorder recorded nothing: LaunchError: no domain"]

@@ -1,5 +1,6 @@
 """The recorder of ROS topics with a domain that a test plays; real DDS is in `test_recorded_domain.py`."""
 
+import os
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any, NamedTuple, cast
 
 import pytest
 from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 
 from prefect_robomaker.tasks.runtime.recording.cdr import encode
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
@@ -89,7 +91,9 @@ def now() -> list[float]:
 @pytest.fixture
 def recording(heard: Heard, now: list[float], tmp_path: Path) -> Recording:
     def record(times: LogTimes = "sent", max_bytes: int = 10**6) -> TopicRecorder:
-        request = RecorderRequest(output_dir=tmp_path, times=times, max_bytes=max_bytes)
+        request = RecorderRequest(
+            output_dir=tmp_path, times=times, max_bytes=max_bytes, packages=[tmp_path / "bundle", tmp_path / "none"]
+        )
         return TopicRecorder(cast("Any", heard), request, 7, part_path(tmp_path, 1), clock=lambda: now[0])
 
     return record
@@ -210,6 +214,88 @@ def test_a_node_is_asked_for_a_definition_that_is_not_known(
     assert {message.schema for message in recorded(tmp_path)} == {"ros2msg" if answers else ""}
     lacks = f"ROS topics recorded without a definition of their type: /spot ({POINT})"
     assert notes(tmp_path) == ([] if answers else [lacks])
+
+
+SET_BOOL = "bool data # e.g. for hardware enabling / disabling\n---\nbool success   # indicate\nstring message # info\n"
+SET_BOOL_EVENT = "RIHS01_3c4c20015afb4303eafd347b1d6a786f171a89c814726961a9593ef10df878cf"
+"""Of `std_srvs/srv/SetBool_Event`, as Jazzy's own package says it."""
+FILES = {
+    # As a merged install, an isolated one and a source tree have them.
+    "install/share/my_msgs/msg/Spot.msg": "std_msgs/Header header\nSize size\nother_msgs/Kind[<=3] kinds\nchar mark 7",
+    "install/other_msgs/share/other_msgs/msg/Kind.msg": "uint8 CAT=1\nuint8 kind",
+    "src/my_msgs/msg/Size.msg": "float64 width_m\r\nfloat64 height_m\r\n",
+    "install/share/std_srvs/srv/SetBool.srv": SET_BOOL,
+}
+
+
+def bundle(folder: Path) -> None:
+    for name, text in FILES.items():
+        path = folder / "bundle" / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, newline="")
+
+
+@pytest.mark.parametrize("announces", ["", "RIHS01_" + "0" * 64])
+def test_a_bundles_files_define_its_types_unless_the_node_has_another_definition(
+    announces: str, heard: Heard, recording: Recording, now: list[float], tmp_path: Path
+) -> None:
+    bundle(tmp_path)
+    recorder = recording()
+    heard.announce("/spot", "my_msgs/msg/Spot", type_hash=announces)
+    recorder.look()
+    header, size, kinds = struct.pack("<iII4s", 5, 6, 4, b"map"), struct.pack("<dd", 1.5, 2.5), struct.pack("<IB", 1, 2)
+    heard.send("/spot", 1.0, b"\0\1\0\0" + header + size + kinds + b"A", ros_type="my_msgs/msg/Spot")
+    now[0] = 16.0
+    recorder.look()
+    recorder.close()
+
+    lacks = ["ROS topics recorded without a definition of their type: /spot (my_msgs/msg/Spot)"]
+    assert notes(tmp_path) == (lacks if announces else [])
+    if announces:
+        return
+    with part_path(tmp_path, 1).open("rb") as file:
+        ((_, _, _, decoded),) = make_reader(file, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
+    assert (decoded.header.stamp.sec, decoded.size.height_m, decoded.mark) == (5, 2.5, 65)
+    assert [kind.kind for kind in decoded.kinds] == [2]
+
+
+def test_a_services_events_are_defined_by_its_file_where_their_hash_is_that_of_ros(
+    heard: Heard, recording: Recording, tmp_path: Path
+) -> None:
+    bundle(tmp_path)
+    recorder = recording()
+    for number, announced in enumerate((SET_BOOL_EVENT, SET_BOOL_EVENT[:-1] + "0")):
+        heard.announce(f"/set{number}/_service_event", "std_srvs/srv/SetBool_Event", type_hash=announced, writer=number)
+    recorder.look()
+    for number in range(2):
+        heard.send(f"/set{number}/_service_event", 1.0, ros_type="std_srvs/srv/SetBool_Event", writer=number)
+    recorder.close()
+
+    assert notes(tmp_path) == [
+        "ROS topics recorded without a definition of their type: /set1/_service_event (std_srvs/srv/SetBool_Event)"
+    ]
+
+
+def test_files_that_are_no_definitions_leave_topics_without(heard: Heard, recording: Recording, tmp_path: Path) -> None:
+    folder = tmp_path / "bundle" / "my_msgs" / "msg"
+    folder.mkdir(parents=True)
+    os.mkfifo(folder / "Pipe.msg")
+    (folder / "Loop.msg").symlink_to("Loop.msg")
+    (folder / "Huge.msg").write_bytes(b"float64 x\n" * 10**5)
+    (folder / "Words.msg").write_text("this is no definition at all: {")
+    (folder / "Lacks.msg").write_text("unknown_msgs/Thing thing\n")
+    (folder / "Round.msg").write_text("Round round\n")
+    recorder = recording()
+    names = ("Pipe", "Loop", "Huge", "Words", "Lacks")
+    for number, name in enumerate(names):
+        heard.announce(f"/{name}", f"my_msgs/msg/{name}", writer=number)
+    recorder.look()
+    for number, name in enumerate(names):
+        heard.send(f"/{name}", 1.0, ros_type=f"my_msgs/msg/{name}", writer=number)
+    recorder.close()
+
+    assert {message.topic for message in recorded(tmp_path)} == {f"/{name}" for name in names}
+    assert {message.schema for message in recorded(tmp_path)} == {""}
 
 
 def test_a_flood_of_one_topic_leaves_room_for_others_and_is_named(
