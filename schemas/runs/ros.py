@@ -15,6 +15,10 @@ ROS_VARIABLE = "ROBOMAKER_ROS"
 
 KnownTopic = Literal[
     "/camera/camera_info",
+    "/camera/depth/camera_info",
+    "/camera/depth/image_raw",
+    "/camera/depth/points",
+    "/camera/image_raw",
     "/camera/image_raw/compressed",
     "/clock",
     "/cmd_vel",
@@ -81,6 +85,18 @@ class RosOptions(Model):
     )
     goals: bool = Field(
         default=True, description="Whether the next room that has to be visited is published on `/goal_pose`."
+    )
+    camera_rate_hz: float = Field(
+        default=5.0,
+        gt=0,
+        le=60,
+        description="Pictures per simulated second on topics of the camera that nodes subscribe; where a job records "
+        "its camera, the rate of that counts.",
+    )
+    depth_encoding: Literal["32FC1", "16UC1"] = Field(
+        default="32FC1",
+        description="Pixels of `/camera/depth/image_raw`: `32FC1`, metres, infinite where nothing is seen, or `16UC1`, "
+        "millimetres, 0 where nothing is seen or it is farther than 65.535 m.",
     )
     base_frame: FrameName = Field(default="base_link", description="Frame of the robot's base.")
     odom_frame: FrameName = Field(default="odom", description="Frame in which odometry is.")

@@ -42,8 +42,8 @@ TRIALS = (
     "same as JSON. See [Trials](trials.md)."
 )
 POLICY = (
-    "Extension: a Python callable or an ONNX file that drives the robot; the launch variable `ROBOMAKER_POLICY` says the "
-    "same. See [Bring your policy](policies.md)."
+    "Extension: a Python callable or an ONNX file that drives the robot; the launch variable `ROBOMAKER_POLICY` says "
+    "the same. See [Bring your policy](policies.md)."
 )
 PRIORITY = (
     "Extension: which of several batches goes first on a machine; the batch's tag `robomaker:priority` says the same. "

@@ -16,6 +16,7 @@ import numpy as np
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.runs.recording_sources import RECORDED_RUN
 from ....schemas.runs.requirement_kinds.kind import RequirementError
+from ....schemas.runs.ros import RosOptions
 from ....schemas.wire.errors import LaunchError
 from ....schemas.worlds.world import World
 from ..agents.recorded_robot import RecordedRobot
@@ -140,8 +141,10 @@ def attempt(run: RunRequest, progress: Progress, stop: Stop) -> None:
     recorder = bridge.recorder if bridge is not None else recording
     remote = _remote_robot(plan, stop, bridge)
     observers = make_observers(plan, run.video_backend, applications_of(plan), remote.actions if remote else None)
-    if camera := camera_recording(plan):
-        observers.append(CameraRecorder(recorder, camera, run.video_backend))
+    camera = camera_recording(plan)
+    if camera is not None and (camera.is_recorded or bridge is not None):
+        options = (lambda: bridge.options) if bridge is not None else RosOptions
+        observers.append(CameraRecorder(recorder, camera, run.video_backend, options))
     if remote is not None:
         observers.insert(0, remote)  # told of the end before others take their time for it
     health = PhysicsHealth()

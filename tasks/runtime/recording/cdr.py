@@ -121,6 +121,34 @@ def _compressed_image(message: display.CompressedImage) -> SimpleNamespace:
     return SimpleNamespace(header=message.header, format=message.format, data=np.frombuffer(message.data, np.uint8))
 
 
+def _image(message: display.Image) -> SimpleNamespace:
+    header, encoding, pixels = message
+    height, width = pixels.shape[:2]
+    data = np.ascontiguousarray(pixels).view(np.uint8).ravel()
+    return SimpleNamespace(
+        header=header, height=height, width=width, encoding=encoding, is_bigendian=0, step=data.size // height,
+        data=data,
+    )  # fmt: skip
+
+
+_FLOAT32 = 7
+"""`sensor_msgs/PointField.FLOAT32`."""
+
+
+def _point_cloud(message: display.PointCloud2) -> SimpleNamespace:
+    header, points = message
+    height, width = points.shape[:2]
+    fields = [
+        SimpleNamespace(name=name, offset=place * _FLOAT, datatype=_FLOAT32, count=1)
+        for place, name in enumerate("xyz")
+    ]
+    data = np.ascontiguousarray(points, np.float32).view(np.uint8).ravel()
+    return SimpleNamespace(
+        header=header, height=height, width=width, fields=fields, is_bigendian=False, point_step=3 * _FLOAT,
+        row_step=3 * _FLOAT * width, data=data, is_dense=bool(np.isfinite(points).all()),
+    )  # fmt: skip
+
+
 def _camera_info(message: display.CameraInfo) -> SimpleNamespace:
     header, height, width, fx, fy, cx, cy = message
     all_of_it = SimpleNamespace(x_offset=0, y_offset=0, height=0, width=0, do_rectify=False)
@@ -153,6 +181,8 @@ _SHAPES: dict[type[Message], Callable[[Any], Any]] = {
     display.String: _as_it_is,
     display.Path: _as_it_is,
     display.CompressedImage: _compressed_image,
+    display.Image: _image,
+    display.PointCloud2: _point_cloud,
     display.CameraInfo: _camera_info,
     display.OccupancyGrid: _occupancy_grid,
     display.MarkerArray: _as_it_is,

@@ -210,6 +210,29 @@ class CompressedImage(NamedTuple):
     ROS_TYPE = "sensor_msgs/msg/CompressedImage"
 
 
+class Image(NamedTuple):
+    """`sensor_msgs/Image`: rows from the top, pixels from the left."""
+
+    header: Header
+    encoding: str
+    """`rgb8`, `32FC1` (metres) or `16UC1` (millimetres)."""
+
+    pixels: NDArray[np.generic]
+    """Height x width, or height x width x channels, of the encoding's type."""
+
+    ROS_TYPE = "sensor_msgs/msg/Image"
+
+
+class PointCloud2(NamedTuple):
+    """`sensor_msgs/PointCloud2` of points x, y, z in a picture's order; those of pixels that see nothing are NaN."""
+
+    header: Header
+    points: NDArray[np.float32]
+    """Height x width x 3, metres."""
+
+    ROS_TYPE = "sensor_msgs/msg/PointCloud2"
+
+
 class CameraInfo(NamedTuple):
     """ROS message `sensor_msgs/CameraInfo` of a camera without distortion.
 
@@ -308,5 +331,14 @@ class MarkerArray(NamedTuple):
 
 
 DisplayMessage = (
-    PoseStamped | PoseWithCovarianceStamped | String | Path | CompressedImage | CameraInfo | OccupancyGrid | MarkerArray
+    PoseStamped
+    | PoseWithCovarianceStamped
+    | String
+    | Path
+    | CompressedImage
+    | Image
+    | PointCloud2
+    | CameraInfo
+    | OccupancyGrid
+    | MarkerArray
 )

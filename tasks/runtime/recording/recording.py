@@ -49,6 +49,14 @@ class Recorder:
     def add(self, topic: str, kind: type, data: bytes, time_s: float) -> None:
         """Records an already encoded ROS message; see `write`."""
 
+    def is_heard(self, topic: str) -> bool:
+        """Say whether ROS nodes listen to a topic."""
+        del topic
+        return False
+
+    def tell(self, topic: str, message: Any) -> None:
+        """Publish a message to ROS nodes that listen, and record nothing."""
+
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move, on `/tf_static`."""
 

@@ -110,6 +110,9 @@ def make_context(width: int, height: int, backend: str | None = None) -> Any:
 Image = NDArray[np.uint8]
 """Height x width x 3, red, green, blue."""
 
+Depths = NDArray[np.float32]
+"""Height x width: metres from the camera's plane, along its axis; infinite where nothing is seen."""
+
 MAX_GEOMS = 20_000
 _SMALL_HEIGHT = 300
 _SMALL_SLICES = 20
@@ -131,6 +134,15 @@ class Camera(Protocol):
             data: The state.
             view: From where.
             size: Width and height in pixels, at most those of the camera; None: those.
+        """
+        ...
+
+    def depths(self, data: mujoco.MjData, view: View) -> Depths:
+        """Returns how far away is what `view` sees, for pictures of the camera's size.
+
+        Args:
+            data: The state.
+            view: From where.
         """
         ...
 
@@ -178,16 +190,15 @@ class GlCamera:
         with sky, _fast_settings(model, width, height):
             self._renderer = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self._renderer)
+        # Depths are 1 at the nearest that is drawn, and 0 at the farthest: floating point is finest there.
+        self._renderer.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZEROFAR.value
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
         """See `Camera`."""
         width, height = size or self._size
-        model, scene, camera = self._model, self._scene, view(data)
-        mujoco.mjv_updateCamera(model, data, camera, scene)
-        with without_unseen(model, data, scene, width / height):
-            mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
+        self._see(data, view, width / height)
         if self._relighting is not None:
-            self._relighting.light(scene)
+            self._relighting.light(self._scene)
         self._dim_under_roofs()
         self._context.make_current()
         window = mujoco.MjrRect(0, 0, width, height)
@@ -195,6 +206,34 @@ class GlCamera:
         pixels = np.empty((height, width, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(pixels, None, window, self._renderer)
         return np.ascontiguousarray(pixels[::-1])  # OpenGL begins at the bottom
+
+    def depths(self, data: mujoco.MjData, view: View) -> Depths:
+        """See `Camera`."""
+        width, height = self._size
+        self._see(data, view, width / height)
+        before = self._scene.flags.copy()
+        # Without light, textures and sky, which need no depth.
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = self._scene.flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = True
+        self._context.make_current()
+        window = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(window, self._scene, self._renderer)
+        self._scene.flags[:] = before
+        read = np.empty((height, width), dtype=np.float32)
+        mujoco.mjr_readPixels(None, read, window, self._renderer)
+        near_m, far_m = self._scene.camera[0].frustum_near, self._scene.camera[0].frustum_far
+        there = read[::-1].astype(np.float64)  # OpenGL begins at the bottom
+        if self._scene.camera[0].orthographic:
+            found_m = far_m - there * (far_m - near_m)
+        else:
+            found_m = near_m * far_m / (there * (far_m - near_m) + near_m)
+        return np.where(there > 0.0, found_m, np.inf).astype(np.float32)
+
+    def _see(self, data: mujoco.MjData, view: View, aspect: float) -> None:
+        """Puts what is in view into the scene."""
+        model, scene, camera = self._model, self._scene, view(data)
+        mujoco.mjv_updateCamera(model, data, camera, scene)
+        with without_unseen(model, data, scene, aspect):
+            mujoco.mjv_updateScene(model, data, self._option, None, camera, mujoco.mjtCatBit.mjCAT_ALL.value, scene)
 
     def _dim_under_roofs(self) -> None:
         """Without shadows the sun shines through roofs."""

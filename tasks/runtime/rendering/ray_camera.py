@@ -4,13 +4,15 @@
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
 import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from .cameras import MAX_GEOMS, Image
+from .cameras import MAX_GEOMS, Depths, Image
 from .views import SHOWN_GROUPS, View, hidden, roofs
 
 _SKY = np.array([0.62, 0.74, 0.88])
@@ -57,18 +59,43 @@ class RayCamera:
 
     def picture(self, data: mujoco.MjData, view: View, size: tuple[int, int] | None = None) -> Image:
         """See `Camera`."""
-        width, height = size or self._size
+        return self._enlarged(lambda shape: self._cast(data, view, shape), size or self._size)
+
+    def depths(self, data: mujoco.MjData, view: View) -> Depths:
+        """See `Camera`."""
+        return self._enlarged(lambda shape: self._measure(data, view, shape), self._size)
+
+    def _enlarged(self, make: Callable[[tuple[int, int]], NDArray[Any]], size: tuple[int, int]) -> NDArray[Any]:
+        """A picture of a size, from one of at most so many rays."""
+        width, height = size
         coarseness = math.ceil(math.sqrt(width * height / _MAX_RAYS))
-        shape = math.ceil(height / coarseness), math.ceil(width / coarseness)
-        picture = self._cast(data, view, shape)
+        made = make((math.ceil(height / coarseness), math.ceil(width / coarseness)))
         if coarseness > 1:
-            picture = picture.repeat(coarseness, axis=0).repeat(coarseness, axis=1)[:height, :width]
-        return np.ascontiguousarray(picture)
+            made = made.repeat(coarseness, axis=0).repeat(coarseness, axis=1)[:height, :width]
+        return np.ascontiguousarray(made)
 
     def close(self) -> None:
         """See `Camera`."""
 
     def _cast(self, data: mujoco.MjData, view: View, shape: tuple[int, int]) -> Image:
+        with self._aimed(data, view, shape) as (eye, rays, buffers, housing):
+            self._hit(data, eye, rays, buffers, buffers.grid, housing)
+            self._hit(data, eye, rays, buffers, buffers.between(), housing)
+        shade = 0.45 + 0.55 * np.abs(buffers.normals @ _LIGHT)
+        shade[buffers.geoms < 0] = 1.0
+        return (self._colours[buffers.geoms] * (255 * shade[:, None])).astype(np.uint8).reshape(*shape, 3)
+
+    def _measure(self, data: mujoco.MjData, view: View, shape: tuple[int, int]) -> Depths:
+        with self._aimed(data, view, shape) as (eye, rays, buffers, housing):
+            away_m = self._hit(data, eye, rays, buffers, np.arange(len(rays)), housing)
+        along = buffers.directions(self._eye(shape)[3])[:, 0]
+        return np.where(away_m >= 0.0, away_m * along, np.inf).astype(np.float32).reshape(shape)
+
+    @contextmanager
+    def _aimed(
+        self, data: mujoco.MjData, view: View, shape: tuple[int, int]
+    ) -> Iterator[tuple[_Vectors, _Vectors, "_Buffers", int]]:
+        """Eye, rays, buffers and the body around the eye, while what is seen from behind only is hidden."""
         no_category = 0  # the scene's camera is all that is wanted
         mujoco.mjv_updateScene(self._model, data, self._option, None, view(data), no_category, self._scene)
         if shape not in self._buffers:
@@ -80,24 +107,22 @@ class RayCamera:
         # Rays see what looks away from them, which renderers leave out.
         above = data.geom_xpos[self._roofs, 2] < eye[2]
         with hidden(self._model, self._roofs[above]):
-            self._hit(data, eye, rays, buffers, buffers.grid, housing)
-            self._hit(data, eye, rays, buffers, buffers.between(), housing)
-        shade = 0.45 + 0.55 * np.abs(buffers.normals @ _LIGHT)
-        shade[buffers.geoms < 0] = 1.0
-        return (self._colours[buffers.geoms] * (255 * shade[:, None])).astype(np.uint8).reshape(*shape, 3)
+            yield eye, rays, buffers, housing
 
     def _hit(
         self, data: mujoco.MjData, eye: _Vectors, rays: _Vectors, buffers: "_Buffers", pixels: _Pixels, housing: int
-    ) -> None:
-        """Finds what is seen in some pixels."""
+    ) -> _Vectors:
+        """Finds what is seen in some pixels; returns how far away along their rays, -1 where it is nothing."""
+        away_m = np.zeros(len(pixels))
         if not len(pixels):
-            return
+            return away_m
         geoms, normals = np.zeros(len(pixels), dtype=np.int32), np.zeros((len(pixels), 3))
         mujoco.mj_multiRay(
-            self._model, data, eye, rays[pixels].ravel(), SHOWN_GROUPS, True, housing, geoms, np.zeros(len(pixels)),
+            self._model, data, eye, rays[pixels].ravel(), SHOWN_GROUPS, True, housing, geoms, away_m,
             normals.ravel(), len(pixels), self._model.vis.map.zfar * self._model.stat.extent,
         )  # fmt: skip
         buffers.geoms[pixels], buffers.normals[pixels] = geoms, normals
+        return away_m
 
     def _eye(self, shape: tuple[int, int]) -> tuple[_Vectors, _Vectors, _Vectors, _Window]:
         """The eye's position, the ways forward and up, and what is seen a metre ahead."""

@@ -27,13 +27,19 @@ TOPICS: Mapping[str, Topic] = {
         Topic("/map", "nav_msgs/msg/OccupancyGrid", is_latched=True, depth=1),
         Topic("/goal_pose", "geometry_msgs/msg/PoseStamped"),
         Topic("/initialpose", "geometry_msgs/msg/PoseWithCovarianceStamped"),
-        Topic("/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=2),
-        Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", depth=2),
+        # A picture of 320 x 240 has 230 kB, a cloud of its points 920 kB: a slow node gets the newest ones.
+        Topic("/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", depth=2, is_on_demand=True),
+        Topic("/camera/image_raw", "sensor_msgs/msg/Image", depth=2, is_on_demand=True),
+        Topic("/camera/camera_info", "sensor_msgs/msg/CameraInfo", depth=2, is_on_demand=True),
+        Topic("/camera/depth/image_raw", "sensor_msgs/msg/Image", depth=2, is_on_demand=True),
+        Topic("/camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", depth=2, is_on_demand=True),
+        Topic("/camera/depth/points", "sensor_msgs/msg/PointCloud2", depth=2, is_on_demand=True),
     )
 }
 """Topics that nodes can have, of those that a simulation records."""
 
 _EACH_STEP = ("/tf", "/odom", "/joint_states", "/imu")
+_ON_DEMAND = frozenset(topic.name for topic in TOPICS.values() if topic.is_on_demand)
 _CLOCK = "/clock"
 _NOTHING = Recorder()
 
@@ -58,7 +64,11 @@ class BridgeRecorder(Recorder):
         self._series: list[_Relayed] = []
         self.sent: dict[str, int] = {}
         """Messages by topic."""
+        self._heard: Collection[str] = ()
+        """Topics that nodes listen to, by the names that nodes know."""
         self._unheard: frozenset[str] = frozenset()
+        self._after_states: list[tuple[str, bytes]] = []
+        """Messages on demand: nodes need the transforms of their stamp before them."""
 
     @property
     def inner(self) -> Recorder:
@@ -84,10 +94,26 @@ class BridgeRecorder(Recorder):
     def detach(self) -> None:
         """Publishes nothing any more."""
         self._wire = None
+        self._after_states.clear()
 
-    def spare(self, heard: Collection[str]) -> None:
-        """Sends states only where nodes listen: each message costs as much as waking who listens, 10 to 100 us."""
-        self._unheard = frozenset(topic for topic in _EACH_STEP if self._names.get(topic) not in heard)
+    def note_heard(self, heard: Collection[str], *, spares: bool) -> None:
+        """Takes over which topics nodes listen to.
+
+        Args:
+            heard: The topics, by the names that nodes know.
+            spares: Whether states are sent only there: each message costs as much as waking who listens, 10 to 100 us.
+        """
+        self._heard = heard
+        self._unheard = frozenset(topic for topic in _EACH_STEP if spares and self._names.get(topic) not in heard)
+
+    def is_heard(self, topic: str) -> bool:
+        """Says whether nodes listen to a topic."""
+        return self._wire is not None and self._names.get(topic) in self._heard
+
+    def tell(self, topic: str, message: Any) -> None:
+        """Publishes a message to nodes that listen, and records nothing."""
+        if self.is_heard(topic):
+            self._send(topic, encode(message))
 
     def announce(self, topic: str, kind: type[Message]) -> None:
         """Records that a topic is recorded; see `McapRecorder.announce`."""
@@ -142,6 +168,9 @@ class BridgeRecorder(Recorder):
                 self._send(topic, data)
                 if topic in self._names:
                     published.add(topic)
+        later, self._after_states = self._after_states, []
+        for topic, data in later:
+            self._hand_over(topic, data)
         return published
 
     def state(self) -> Any:
@@ -157,6 +186,12 @@ class BridgeRecorder(Recorder):
         self._inner.close()
 
     def _send(self, topic: str, data: bytes) -> None:
+        if topic not in _ON_DEMAND:
+            self._hand_over(topic, data)
+        elif self.is_heard(topic):
+            self._after_states.append((topic, data))
+
+    def _hand_over(self, topic: str, data: bytes) -> None:
         if self._wire is not None and topic not in self._unheard and (name := self._names.get(topic)) is not None:
             self._wire.send(name, data)
             self.sent[topic] = self.sent.get(topic, 0) + 1

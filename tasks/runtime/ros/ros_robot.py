@@ -114,6 +114,7 @@ class RosBridge:
         if now_s - self._looked_at_s < 0.1:
             return False
         self._looked_at_s, self._peers = now_s, self._wire.peers()
+        self.recorder.note_heard(self._peers.heard, spares=False)
         self._commanded_since_s = _since(self._commanded_since_s, now_s, self._peers.commanders > 0)
         # Who publishes commands of another type would listen for ever: that is told instead.
         listens = bool(self._peers.heard) and not self._peers.mistyped
@@ -152,6 +153,11 @@ class RosBridge:
             self._wire, self.recorder, timing, self._options, self._robot, environment, keep, self._clock
         )
         return self._agent
+
+    @property
+    def options(self) -> RosOptions:
+        """Its options; those of the robot are known once nodes are looked for."""
+        return self._options
 
     @property
     def mode(self) -> Any:
@@ -303,8 +309,8 @@ class RosAgent:
             return
         self._looked_at_s, self._peers = now_s, self._wire.peers()
         self._heard |= self._peers.heard
-        if not isinstance(self._timing, Lockstep):  # where the first message that is heard has to be answered
-            self._recorder.spare(self._peers.heard)
+        # In lock-step the first message that is heard has to be answered.
+        self._recorder.note_heard(self._peers.heard, spares=not isinstance(self._timing, Lockstep))
         count = self._peers.commanders
         self._most_commanders = max(self._most_commanders, count)
         if count > 1:

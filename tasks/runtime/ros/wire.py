@@ -20,6 +20,9 @@ class Topic(NamedTuple):
     depth: int = 10
     """Messages that are kept for a slow reader."""
 
+    is_on_demand: bool = False
+    """Whether it costs so much that it is made only where a node listens."""
+
 
 Vector = tuple[float, float, float]
 STILL: Vector = (0.0, 0.0, 0.0)

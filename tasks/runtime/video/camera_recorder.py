@@ -1,4 +1,7 @@
-"""Records a camera's pictures when a job asks for them: rendering costs more than all the rest of a run."""
+"""Pictures of a camera, recorded when a job asks for them, and for ROS nodes that subscribe them.
+
+Rendering costs more than all the rest of a run.
+"""
 
 # MuJoCo ships no types for its compiled module.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
@@ -7,27 +10,47 @@ import io
 import math
 import sys
 import traceback
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import mujoco
+import numpy as np
 from PIL import Image as PillowImage
 
+from ....schemas.runs.ros import RosOptions
 from ..episode.physics import raw_physics
 from ..episode.results import Findings, Observer
 from ..recording import messages as ros
 from ..recording.camera_frames import CAMERA_FRAME, OPTICAL_FRAME, TO_OPTICAL, Mount, camera_info, find_mount, frames_of
-from ..recording.messages import CompressedImage
+from ..recording.messages import CameraInfo, CompressedImage
 from ..recording.recording import Recorder
-from ..rendering.cameras import Image
+from ..rendering.cameras import Depths, Image
 from ..rendering.views import CameraNameError
 from .video import RAYS, ViewRenderer
 from .video_settings import RECORDED_CAMERA_VARIABLE, CameraRecording, VideoSettings
 
 TOPIC = "/camera/image_raw/compressed"
 INFO_TOPIC = "/camera/camera_info"
+RAW_TOPIC = "/camera/image_raw"
+DEPTH_TOPIC = "/camera/depth/image_raw"
+DEPTH_INFO_TOPIC = "/camera/depth/camera_info"
+POINTS_TOPIC = "/camera/depth/points"
+_COLOUR = (TOPIC, RAW_TOPIC)
+_DEPTH = (DEPTH_TOPIC, POINTS_TOPIC)
+_TOPICS = (*_COLOUR, INFO_TOPIC, *_DEPTH, DEPTH_INFO_TOPIC)
 _SIZE = (320, 240)
 _JPEG_QUALITY = 80
 _FRONT = "front"
+_MOST_MM = 0xFFFF
+"""Largest number of `16UC1`."""
+
+
+class _Sight(NamedTuple):
+    """What a camera sees; the parts that nobody asked for are missing."""
+
+    picture: Image | None
+    depths_m: Depths | None
+    mount: Mount
 
 
 class CameraRecorder(Observer):
@@ -36,33 +59,49 @@ class CameraRecorder(Observer):
     `sensor_msgs/CameraInfo` on `/camera/camera_info`, with the same stamps, says how to project into them, and `/tf` or
     `/tf_static` where the camera is: `camera_link`, and `camera_optical_frame`, which is the frame of both messages.
 
+    ROS nodes that subscribe them get the same, and raw pictures, depths and points of the same camera, which are not
+    recorded: a second of them is as large as minutes of all the rest.
+
     Pictures that cannot be made do not fail the run: the reason goes to the error log and, as `camera_error`, to the
     result.
     """
 
-    def __init__(self, recorder: Recorder, settings: CameraRecording, backend: str | None) -> None:
+    def __init__(
+        self,
+        recorder: Recorder,
+        settings: CameraRecording,
+        backend: str | None,
+        options: Callable[[], RosOptions] = RosOptions,
+    ) -> None:
         """Prepares; nothing is rendered before the first look.
 
         Args:
-            recorder: Where the pictures go.
+            recorder: Where the pictures go; it knows what nodes listen to.
             settings: Which camera, how often.
             backend: `egl` or `osmesa` (what `MUJOCO_GL` says), or `rays`; None takes rays.
+            options: Those of the ROS bridge, which are known once it looks for nodes.
         """
         self._recorder, self._settings, self._backend = recorder, settings, backend or RAYS
+        self._options = options
         self._renderer: ViewRenderer | None = None
         self._error: str | None = None
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Records a picture.
+        """Records a picture, and publishes what nodes listen to.
 
         Raises:
             RecordingError: The recording cannot be written.
         """
+        options = self._options()
+        # From now rather than from the time it was due: control steps may be longer than the interval.
+        self.next_time_s = time_s + 1.0 / (self._settings.rate_hz or options.camera_rate_hz)
+        wanted = {topic for topic in _TOPICS if self._recorder.is_heard(topic)}
+        if self._settings.is_recorded:
+            wanted |= {TOPIC, INFO_TOPIC}
+        if not wanted:
+            return
         try:
-            renderer, data = self._aimed(environment)
-            picture = _jpeg(renderer.picture(data))
-            view = renderer.look(data, self._scene)
-            mount = find_mount(renderer.model, view, self._scene, frames_of(environment, renderer.model))
+            sight = self._look(environment, wanted)
         except CameraNameError as error:
             self.next_time_s, self._error = math.inf, str(error)
             sys.stderr.write(f"No camera in the recording: {error}.\n")
@@ -73,14 +112,39 @@ class CameraRecorder(Observer):
             sys.stderr.write(f"No camera in the recording: it could not be made with {self._backend}.\n")
             traceback.print_exc()
             return
+        self._publish(sight, wanted, options.depth_encoding, time_s)
+
+    def _publish(self, sight: _Sight, wanted: set[str], depth_encoding: str, time_s: float) -> None:
         header = ros.Header(ros.Time.from_seconds(time_s), OPTICAL_FRAME)
-        self._publish_frames(mount, header.stamp, time_s)
-        self._recorder.write(TOPIC, CompressedImage(header, "jpeg", picture), time_s)
+        self._publish_frames(sight.mount, header.stamp, time_s)
+        if sight.picture is not None:
+            if TOPIC in wanted:
+                self._put(TOPIC, CompressedImage(header, "jpeg", _jpeg(sight.picture)), time_s)
+            self._recorder.tell(RAW_TOPIC, ros.Image(header, "rgb8", sight.picture))
+        if sight.depths_m is not None:
+            self._recorder.tell(DEPTH_TOPIC, _depth_image(header, sight.depths_m, depth_encoding))
         info = camera_info(header, self._scene, _SIZE)
-        if info is not None:
-            self._recorder.write(INFO_TOPIC, info, time_s)
-        # From now rather than from the time it was due: control steps may be longer than the interval.
-        self.next_time_s = time_s + 1.0 / self._settings.rate_hz
+        if info is None:
+            return
+        if INFO_TOPIC in wanted:
+            self._put(INFO_TOPIC, info, time_s)
+        self._recorder.tell(DEPTH_INFO_TOPIC, info)
+        if sight.depths_m is not None and POINTS_TOPIC in wanted:
+            self._recorder.tell(POINTS_TOPIC, ros.PointCloud2(header, _points(sight.depths_m, info)))
+
+    def _put(self, topic: str, message: Any, time_s: float) -> None:
+        if self._settings.is_recorded:
+            self._recorder.write(topic, message, time_s)
+        else:
+            self._recorder.tell(topic, message)
+
+    def _look(self, environment: Any, wanted: set[str]) -> _Sight:
+        renderer, data = self._aimed(environment)
+        picture = renderer.picture(data) if wanted.intersection(_COLOUR) else None
+        depths_m = renderer.depths(data) if wanted.intersection(_DEPTH) else None
+        view = renderer.look(data, self._scene)
+        mount = find_mount(renderer.model, view, self._scene, frames_of(environment, renderer.model))
+        return _Sight(picture, depths_m, mount)
 
     def close(self, ended_by: str | None) -> Findings:
         """Frees the renderer; returns the reason if no pictures were recorded."""
@@ -117,6 +181,23 @@ def _jpeg(pixels: Image) -> bytes:
     picture = io.BytesIO()
     PillowImage.fromarray(pixels).save(picture, "JPEG", quality=_JPEG_QUALITY)
     return picture.getvalue()
+
+
+def _depth_image(header: ros.Header, depths_m: Depths, encoding: str) -> ros.Image:
+    """Depths as REP 118 has them."""
+    if encoding == "32FC1":
+        return ros.Image(header, encoding, depths_m)
+    millimetres = np.rint(1000.0 * depths_m)
+    return ros.Image(header, encoding, np.where(millimetres <= _MOST_MM, millimetres, 0).astype(np.uint16))
+
+
+def _points(depths_m: Depths, info: CameraInfo) -> Depths:
+    """Points in the optical frame, in the order of the pixels."""
+    height, width = depths_m.shape
+    seen_m = np.where(np.isfinite(depths_m), depths_m, np.float32(np.nan))
+    right = (np.arange(width, dtype=np.float32) - np.float32(info.cx)) / np.float32(info.fx)
+    down = (np.arange(height, dtype=np.float32) - np.float32(info.cy)) / np.float32(info.fy)
+    return np.stack((seen_m * right, seen_m * down[:, None], seen_m), axis=2)
 
 
 def _default_camera(model: mujoco.MjModel) -> str | None:

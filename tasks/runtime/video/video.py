@@ -16,7 +16,7 @@ from PIL import Image as PillowImage
 from ....schemas.worlds.appearance import appearance_named
 from ..episode.physics import raw_physics
 from ..episode.results import Findings, Observer
-from ..rendering.cameras import Camera, GlCamera, Image
+from ..rendering.cameras import Camera, Depths, GlCamera, Image
 from ..rendering.ray_camera import RayCamera
 from ..rendering.views import CameraNameError, View, choose_views
 from .video_settings import (
@@ -147,6 +147,10 @@ class ViewRenderer:
         if self._small_view is not None:
             _inset(picture, self._small_picture(data, self._small_view))
         return picture
+
+    def depths(self, data: mujoco.MjData) -> Depths:
+        """Measures how far away is what the picture of a state shows."""
+        return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:
         """Returns the camera for a state, and points the scene's camera along it."""

@@ -121,10 +121,10 @@ _BOTH = "both"
 
 
 class CameraRecording(NamedTuple):
-    """Settings of the camera that is recorded as ROS messages: frame rate and camera name."""
+    """Settings of the camera that is recorded, or that ROS nodes see through: its rate, and which one it is."""
 
-    rate_hz: float
-    """Pictures per simulated second."""
+    rate_hz: float | None
+    """Pictures per simulated second; None: as many as the options of the ROS bridge say."""
 
     camera: str | None = None
     """`follow`, `top` or the name of a camera of the model; None: the robot's `front`, else the first one."""
@@ -135,19 +135,24 @@ class CameraRecording(NamedTuple):
     seed: int = 0
     """Seed of the appearance that `random` chooses."""
 
+    is_recorded: bool = True
+    """Whether its pictures are recorded; else they are for ROS nodes alone."""
+
 
 def camera_recording(plan: RunPlan) -> CameraRecording | None:
-    """Returns the camera recording that a run's variables ask for; `None` means no pictures, the default.
+    """Returns the camera recording that variables ask for; None: no pictures, the default of runs without ROS nodes.
 
     Raises:
         LaunchError: The rate is not a number above 0 and at most 60, two views are asked for in one picture,
             or there is no such appearance.
     """
     variables = variables_of(plan)
-    if not plan.record or (text := variables.get(RECORDED_RATE_VARIABLE)) is None:
+    text = variables.get(RECORDED_RATE_VARIABLE)
+    is_recorded = plan.record and text is not None
+    if not is_recorded and plan.ros is None:
         return None
-    rate_hz = number_in(text)
-    if not 0 < rate_hz <= _MAX_RECORDED_RATE_HZ:
+    rate_hz = number_in(text) if text is not None else None
+    if rate_hz is not None and not 0 < rate_hz <= _MAX_RECORDED_RATE_HZ:
         raise LaunchError(
             f"{RECORDED_RATE_VARIABLE} is {text!r}; it has to be pictures per simulated second, above 0 and at most "
             f"{_MAX_RECORDED_RATE_HZ:g}, such as 5"
@@ -158,7 +163,7 @@ def camera_recording(plan: RunPlan) -> CameraRecording | None:
             f"{RECORDED_CAMERA_VARIABLE} is {camera!r}, but a picture of two views has no camera_info true of it; "
             "it has to be follow, top, or the name of one of the model's cameras (videos may have both)"
         )
-    return CameraRecording(rate_hz, camera, appearance_of(plan), plan.seed)
+    return CameraRecording(rate_hz, camera, appearance_of(plan), plan.seed, is_recorded)
 
 
 VIDEO_FILE = "video.mp4"

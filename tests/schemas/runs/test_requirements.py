@@ -54,7 +54,7 @@ def problems(*arguments: Any, **members: Any) -> list[str]:
         ({"kind": "predicate", "name": "a", "attribute": "f"}, "requirements[0].attribute: is 'f'; it has to be a"),
         ({"kind": "sped", "name": "a"}, "requirements[0].kind: is 'sped'; did you mean 'speed'?"),
         ({"kind": "speed", "name": "a", "max_mps": 0}, "requirements[0].max_mps: is 0; it has to be above 0"),
-        ({"kind": "upright", "name": "a", "max_tilt_deg": 180}, "requirements[0].max_tilt_deg: is 180; it may be at most 179"),
+        ({"kind": "upright", "name": "a", "max_tilt_deg": 180}, "max_tilt_deg: is 180; it may be at most 179"),
         ({"kind": "progress", "name": "a"}, "requirements[0].max_stuck_s: is missing"),
         ({"kind": "path_length", "name": "a", "goal": "b", "min_ratio": 1.2}, "requirements[0].min_ratio: is 1.2;"),
         ({"kind": "coverage", "name": "a", "min_share": 0.5}, "requirements[0].radius_m: is missing"),
