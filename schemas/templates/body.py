@@ -17,7 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model, optional
 from ..wire.json_values import is_list, is_object
-from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, PassageKind, RoomType
+from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
 
 OBJECT_TAG, CONSTANT_TAG = "\0object", "\0constant"
 """Pydantic puts these into the locations of errors; error messages leave them out."""
@@ -36,7 +36,9 @@ class TemplateTargetSet(Model):
     """The rooms that a set of a world template applies to, by name or by type. A name has precedence over a type."""
 
     RoomNames: list[str] | None = Field(default=None, min_length=1, max_length=6, description="Names of rooms.")
-    RoomTypes: list[RoomType] | None = Field(default=None, min_length=1, max_length=7, description="Types of rooms.")
+    RoomTypes: list[FurnishedRoomType] | None = Field(
+        default=None, min_length=1, max_length=7, description="Types of rooms."
+    )
 
 
 class RoomPairTargetFilter(Model):
@@ -156,7 +158,7 @@ class TemplateShape(Model):
 class TemplateRoom(Model):
     """A room that a world template asks for: its type, name and shape."""
 
-    Type: RoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
+    Type: FurnishedRoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
     OriginalName: str | None = optional("Name that the user gave the room, in any letters; only in version 2.")
     DesiredShape: TemplateShape = Field(

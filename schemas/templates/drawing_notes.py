@@ -19,7 +19,7 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model, optional
-from ..worlds.world import RoomType
+from ..worlds.world import FurnishedRoomType
 from .body import TemplateInterior
 
 
@@ -38,7 +38,7 @@ Scale = Annotated[str | float, AfterValidator(_scale)]
 class RoomNotes(Model):
     """Facts about a room which a floor plan drawing does not show, such as its type."""
 
-    type: RoomType = Field(description="Its type, which steers materials and furniture.")
+    type: FurnishedRoomType = Field(description="Its type, which steers materials and furniture.")
 
 
 class DrawingNotes(Model):

@@ -10,7 +10,7 @@ from typing import Literal
 from pydantic import Field
 
 from ..wire.base import Model, optional
-from .world import DrawnSource, PassageKind, Point, Preference, RoomType, Variation, WorldChecks
+from .world import PassageKind, Point, Preference, RoomType, Source, Variation, WorldChecks
 
 DESCRIPTION_FILE = "world_description.json"
 """Its name in a world bundle and in an export."""
@@ -135,7 +135,7 @@ class WorldDescription(Model):
     passages: list[DescribedPassage] = Field(description="The ways between rooms.")
     doors: list[DescribedDoor] = Field(description="The doors.")
     furniture: list[DescribedFurniture] = Field(description="Furniture and loose objects.")
-    source: DrawnSource | None = optional("Drawing or map that it was imported from; absent: it was generated.")
+    source: Source | None = optional("Drawing, map or world file that it was imported from; absent: it was generated.")
     variation: Variation | None = optional(
         "Differences from the world it was made of; absent in worlds made by themselves."
     )

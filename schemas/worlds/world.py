@@ -20,7 +20,7 @@ the facing direction and `width_m` across it.
 """
 
 from collections.abc import Iterable, Sequence
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -116,13 +116,19 @@ class WorldChecks(Model):
     stability: StabilityChecks | None = optional(
         "Movement of loose objects after small pushes; absent unless it was asked for."
     )
+    reachable_m2: float | None = optional(
+        "Area in square metres that the disc's middle reaches; only in worlds that were imported from Gazebo."
+    )
 
 
 Point = tuple[float, float]
-RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
+FurnishedRoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet"]
+"""Types of rooms that templates and drawings have."""
+RoomType = Literal["Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet", "Area"]
+"""Types of rooms of any world; an `Area` is a room of an imported world, of which no more is known."""
 PreferenceOutcome = Literal["satisfied", "missed", "contradictory"]
 
-ROOM_TYPES: tuple[RoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
+ROOM_TYPES: tuple[FurnishedRoomType, ...] = ("Bedroom", "Bathroom", "Living", "Dining", "Kitchen", "Hallway", "Closet")
 
 FLOOR_MATERIALS = ("Carpet", "Concrete", "Floorboards", "Linoleum", "Parquetry", "Tiles")
 WALL_MATERIALS = ("Brick", "Concrete", "Stone", "Tiles", "WoodPanels", "WallPaint", "Wallpaper")
@@ -299,6 +305,38 @@ class DrawnSource(Model):
     left_out: list[str] = Field(default=[], description="Shapes that were taken for neither room, door nor window.")
 
 
+class LeftOut(Model):
+    """Things of one kind that a world file has and the world has not, or has otherwise."""
+
+    what: str = Field(description="Kind of thing, in the plural.")
+    count: int = Field(description="How many there are.")
+    names: list[str] = Field(description="Names or places of the first ones, each once.")
+
+
+class GazeboSource(Model):
+    """The world in Gazebo's format that a world was imported from."""
+
+    form: Literal["gazebo"] = Field(default="gazebo", description="How it was read.")
+    file: str = Field(description="Name of the world file.")
+    sha256: str = Field(description="SHA-256 over it and all files that were read with it, hexadecimal.")
+    sdf_version: str = Field(description="Version of SDF that the file says.")
+    origin_m: tuple[float, float, float] = Field(
+        description="Position of the world's origin in the file's frame, metres: the start, on the floor. A point p "
+        "there is at p - origin_m in the world, turned by -start_yaw."
+    )
+    start_yaw: float = Field(default=0.0, description="Direction of the start in the file's frame, radians.")
+    is_start_chosen: bool = Field(description="Whether the start was chosen here, as none was named.")
+    models: int = Field(description="Models in it, those in models included.")
+    goals: dict[str, Point] = Field(default={}, description="Named goals from the notes, in the world.")
+    held: dict[str, str] = Field(
+        default={}, description="Bodies that could move and are held, by name, with the reason."
+    )
+    left_out: list[LeftOut] = Field(default=[], description="All that was left out or mended.")
+
+
+Source = Annotated[DrawnSource | GazeboSource, Field(discriminator="form")]
+
+
 class Change(Model):
     """One difference between a variation and the world that it was made from."""
 
@@ -333,7 +371,7 @@ class World(Model):
     furniture: list[Furniture] = Field(description="Furniture and loose objects.")
     wishes: list[Preference] = Field(description="Outcome of the preferences about the interior.")
     checks: WorldChecks | None = optional("Measured before the world was accepted.")
-    source: DrawnSource | None = optional("Drawing or map that it was imported from; absent: it was generated.")
+    source: Source | None = optional("Drawing, map or world file that it was imported from; absent: it was generated.")
     variation: Variation | None = optional(
         "Differences from the world it was made of; absent in worlds made by themselves."
     )
@@ -341,8 +379,11 @@ class World(Model):
 
     def to_text(self) -> str:
         """Returns the content of `world.json`; optional members are written only for worlds that have them."""
-        absent = {name for name in ("source", "variation") if getattr(self, name) is None}
-        absent |= {"appearance"} if self.appearance == "day" else set()
+        absent: dict[str, Any] = {name: True for name in ("source", "variation") if getattr(self, name) is None}
+        if self.appearance == "day":
+            absent["appearance"] = True
+        if self.checks is not None and self.checks.reachable_m2 is None:
+            absent["checks"] = {"reachable_m2"}
         return self.model_dump_json(indent=1, exclude=absent) + "\n"
 
 

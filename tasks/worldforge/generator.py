@@ -13,7 +13,17 @@ import numpy as np
 
 from ...schemas.templates.body import WorldTemplateBody
 from ...schemas.wire.errors import ConfigurationError, WorldGenerationError
-from ...schemas.worlds.world import Change, Floorplan, Furniture, Light, Passage, Variation, World, contains
+from ...schemas.worlds.world import (
+    Change,
+    Floorplan,
+    Furniture,
+    GazeboSource,
+    Light,
+    Passage,
+    Variation,
+    World,
+    contains,
+)
 from .doors.initial_states import dress_doors
 from .doors.parts import leaf_outlines
 from .floorplans.floorplan import generate_floorplan
@@ -170,6 +180,11 @@ def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> 
     Raises:
         ConfigurationError: there is no such door or piece, nothing differs, or another generator made the world.
     """
+    if isinstance(world.source, GazeboSource):
+        raise ConfigurationError(
+            f"the world was imported from {world.source.file}, and this varies plans and furniture of our own worlds; "
+            "change the world file and import it again"
+        )
     if world.generator_version != GENERATOR_VERSION:
         raise ConfigurationError(
             f"generator {world.generator_version} made the world; only worlds of this one, {GENERATOR_VERSION}, can be "

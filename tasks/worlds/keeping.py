@@ -1,6 +1,7 @@
 """Storing worlds that no generation job made: imported ones, and variations."""
 
 import tempfile
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from ...schemas.worlds.world import World
 from ..catalog import Resource
 from ..service.patience import at_once, patiently
 from ..service.service import Service
-from ..worldforge.bundle.bundle import write_bundle
+from ..worldforge.bundle.bundle import content_hash, write_bundle
 from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
 from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
 
@@ -31,9 +32,37 @@ def keep_world(
     Raises:
         StorageError: it cannot be stored.
     """
+
+    def write(folder: Path) -> None:
+        write_bundle(world, folder)
+
+    return keep_bundle(write, prefix, tags, service, origin=origin)
+
+
+def keep_bundle(
+    write: Callable[[Path], None],
+    prefix: IdPrefix,
+    tags: dict[str, str],
+    service: Service,
+    *,
+    origin: str | None = None,
+) -> Resource:
+    """Stores a bundle and adds its world to the catalog.
+
+    Args:
+        write: writes the bundle into a new folder.
+        prefix: beginning of the world's id.
+        tags: its tags.
+        service: where it is stored.
+        origin: what it was made of, by which it is found again.
+
+    Raises:
+        StorageError: it cannot be stored.
+    """
     with tempfile.TemporaryDirectory(dir=service.folder("scratch")) as scratch:
         folder = Path(scratch, "bundle")
-        place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{write_bundle(world, folder)}")
+        write(folder)
+        place = StoredPlace(bucket=service.settings.bucket, prefix=f"{WORLDS_PREFIX}/{content_hash(folder)}")
         labels = {BUNDLE_LABEL: [bundle_label(place)], **({ORIGIN_LABEL: [origin]} if origin else {})}
         held = replace(service, store=at_once(service.store))
         return patiently(service.store, place.bucket, lambda: _kept(folder, place, prefix, tags, labels, held))

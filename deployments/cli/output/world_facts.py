@@ -215,7 +215,9 @@ def _places(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
 def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
     """Describes the source of a world that no generation job made."""
     source, variation = facts["source"], facts["variation"]
-    if source:
+    if source and source["form"] == "gazebo":
+        yield from _gazebo_origin(source)
+    elif source:
         scale = f"{source['metres_per_unit']:g} m a {'cell' if source['form'] == 'nav2-map' else 'unit'}"
         lines = {"faces": "the faces of walls", "centres": "the middles of walls"}[source["outlines"]]
         yield "drawn", f"{source['file']}, {scale}, outlines are {lines}, sha256 {source['sha256']}"
@@ -228,6 +230,22 @@ def _origin(facts: dict[str, Any]) -> Iterator[tuple[str, str]]:
         yield "varied", f"from {variation['of_world'] or variation['of_content']}"
         for change in variation["changes"]:
             yield change["what"], f"{change['thing']}: {change['before']} -> {change['after']}"
+
+
+def _gazebo_origin(source: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Describes the world file that a world was imported from, and what of it is not there."""
+    yield (
+        "imported",
+        f"{source['file']}, SDF {source['sdf_version']}, {source['models']} models, sha256 {source['sha256']}",
+    )
+    x, y, z = source["origin_m"]
+    chosen = ", a free place that was chosen" if source["is_start_chosen"] else ""
+    yield "origin", f"at ({x:.2f}, {y:.2f}, {z:.2f}) m of the file, yaw {source['start_yaw']:.2f}{chosen}"
+    for name, reason in source["held"].items():
+        yield "held", f"{name}: {reason}"
+    for left in source["left_out"]:
+        more = ", ..." if left["count"] > len(left["names"]) else ""
+        yield "left out", f"{left['count']} {left['what']}: {', '.join(left['names'])}{more}"
 
 
 def _rooms(facts: dict[str, Any]) -> Iterator[tuple[str, ...]]:
@@ -284,6 +302,8 @@ def _proofs(facts: dict[str, Any]) -> Iterator[Line]:
 
 
 def _preferences(facts: dict[str, Any]) -> Iterator[Line]:
+    if facts["source"] and facts["source"]["form"] == "gazebo":
+        return  # it wishes nothing
     preferences, whose = facts["wishes"], "drawing" if facts["source"] else "template"
     counts = ", ".join(
         f"{preferences[key]} {word}"

@@ -38,12 +38,27 @@ def write_bundle(world: World, folder: Path) -> str:
     Raises:
         FileExistsError: there is something at `folder` already.
     """
+    return write_files(_files(world), folder)
+
+
+def write_files(files: Mapping[str, bytes], folder: Path) -> str:
+    """Writes the files of a bundle; the folder appears whole or not at all.
+
+    Args:
+        files: contents by their paths in the bundle.
+        folder: where; must not exist, its parent is made if need be.
+
+    Returns:
+        The content's hash, hexadecimal: of all names and bytes.
+
+    Raises:
+        FileExistsError: there is something at `folder` already.
+    """
     if folder.exists():
         raise FileExistsError(f"{folder}: exists already; a bundle is written once, into a new folder")
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     try:
-        files = _files(world)
         for inner in {(temporary / name).parent for name in files}:
             inner.mkdir(exist_ok=True)
         for name, content in files.items():

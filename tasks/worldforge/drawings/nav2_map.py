@@ -14,7 +14,7 @@ from scipy import ndimage
 
 from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import Point, RoomType
+from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns
 from .shapes import Drawing, Shape
 from .squaring import outline_of, room_units
@@ -227,7 +227,7 @@ def _refuse_overlaps(outlines: Sequence[Corners], read: _Map, name: str) -> None
         cells[inside] = place
 
 
-def _guess(corners: Corners, place: int, doors: int) -> RoomType:
+def _guess(corners: Corners, place: int, doors: int) -> FurnishedRoomType:
     """The type of a room by its form and its ways: the notes may know better."""
     box = extent(corners)
     short, long = sorted((box.x1 - box.x0, box.y1 - box.y0))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import Floorplan, Point, Preference, Room, RoomType, bounds
+from ....schemas.worlds.world import Floorplan, FurnishedRoomType, Point, Preference, Room, bounds
 from ..doors.doors import hang_doors
 from ..floorplans.connections import AREA_TOLERANCE
 from ..floorplans.floorplan import (
@@ -31,7 +31,7 @@ class DrawnRoom(NamedTuple):
 
     name: str
     original: str | None
-    type: RoomType
+    type: FurnishedRoomType
     corners: tuple[tuple[float, float], ...]
 
 
@@ -140,7 +140,7 @@ def _room(
 def _windows(drawn: DrawnPlan, walls: Walls, squared: Squared, seed: int) -> tuple[list[Pane], list[Preference]]:
     """The drawn windows; where none is drawn, those that a generated world would have."""
     if not drawn.windows:
-        types: list[RoomType] = [room.type for room in drawn.rooms]
+        types: list[FurnishedRoomType] = [room.type for room in drawn.rooms]
         return windows_along(walls.sides, types, Random(seed)), []  # noqa: S311 (chance, not secrecy)
     panes: list[Pane] = []
     told: list[Preference] = []

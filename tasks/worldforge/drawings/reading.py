@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
-from ....schemas.worlds.world import ROOM_TYPES, PassageKind, Point, RoomType
+from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
 from .fitting import DrawnWay
 from .plan import DrawnPlan, DrawnRoom
 from .shapes import Drawing, Kind, Shape, kind_of, label_of, plain_words, room_type, without_accents
@@ -110,12 +110,12 @@ def _rooms(shapes: Sequence[Shape], drawing: Drawing, scale: float, notes: Drawi
     return rooms
 
 
-def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> RoomType:
+def _type(shape: Shape, label: str, notes: DrawingNotes, what: str) -> FurnishedRoomType:
     """The type of a room: by the notes, by what the shape says, by its name, by its classes and layers."""
     if label in notes.rooms:
         return notes.rooms[label].type
     if stated := shape.facts.get("type"):
-        known: dict[str, RoomType] = {kind.lower(): kind for kind in ROOM_TYPES}
+        known: dict[str, FurnishedRoomType] = {kind.lower(): kind for kind in ROOM_TYPES}
         if stated.lower() not in known:
             raise ConfigurationError(f"{what}: its type is {stated!r}; one of {', '.join(ROOM_TYPES)} would be right")
         return known[stated.lower()]

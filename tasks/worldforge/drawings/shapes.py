@@ -4,15 +4,16 @@ import re
 import unicodedata
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, TypeVar
 
 from pydantic import ValidationError
 
 from ....schemas.specs.text import key_place, parse, plain, value_place
 from ....schemas.templates.drawing_notes import DrawingNotes
+from ....schemas.wire.base import Model
 from ....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ....schemas.wire.request_problems import problems_of
-from ....schemas.worlds.world import Point, RoomType, bounds, contains
+from ....schemas.worlds.world import FurnishedRoomType, Point, bounds, contains
 
 Kind = Literal["room", "door", "opening", "window", "other"]
 
@@ -25,7 +26,7 @@ _KINDS: tuple[tuple[Kind, str], ...] = (
 )
 """Words of names and layers by what they mean; the first that matches wins."""
 
-_ROOM_WORDS: tuple[tuple[RoomType, tuple[str, ...]], ...] = (
+_ROOM_WORDS: tuple[tuple[FurnishedRoomType, tuple[str, ...]], ...] = (
     ("Closet", ("closet", "storage", "wardrobe", "pantry", "dressing", "abstell", "garderobe", "placard", "walkin")),
     ("Bathroom", ("bath", "shower", "toilet", "wc", "ensuite", "powder", "laundry", "bad", "dusche", "salledebain")),
     ("Kitchen", ("kitchen", "kuche", "cuisine", "cocina", "cucina")),
@@ -118,7 +119,7 @@ def label_of(shape: Shape, labels: Iterable[Label]) -> str:
     return _SIZE.sub("", named[0]) if named else ""
 
 
-def room_type(name: str) -> RoomType | None:
+def room_type(name: str) -> FurnishedRoomType | None:
     """Returns the room type that a name means (`kitchen`, `Küche`); `None` if unknown."""
     words = plain_words(name)
     joined = "".join(words)
@@ -137,16 +138,33 @@ def read_notes(path: Path) -> DrawingNotes:
         SpecError: with everything that is wrong: file, line, member, value and what would be right.
         ConfigurationError: the file cannot be read.
     """
+    return read_yaml(path, DrawingNotes)
+
+
+Notes = TypeVar("Notes", bound=Model)
+
+
+def read_yaml(path: Path, form: type[Notes]) -> Notes:
+    """Reads and checks a file of notes.
+
+    Args:
+        path: the file.
+        form: notes of which kind.
+
+    Raises:
+        SpecError: with everything that is wrong: file, line, member, value and what would be right.
+        ConfigurationError: the file cannot be read.
+    """
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigurationError(f"{path}: it cannot be read: {error}") from error
     root = parse(text, path.name)
     try:
-        return DrawingNotes.model_validate(plain(root))
+        return form.model_validate(plain(root))
     except ValidationError as error:
         found = [
             Problem((key_place if each.about_key else value_place)(root, each.location), "", str(each))
-            for each in problems_of(error, DrawingNotes)
+            for each in problems_of(error, form)
         ]
         raise SpecError(sorted(found, key=lambda each: (each.place.line, each.place.column))) from None

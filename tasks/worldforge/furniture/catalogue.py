@@ -343,6 +343,11 @@ def styles_of(model_type: str) -> tuple[Style, ...]:
     return CATALOGUE[model_type].styles
 
 
+IMPORTED = "imported"
+"""Style of a piece that is not from the catalogue: its model has its form, and plans and pictures show its extent."""
+_IMPORTED_COLOR = (0.62, 0.6, 0.57, 1.0)
+
+
 def parts_of(item: Furniture) -> tuple[Part, ...]:
     """The parts of one piece, in its own frame, standing on its `base_m`.
 
@@ -350,6 +355,9 @@ def parts_of(item: Furniture) -> tuple[Part, ...]:
         ValueError: when kind or style are not in the catalogue, which means that the piece was written
             by another version of the generator.
     """
+    if item.style == IMPORTED:
+        center, size = (0.0, 0.0, item.height_m / 2), (item.depth_m, item.width_m, item.height_m)
+        return (Part("all", "box", center, size, _IMPORTED_COLOR, solid=True),)
     return _build(item.model_type, item.style)
 
 

@@ -94,14 +94,14 @@ def occupancy_grid(
     for room in floorplan.rooms:  # what is neither room nor wall lies outside, also inside the outline
         grid.known[room_cells(grid, room)] = True
     for wall in floorplan.walls:
-        _fill(grid, grid.known, wall_corners(wall))
+        fill(grid, grid.known, wall_corners(wall))
         if wall.bottom_m < high_m:
-            _fill(grid, grid.occupied, wall_corners(wall))
+            fill(grid, grid.occupied, wall_corners(wall))
     for item in furniture:
         if item.base_m < high_m and item.base_m + item.height_m > ROBOT_LOW_M:
-            _fill(grid, grid.occupied, furniture_corners(item))
+            fill(grid, grid.occupied, furniture_corners(item))
     for polygon in polygons:
-        _fill(grid, grid.occupied, polygon)
+        fill(grid, grid.occupied, polygon)
     return grid
 
 
@@ -128,8 +128,14 @@ def furniture_corners(item: Furniture) -> list[Point]:
     ]
 
 
-def _fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
-    """Marks every cell that a convex polygon enters, by the separating axis theorem."""
+def fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
+    """Marks every cell that a convex polygon enters, by the separating axis theorem.
+
+    Args:
+        grid: where the cells are.
+        cells: the cells, shape (rows, columns), which are changed.
+        corners: the polygon, counter-clockwise.
+    """
     size = grid.resolution_m
     xs, ys = zip(*corners, strict=True)
     rows, columns = cells.shape

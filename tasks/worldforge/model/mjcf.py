@@ -36,7 +36,7 @@ from ..decor.faces import walls_of_windows, windows_in
 from ..decor.lights import light_lines, material_lines, reach_m
 from ..decor.openings import LAID, wall_halves
 from ..doors.parts import door_lines
-from ..furniture.catalogue import styles_of
+from ..furniture.catalogue import IMPORTED, styles_of
 from ..furniture.solids import Solid, solids_of
 from ..geometry.parts import Axis
 from ..interiors.placement import room_rects
@@ -302,6 +302,8 @@ def _loose(item: Furniture, shapes: Shapes | None, *, solid_only: bool = False) 
 
 def _mass_kg(item: Furniture) -> float:
     """Smaller ones of one kind weigh less, by their volume; to the gram."""
+    if item.style == IMPORTED:
+        return 1.0  # only pictures are drawn of it
     first = styles_of(item.model_type)[0]
     share = item.width_m * item.depth_m * item.height_m / (first.width_m * first.depth_m * first.height_m)
     return round(_MASS_KG[item.model_type] * share, 3)

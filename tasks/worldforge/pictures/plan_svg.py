@@ -250,7 +250,9 @@ def _path(points: list[Point]) -> str:
 
 
 def _floor(room: Room) -> str:
-    return f'<path class="fp-{room.type}" d="{_path(room.polygon)}"><title>{_text(room.name)}</title></path>'
+    # Plans that are stored have no style for areas; hallways are as neutral.
+    kind = "Hallway" if room.type == "Area" else room.type
+    return f'<path class="fp-{kind}" d="{_path(room.polygon)}"><title>{_text(room.name)}</title></path>'
 
 
 def _band(start: Point, end: Point, thickness: float) -> list[Point]:

@@ -109,6 +109,37 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
     return np.linalg.norm(data.xipos[bodies] - before, axis=1)
 
 
+def motion_of_bodies(
+    model: mujoco.MjModel, settle_s: float
+) -> tuple[dict[str, float], dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]:
+    """Lets physics run, and says how far each body with a joint went.
+
+    Args:
+        model: a world.
+        settle_s: simulated seconds.
+
+    Returns:
+        The way of each body's middle in metres, by its name, and position and rotation of those that move freely.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    bodies = sorted({int(body) for body in model.jnt_bodyid})
+    before = data.xipos[bodies].copy()
+    _settle(model, data, settle_s, _WATCHED_S)
+    way = np.linalg.norm(data.xipos[bodies] - before, axis=1)
+    broken = data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
+    if broken.number:  # MuJoCo has begun anew since, so ways mean little
+        way[bodies.index(int(model.dof_bodyid[broken.lastinfo]))] = np.inf
+    free = {int(model.jnt_bodyid[joint]) for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)}
+    names = [model.body(body).name for body in bodies]
+    poses = {
+        name: (data.xpos[body].copy(), data.xmat[body].reshape(3, 3).copy())
+        for name, body in zip(names, bodies, strict=True)
+        if body in free
+    }
+    return dict(zip(names, way.tolist(), strict=True)), poses
+
+
 def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
     """Pushes all loose objects a little, several times, and watches each time where they come to rest.
 

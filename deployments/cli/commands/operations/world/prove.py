@@ -28,7 +28,9 @@ def execute(arguments: argparse.Namespace) -> int:
 
     from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......schemas.wire.errors import ConfigurationError
+    from ......schemas.worlds.world import GazeboSource
     from ......tasks.worldforge.bundle.bundle import NAMES_FILE
+    from ......tasks.worldforge.gazebo.outline import prove_imported
     from ......tasks.worldforge.proofs.checks import prove
     from ....inputs.worlds import find_world
     from ....output.world_facts import print_proofs, world_facts
@@ -40,7 +42,12 @@ def execute(arguments: argparse.Namespace) -> int:
             "the world's ARN or its bundle would be right"
         )
     try:
-        checks = prove(found.world, found.folder / "world.xml", pushed=arguments.pushed)
+        if isinstance(found.world.source, GazeboSource):
+            if arguments.pushed:
+                raise ConfigurationError("--pushed: worlds that were imported from Gazebo are not pushed")
+            checks = prove_imported(found.world, found.folder / "world.xml")
+        else:
+            checks = prove(found.world, found.folder / "world.xml", pushed=arguments.pushed)
     except ValueError as error:
         raise ConfigurationError(f"{found.folder / 'world.xml'} is no model that MuJoCo accepts: {error}") from error
     facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))

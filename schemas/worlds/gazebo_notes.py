@@ -1,0 +1,51 @@
+"""Notes on a world in Gazebo's format: the YAML file beside it, with what the world file cannot say.
+
+```yaml
+rooms:
+  Kitchen: {type: Kitchen, polygon: [[0, 0], [4, 0], [4, 3], [0, 3]]}
+goals:
+  sofa: [1.5, 2.0]
+```
+"""
+
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
+
+from ..wire.base import Model
+from .world import Point, RoomType
+
+_LEVEL_M = 0.01
+"""Distance by which an edge may lean and still count as level or upright."""
+
+
+def _upright(polygon: list[Point]) -> list[Point]:
+    edges = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
+    if any(min(abs(x0 - x1), abs(y0 - y1)) > _LEVEL_M for (x0, y0), (x1, y1) in edges):
+        raise PydanticCustomError("slanted", "a polygon with level and upright edges would be right")
+    return polygon
+
+
+class NotedRoom(Model):
+    """A room of the world."""
+
+    type: RoomType = Field(default="Area", description="Its type.")
+    polygon: Annotated[list[Point], AfterValidator(_upright)] = Field(
+        min_length=4,
+        max_length=200,
+        description="Its corners in the frame of the world file, metres; edges run along x and y.",
+    )
+
+
+class GazeboNotes(Model):
+    """Facts that a world file does not say."""
+
+    rooms: dict[str, NotedRoom] = Field(
+        default={}, max_length=200, description="Rooms by name; absent: the whole world is one area."
+    )
+    goals: dict[str, Point] = Field(
+        default={},
+        max_length=200,
+        description="Named goals in the frame of the world file, metres; a robot has to reach each.",
+    )

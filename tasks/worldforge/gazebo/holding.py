@@ -1,0 +1,117 @@
+"""Bodies that can move: which of them are held, and where the others come to rest."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from ..proofs.guarantees import MAX_DRIFT_M, MAX_PENETRATION_M
+from ..proofs.overlaps import find_overlaps, motion_of_bodies
+from ..sdf.sdf_types import Pose
+
+REST_S = 10.0
+"""Simulated seconds for which bodies have to stay."""
+_SETTLED_M = 0.05
+"""Way that a body may go until it rests; what goes further has no place there."""
+_MOST_ROUNDS = 12
+
+Build = Callable[[Collection[str], Mapping[str, Pose]], mujoco.MjModel]
+"""Compiles the world with some bodies held, and others at poses of their own."""
+
+
+@dataclass(slots=True)
+class Rest:
+    """Result of letting a world come to rest."""
+
+    held: dict[str, str] = field(default_factory=dict)
+    """Reasons why bodies are held, by their names."""
+    poses: dict[str, Pose] = field(default_factory=dict)
+    """Poses in the world of bodies that settled, by their names."""
+
+
+def come_to_rest(build: Build) -> Rest:
+    """Holds what overlaps something by more than 5 mm or does not stay, and lets the rest settle.
+
+    Args:
+        build: compiles the world.
+    """
+    rest = Rest()
+    for overlapping, depth_m in _overlapping(build(rest.held, rest.poses)).items():
+        rest.held[overlapping] = f"it overlaps something by {1e3 * depth_m:.0f} mm"
+    for _ in range(_MOST_ROUNDS):
+        model = build(rest.held, rest.poses)
+        if model.njnt == 0:
+            return rest
+        moved_m, poses = motion_of_bodies(model, REST_S)
+        gone = {name: way for name, way in moved_m.items() if not way <= _SETTLED_M}
+        if gone:
+            for name, way in gone.items():
+                rest.held[name] = f"it moves {way:.2f} m by itself" if np.isfinite(way) else "it flies away"
+                rest.poses.pop(name, None)
+            continue
+        if all(way < MAX_DRIFT_M for way in moved_m.values()):
+            return rest
+        rest.poses.update({name: Pose(*poses[name]) for name in moved_m if name in poses})
+    for name in list(_overlapping(build(rest.held, rest.poses))):
+        rest.held[name] = "it does not come to rest"
+    # Bodies that creep for ever, such as a ball on a slope.
+    model = build(rest.held, rest.poses)
+    moved_m, _ = motion_of_bodies(model, REST_S)
+    for name, way in moved_m.items():
+        if not way < MAX_DRIFT_M:
+            rest.held[name] = "it does not come to rest"
+    return rest
+
+
+def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
+    """Returns the fixed pieces that a body with a joint overlaps: a door's leaf its frame, for example.
+
+    Args:
+        model: the compiled world.
+    """
+    if model.njnt == 0:
+        return set()
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    jointed = {
+        int(body)
+        for body, kind in zip(model.jnt_bodyid, model.jnt_type, strict=True)
+        if kind != mujoco.mjtJoint.mjJNT_FREE
+    }
+    found: set[str] = set()
+    for overlap in find_overlaps(model, data):
+        bodies = [int(model.geom(part).bodyid[0]) for part in overlap.parts]
+        for body, part in zip(reversed(bodies), overlap.parts, strict=True):
+            if body in jointed and model.geom(part).bodyid[0] == 0:
+                found.add(part.partition(".")[0])
+    return found
+
+
+def _overlapping(model: mujoco.MjModel) -> dict[str, float]:
+    """Bodies that can move and overlap something by more than 5 mm, with the depth."""
+    if model.njnt == 0:
+        return {}
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    found: dict[str, float] = {}
+    for overlap in find_overlaps(model, data):
+        if overlap.depth_m <= MAX_PENETRATION_M:
+            break
+        for part in overlap.parts:
+            body = int(model.geom(part).bodyid[0])
+            if model.body_weldid[body] and _meet(model, *overlap.parts):
+                name = model.body(body).name
+                found[name] = max(found.get(name, 0.0), overlap.depth_m)
+    return found
+
+
+def _meet(model: mujoco.MjModel, one: str, other: str) -> bool:
+    """Whether two geoms collide with each other at all."""
+    first, second = model.geom(one), model.geom(other)
+    bits = (int(first.contype[0]) & int(second.conaffinity[0])) | (int(second.contype[0]) & int(first.conaffinity[0]))
+    near = {int(model.body_parentid[int(geom.bodyid[0])]) for geom in (first, second)}
+    return bool(bits) and not (near & {int(first.bodyid[0]), int(second.bodyid[0])} - {0})

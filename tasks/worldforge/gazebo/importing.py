@@ -1,0 +1,358 @@
+"""Makes a world like ours of a world in Gazebo's format: model, map, plan, proofs, and what was left out."""
+
+# MuJoCo ships no types for its compiled module.
+# pyright: reportAttributeAccessIssue=false
+
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+import mujoco
+import numpy as np
+
+from ....schemas.worlds.gazebo_notes import GazeboNotes
+from ....schemas.worlds.world import GazeboSource, Point, World
+from ..bundle.bundle import MODEL_FILE, write_files
+from ..bundle.survey import (
+    floor_under,
+    free_start,
+    ground_at,
+    in_the_way,
+    known_map,
+    usual_floor,
+    world_bounds,
+)
+from ..geometry.occupancy import OccupancyGrid, map_files
+from ..model.description import description_text
+from ..pictures.plan_svg import floorplan_svg
+from ..sdf.lookup import Lookup
+from ..sdf.meshes import Meshes
+from ..sdf.reader import missing_models, read_world
+from ..sdf.sdf_types import Joint, Link, Pose, SdfError, SdfWorld, euler_matrix
+from ..seeds import GENERATOR_VERSION
+from .bodies import Body, make_solids, moved, tie_bodies
+from .holding import Rest, come_to_rest, pieces_around_joints
+from .mjcf_text import Names, Scene, scene_text
+from .outline import Drawn, NamedArea, is_upright, world_of
+from .solids import Solid, SolidMaker
+from .visuals import Heightmaps, SeenGeom, Visuals
+
+Loose = Literal["hold", "free"]
+
+SUFFIXES = (".world", ".sdf")
+"""Ends of the names of world files."""
+
+
+class Start(NamedTuple):
+    """Start of robots, in the frame of the world file."""
+
+    x: float
+    y: float
+    yaw: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """Options of an import."""
+
+    model_paths: Sequence[Path] = ()
+    start: Start | None = None
+    loose: Loose = "free"
+    allow_missing: bool = False
+    notes: GazeboNotes = field(default_factory=GazeboNotes)
+    """Rooms and goals, in the frame of the world file."""
+
+
+def import_gazebo_world(path: Path, wishes: Wishes, folder: Path) -> World:
+    """Imports a world, and writes its bundle.
+
+    Args:
+        path: the world file.
+        wishes: options.
+        folder: a new folder for the bundle.
+
+    Raises:
+        SdfError: the file, or one that it includes, cannot be read; a model is missing; there is no floor under the
+            start, or the start is not free.
+    """
+    lookup = Lookup(path, wishes.model_paths, os.environ)
+    sdf = read_world(path, wishes.model_paths, os.environ)
+    if not wishes.allow_missing and (missing := list(missing_models(sdf))):
+        raise SdfError(
+            f"{path}: {len(missing)} {'model is' if len(missing) == 1 else 'models are'} missing: "
+            f"{'; '.join(missing[:5])}{'; ...' if len(missing) > 5 else ''}. Name the folders of models with "
+            "--model-path (or GAZEBO_MODEL_PATH), or import without them by --allow-missing"
+        )
+    return _Import(path, sdf, lookup, wishes).write(folder)
+
+
+class _Import:
+    def __init__(self, path: Path, sdf: SdfWorld, lookup: Lookup, wishes: Wishes) -> None:
+        self._path, self._sdf, self._wishes = path, sdf, wishes
+        self._meshes, self._heightmaps = Meshes(lookup), Heightmaps()
+        self._names, self._pieces = Names(), dict[str, str]()
+        self._bodies, self._fixed = tie_bodies(sdf)
+        paths = {(link.model, link.path.rpartition("::")[0]) for link in sdf.links}
+        self._inner = Counter(outer for outer, _ in paths)
+        """Models that have links, by the outermost one that they are in."""
+        self._maker = SolidMaker(sdf, self._meshes, {link.path for body in self._bodies for link in body.links})
+        self._fixed_solids = make_solids(self._bodies, self._fixed, self._maker)
+        self._visuals = Visuals(self._meshes, sdf.left_out)
+        self._around_joints: set[str] = set()
+        """Fixed pieces that a body with a joint overlaps from the beginning, which it passes through."""
+
+    def write(self, folder: Path) -> World:
+        rest = self._hold_first()
+        self._around_joints = pieces_around_joints(self._compiled(rest.held, {}))
+        settled = come_to_rest(lambda held, poses: self._compiled({**rest.held, **dict.fromkeys(held, "")}, poses))
+        rest.held.update(settled.held)
+        rest.poses.update(settled.poses)
+        self._settle(rest)
+        origin, is_chosen = self._origin(rest)
+        shift = _shift(origin)
+        self._move(shift)
+        scene = self._scene(rest.held, {})
+        model, data = _kinematics(scene_text(scene, self._bounds(None), None, self._heightmaps))
+        ground = ground_at(model, data, 0.0, (0.0, 0.0))
+        grid = known_map(ground, (0.0, 0.0))
+        bounds = self._bounds((model, data))
+        scene.seen, scene.seen_of = self._seen(rest.held)
+        text = scene_text(scene, bounds, self._visuals, self._heightmaps)
+        source = GazeboSource(
+            file=self._path.name,
+            sha256=self._digest(),
+            sdf_version=self._sdf.version,
+            origin_m=(round(origin[0], 4) + 0.0, round(origin[1], 4) + 0.0, round(origin[2], 4) + 0.0),
+            start_yaw=origin[3],
+            is_start_chosen=is_chosen,
+            models=len(self._sdf.model_types),
+            goals={name: _moved_point(point, shift) for name, point in self._wishes.notes.goals.items()},
+            held=rest.held,
+            left_out=self._sdf.left_out.as_list(),
+        )
+        drawn = Drawn(
+            model=model,
+            data=data,
+            ground=ground,
+            grid=grid,
+            loose=[name for name, body in scene.bodies if body.joint is None],
+            kinds=self._kinds(),
+            fixed=sorted({piece for piece, _ in scene.fixed}),
+            rooms=self._rooms(shift),
+        )
+        world = world_of(drawn, source, GENERATOR_VERSION)
+        write_files(self._files(world, text, grid), folder)
+        return world
+
+    def _rooms(self, shift: Pose) -> list[NamedArea]:
+        """Rooms of the notes, in the world."""
+        found: list[NamedArea] = []
+        for name, room in self._wishes.notes.rooms.items():
+            corners = [_moved_point(corner, shift) for corner in room.polygon]
+            if not is_upright(corners):
+                raise SdfError(
+                    f"room {name!r} of the notes: its edges run along x and y of the file, and not along those of a "
+                    "robot that starts with that yaw; a start yaw of quarter turns would be right"
+                )
+            found.append(NamedArea(name, room.type, corners))
+        return found
+
+    def _files(self, world: World, text: str, grid: OccupancyGrid) -> dict[str, bytes]:
+        said = "what a robot 0.4 m high meets, from 0.03 m above the floor; all stands as at first"
+        return {
+            "world.json": world.to_text().encode(),
+            MODEL_FILE: text.encode(),
+            "floorplan.svg": floorplan_svg(world).encode(),
+            "world_description.json": description_text(world).encode(),
+            **self._visuals.files,
+            **map_files(grid, said),
+        }
+
+    def _digest(self) -> str:
+        digest = hashlib.sha256(self._path.read_bytes())
+        for path in sorted(self._sdf.files):
+            digest.update(f"{path.name}\0".encode())
+            digest.update(path.read_bytes() if path.is_file() else b"")
+        return digest.hexdigest()
+
+    def _name(self, body: Body) -> str:
+        """A body's name: its model's, and its link's where the model has several bodies."""
+        alone = sum(other.model == body.model for other in self._bodies) == 1
+        alone &= not any(link.model == body.model for link in self._fixed)
+        return self._names_of(body.model if alone else body.name)
+
+    def _piece(self, link: Link) -> str:
+        """The name of what never moves: its outermost model's, unless several models are in that."""
+        own = link.path.rpartition("::")[0]
+        return self._names_of(own if self._inner[link.model] > 1 else link.model)
+
+    def _names_of(self, name: str) -> str:
+        if name not in self._pieces:
+            self._pieces[name] = self._names.new(name)
+        return self._pieces[name]
+
+    def _kinds(self) -> dict[str, str]:
+        """Kinds of models by the names of their pieces and bodies."""
+        types = self._sdf.model_types
+        found = {self._piece(link): types[link.path.rpartition("::")[0]] for link in self._fixed}
+        for body in self._bodies:
+            found[self._name(body)] = types[body.links[0].path.rpartition("::")[0]]
+        return found
+
+    def _hold_first(self) -> Rest:
+        """Holds what has no shape that collides, as it would fall for ever, and everything loose if that is wished."""
+        rest = Rest()
+        for body in self._bodies:
+            if not any(each.solids for each in self._bodies if each is body or each.parent is body):
+                rest.held[self._name(body)] = "it has no collision shape"
+            elif body.joint is None and self._wishes.loose == "hold":
+                rest.held[self._name(body)] = "all loose bodies are held, as --loose hold says"
+        return rest
+
+    def _scene(self, held: Collection[str], poses: Mapping[str, Pose]) -> Scene:
+        """The world with some bodies held, and others elsewhere."""
+        fixed: list[tuple[str, Solid]] = [(self._piece(link), solid) for link, solid in self._fixed_solids]
+        bodies: list[tuple[str, Body]] = []
+        gone: set[int] = set()
+        for body in self._bodies:
+            name = self._name(body)
+            # A body that hangs on a held one by a joint stays a body: it hangs on the world then.
+            if name in held:
+                gone.add(id(body))
+                fixed += [(name, solid) for solid in body.solids]
+                continue
+            shown = _with_pose(body, poses[name]) if name in poses else body
+            if body.parent is not None and id(body.parent) in gone:
+                shown = _with_parent(shown, None)
+            bodies.append((name, shown))
+        tied = self._around_joints | {
+            self._piece(link)
+            for _, body in bodies
+            if body.joint is not None
+            for link in self._fixed
+            if link.path in (body.joint.parent, body.joint.child)
+        }
+        return Scene(fixed, bodies, lights=self._sdf.lights, tied_pieces=frozenset(tied))
+
+    def _compiled(self, held: Collection[str], poses: Mapping[str, Pose]) -> mujoco.MjModel:
+        return _compile(scene_text(self._scene(held, poses), self._bounds(None), None, self._heightmaps))
+
+    def _settle(self, rest: Rest) -> None:
+        """Puts bodies where they came to rest."""
+        for body in self._bodies:
+            if (pose := rest.poses.get(self._name(body))) is not None:
+                turn = pose @ body.pose.inverse()
+                _move_body(body, turn)
+
+    def _move(self, shift: Pose) -> None:
+        moved(self._sdf, shift)
+        by_path: dict[str, Joint] = {joint.path: joint for joint in self._sdf.joints}
+        for body in self._bodies:
+            body.pose = shift @ body.pose
+            body.solids = [_moved_solid(solid, shift) for solid in body.solids]
+            body.joint = by_path[body.joint.path] if body.joint is not None else None
+        self._fixed_solids = [(link, _moved_solid(solid, shift)) for link, solid in self._fixed_solids]
+
+    def _origin(self, rest: Rest) -> tuple[tuple[float, float, float, float], bool]:
+        """Returns the robot's start: x, y, height of the floor and yaw; and whether that was chosen here."""
+        model, data = _kinematics(scene_text(self._scene(rest.held, {}), self._bounds(None), None, self._heightmaps))
+        wanted = self._wishes.start
+        if wanted is None:
+            floor_m = usual_floor(model, data)
+            if floor_m is None:
+                raise SdfError(f"{self._path}: it has no floor: nothing that collides is below any place in it")
+            start = free_start(ground_at(model, data, floor_m, (0.0, 0.0)))
+            if start is None:
+                raise SdfError(
+                    f"{self._path}: nowhere on its floor, which is at {floor_m:.2f} m, is a place of 1 m that is free; "
+                    "name one with --start x,y,yaw"
+                )
+            height = floor_under(model, data, start)
+            return (*start, floor_m if height is None or abs(height - floor_m) > 0.05 else height, 0.0), True
+        floor_m = floor_under(model, data, wanted[:2])
+        if floor_m is None:
+            low, high = world_bounds(model, data)
+            raise SdfError(
+                f"{self._path}: there is no floor under the start ({wanted.x:g}, {wanted.y:g}); the world reaches from "
+                f"({low[0]:.1f}, {low[1]:.1f}) to ({high[0]:.1f}, {high[1]:.1f}) m"
+            )
+        geoms = in_the_way(ground_at(model, data, floor_m, wanted[:2]), wanted[:2])
+        if geoms is not None:
+            there = ", ".join(dict.fromkeys(model.geom(geom).name.partition(".")[0] for geom in geoms[:3]))
+            raise SdfError(
+                f"{self._path}: the start ({wanted.x:g}, {wanted.y:g}) is not free within 0.5 m, on a floor at "
+                f"{floor_m:.2f} m: {there or 'the floor ends'}"
+            )
+        return (wanted.x, wanted.y, floor_m, wanted.yaw), False
+
+    def _bounds(self, compiled: tuple[mujoco.MjModel, mujoco.MjData] | None) -> tuple[np.ndarray, np.ndarray]:
+        if compiled is None:
+            return np.array([-1.0, -1.0, 0.0]), np.array([1.0, 1.0, 2.0])
+        return world_bounds(*compiled)
+
+    def _seen(self, held: Collection[str]) -> tuple[list[tuple[str, SeenGeom]], dict[str, list[SeenGeom]]]:
+        fixed = [(self._piece(link), seen) for link in self._fixed for seen in self._visuals.seen(link)]
+        loose: dict[str, list[SeenGeom]] = {}
+        for body in self._bodies:
+            name = self._name(body)
+            drawn = [seen for link in body.links for seen in self._visuals.seen(link)]
+            if name in held:
+                fixed += [(name, seen) for seen in drawn]
+            else:
+                loose[name] = drawn
+        return fixed, loose
+
+
+def _compile(text: str) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_string(text)
+    except ValueError as error:
+        raise SdfError(f"MuJoCo does not accept the world that was made of it: {error}") from error
+
+
+def _kinematics(text: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    model = _compile(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return model, data
+
+
+def _shift(origin: tuple[float, float, float, float]) -> Pose:
+    x, y, z, yaw = origin
+    return Pose(np.array([x, y, z]), euler_matrix(0.0, 0.0, yaw)).inverse()
+
+
+def _moved_point(point: Point, shift: Pose) -> Point:
+    x, y, _ = shift.position + shift.rotation @ np.array([*point, 0.0])
+    return round(float(x), 4), round(float(y), 4)
+
+
+def _moved_solid(solid: Solid, shift: Pose) -> Solid:
+    return Solid(solid.kind, shift @ solid.pose, solid.size, solid.friction, solid.corners, solid.geometry)
+
+
+def _move_body(body: Body, turn: Pose) -> None:
+    """Moves a body with all that belongs to it."""
+    single = SdfWorld("", "", links=list(body.links))
+    moved(single, turn)
+    body.pose = turn @ body.pose
+    body.solids = [_moved_solid(solid, turn) for solid in body.solids]
+
+
+def _with_pose(body: Body, pose: Pose) -> Body:
+    """A copy of a body elsewhere."""
+    links = [
+        Link(link.path, link.model, link.pose, link.is_static, link.inertia, [], link.visuals) for link in body.links
+    ]
+    copy = Body(body.name, links, body.pose, body.joint, body.is_reversed, body.parent, body.is_held, body.solids)
+    _move_body(copy, pose @ body.pose.inverse())
+    return copy
+
+
+def _with_parent(body: Body, parent: Body | None) -> Body:
+    return Body(body.name, body.links, body.pose, body.joint, body.is_reversed, parent, body.is_held, body.solids)

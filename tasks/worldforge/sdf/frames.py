@@ -1,0 +1,142 @@
+"""Poses of the frames of a model or world: `relative_to`, `attached_to`, `placement_frame` and names with `::`."""
+
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from math import radians
+
+import numpy as np
+
+from .sdf_types import Pose, SdfError, euler_matrix, identity
+from .xml_files import numbers_of, place
+
+MODEL_FRAME = "__model__"
+_FRAME_TAGS = ("link", "frame", "joint", "model")
+
+
+def own_pose(element: ET.Element) -> Pose:
+    """Returns what the `<pose>` of an element says, in the frame that it is relative to.
+
+    Raises:
+        SdfError: it is no pose.
+    """
+    pose = element.find("pose")
+    if pose is None:
+        return identity()
+    if pose.get("rotation_format") == "quat_xyzw":
+        x, y, z, qx, qy, qz, qw = numbers_of(pose, 7, (0.0,) * 6 + (1.0,))
+        return Pose(np.array([x, y, z]), _quaternion_matrix(qw, qx, qy, qz))
+    values = numbers_of(pose, 6, (0.0,) * 6)
+    angles = values[3:]
+    if pose.get("degrees", "").lower() in ("true", "1"):
+        angles = tuple(radians(angle) for angle in angles)
+    return Pose(np.array(values[:3]), euler_matrix(angles[0], angles[1], angles[2]))
+
+
+def relative_to(element: ET.Element) -> str:
+    """Returns the frame that an element's pose is given in; empty: the usual one."""
+    pose = element.find("pose")
+    if pose is None:
+        return ""
+    # SDF 1.5 and 1.6 called it `frame`.
+    return pose.get("relative_to", "") or pose.get("frame", "")
+
+
+def _quaternion_matrix(w: float, x: float, y: float, z: float) -> np.ndarray:
+    norm = np.sqrt(w * w + x * x + y * y + z * z)
+    if norm < 1e-9:
+        return np.eye(3)
+    w, x, y, z = (part / norm for part in (w, x, y, z))
+    return np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+
+
+@dataclass(slots=True)
+class Scope:
+    """The frames of one model, in its own frame; or those of a world."""
+
+    element: ET.Element
+    nested: Mapping[str, "Scope"] = field(default_factory=dict)
+    """Scopes of the models in it, by name."""
+    placement_frame: str = ""
+    pose_of_model: Pose | None = None
+    """Pose that an `<include>` gives the model in place of its own."""
+    relative_to: str | None = None
+    """Frame of `pose_of_model`."""
+    merged: tuple["Scope", ...] = ()
+    """Models whose parts count as this one's own."""
+    _frames: dict[str, ET.Element] | None = None
+    _known: dict[str, Pose] = field(default_factory=dict)
+    _resolving: set[str] = field(default_factory=set)
+
+    def resolve(self, name: str) -> Pose:
+        """Returns the pose of a frame in this model's frame.
+
+        Args:
+            name: of a link, frame, joint or model in it; empty: its own frame.
+
+        Raises:
+            SdfError: there is no such frame, or frames are relative to each other in a circle.
+        """
+        if name in ("", MODEL_FRAME, "world"):
+            return identity()
+        if name in self._known:
+            return self._known[name]
+        if name in self._resolving:
+            raise SdfError(f"{place(self.element)}: the frame {name!r} is relative to itself")
+        self._resolving.add(name)
+        try:
+            found = self._resolved(name)
+        finally:
+            self._resolving.discard(name)
+        self._known[name] = found
+        return found
+
+    def _resolved(self, name: str) -> Pose:
+        first, _, rest = name.partition("::")
+        if first in self.nested:
+            placed = self.model_pose(first)
+            return placed @ self.nested[first].resolve(rest) if rest else placed
+        element = self._element(name)
+        if element is None:
+            for other in self.merged:
+                if other.has(name):
+                    return self.pose_of(other) @ other.resolve(name)
+            there = ", ".join([*self._all(), *self.nested][:12])
+            raise SdfError(f"{place(self.element)}: there is no frame {name!r} in it; it has {there or 'none'}")
+        base = relative_to(element)
+        if not base and element.tag == "frame":
+            base = element.get("attached_to", "")
+        if not base and element.tag == "joint":
+            child = element.find("child")
+            base = (child.text or "").strip() if child is not None else ""
+            base = "" if base == "world" else base
+        return self.resolve(base) @ own_pose(element)
+
+    def has(self, name: str) -> bool:
+        """Returns whether it has a frame of this name."""
+        return name.partition("::")[0] in self.nested or self._element(name) is not None
+
+    def model_pose(self, name: str) -> Pose:
+        """Returns the pose of a model in it."""
+        return self.pose_of(self.nested[name])
+
+    def pose_of(self, model: "Scope") -> Pose:
+        """Returns the pose of a model's frame in this one."""
+        stated = model.pose_of_model if model.pose_of_model is not None else own_pose(model.element)
+        base = model.relative_to if model.relative_to is not None else relative_to(model.element)
+        placed = model.resolve(model.placement_frame)
+        return self.resolve(base) @ stated @ placed.inverse()
+
+    def _all(self) -> dict[str, ET.Element]:
+        if self._frames is None:
+            self._frames = {
+                child.get("name", ""): child for tag in _FRAME_TAGS[:3] for child in self.element.findall(tag)
+            }
+        return self._frames
+
+    def _element(self, name: str) -> ET.Element | None:
+        return self._all().get(name)

@@ -1,0 +1,209 @@
+"""Finds models and files that a world names, on this machine; nothing is ever fetched."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import get_close_matches
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import unquote, urlparse
+
+from .sdf_types import SdfError
+from .xml_files import read_xml
+
+PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH")
+"""Environment variables with folders of models, separated by colons."""
+
+FUEL_VARIABLES = ("GZ_FUEL_CACHE_PATH", "IGN_FUEL_CACHE_PATH")
+_FUEL_HOMES = (".gz/fuel", ".ignition/fuel")
+_LEVELS_UP = 4
+"""Folders above a world that are looked at for its package."""
+_MOST_LISTED = 20_000
+"""Folders of a search path that are looked at for similar names."""
+
+
+class FoundModel(NamedTuple):
+    """A model's file, and the folder that its own files are named from."""
+
+    file: Path
+    folder: Path
+
+
+class Lookup:
+    """Search paths of one world.
+
+    Args:
+        world: the world file.
+        given: folders that the user names, which come first.
+        environment: environment variables.
+    """
+
+    def __init__(self, world: Path, given: Sequence[Path], environment: Mapping[str, str]) -> None:
+        self._package = _package_of(world)
+        self.folders = list(dict.fromkeys(_search_folders(world, self._package, given, environment)))
+        """Folders that are searched, in this order."""
+        self._fuel = _fuel_caches(environment)
+        roots = [*self.folders, *self._fuel, *(folder.parent for folder in self.folders)]
+        self._roots = [folder.resolve() for folder in dict.fromkeys(roots) if folder != folder.parent]
+
+    def model(self, uri: str, base: Path) -> FoundModel | None:
+        """Finds a model's newest description.
+
+        Args:
+            uri: as the file names it.
+            base: folder of the file that names it.
+
+        Raises:
+            SdfError: its `model.config` or the file that it names cannot be read.
+        """
+        found = self._find(uri, base)
+        if found is None:
+            return None
+        return FoundModel(found, found.parent) if found.is_file() else _described(found)
+
+    def file(self, uri: str, base: Path) -> Path | None:
+        """Finds a mesh or picture; the name has to be right to the letter.
+
+        Args:
+            uri: as the file names it.
+            base: folder of the file that names it.
+        """
+        found = self._find(uri, base)
+        return found if found is not None and found.is_file() else None
+
+    def folder(self, uri: str, base: Path) -> Path | None:
+        """Finds a folder.
+
+        Args:
+            uri: as the file names it.
+            base: folder of the file that names it.
+        """
+        found = self._find(uri, base)
+        return found if found is not None and found.is_dir() else None
+
+    def similar(self, uri: str) -> list[str]:
+        """Returns up to three names of models that are there and look like one that is not."""
+        wanted = next((part for part in reversed(_rest(uri).split("/")) if part), "")
+        there: dict[str, str] = {}
+        for folder in self.folders:
+            for path in _listed(folder):
+                there.setdefault(path.name.lower(), path.name)
+        return [there[name] for name in get_close_matches(wanted.lower(), there, n=3, cutoff=0.7)]
+
+    def _find(self, uri: str, base: Path) -> Path | None:
+        if "\0" in uri:
+            return None
+        for path in self._candidates(uri.strip(), base):
+            try:
+                if path.exists():
+                    return self._inside(path)
+            except OSError:  # a name longer than names may be
+                continue
+        return None
+
+    def _inside(self, path: Path) -> Path | None:
+        """Refuses what lies outside of all search paths: a world must not read files that its user did not mean."""
+        resolved = path.resolve()
+        return path if any(resolved.is_relative_to(root) for root in self._roots) else None
+
+    def _candidates(self, uri: str, base: Path) -> Iterator[Path]:
+        scheme = urlparse(uri).scheme if "://" in uri else ""
+        rest = _rest(uri)
+        if scheme in ("http", "https"):
+            yield from self._fuel_folders(uri)
+            return
+        if scheme == "" and Path(rest).is_absolute():
+            yield Path(rest)
+            return
+        if scheme == "file" and uri.startswith("file:///"):
+            yield Path("/" + rest.lstrip("/"))
+        rest = rest.lstrip("/")
+        if scheme in ("", "file"):
+            yield base / rest
+            # Paths of pictures count from the mesh's folder or from the folder of textures beside it.
+            yield base / "../materials/textures" / rest
+            yield base / "materials/textures" / rest
+        for folder in self.folders:
+            yield folder / rest
+        first, _, inner = rest.partition("/")
+        if self._package is not None and first == self._package.name and inner:
+            yield self._package / inner
+
+    def _fuel_folders(self, uri: str) -> Iterator[Path]:
+        """Yields folders in a cache of Fuel for the address of a model, the newest version first."""
+        address = urlparse(uri)
+        parts = [unquote(part) for part in address.path.split("/") if part]
+        parts = parts[1:] if parts and parts[0].replace(".", "").isdigit() else parts
+        if len(parts) < 3 or ".." in parts:
+            return
+        owner, kind, name, *more = parts
+        for cache in self._fuel:
+            folder = cache / (address.hostname or "") / owner.lower() / kind / name.lower()
+            if more and more[0].isdigit():
+                versions, more_inner = [folder / more[0]], more[1:]
+            else:
+                there = [each for each in _listed(folder) if each.name.isdigit()]
+                versions, more_inner = sorted(there, key=lambda each: int(each.name), reverse=True), more
+            inner = more_inner[1:] if more_inner[:1] == ["files"] else more_inner
+            yield from (version.joinpath(*inner) for version in versions)
+
+
+def _rest(uri: str) -> str:
+    return unquote(uri.partition("://")[2]) if "://" in uri else uri
+
+
+def _package_of(world: Path) -> Path | None:
+    """Returns the folder of the ROS package that a world is in."""
+    folders = list(world.resolve().parents)[:_LEVELS_UP]
+    return next((folder for folder in folders if (folder / "package.xml").is_file()), None)
+
+
+def _search_folders(
+    world: Path, package: Path | None, given: Sequence[Path], environment: Mapping[str, str]
+) -> Iterator[Path]:
+    yield from given
+    here = world.resolve().parent
+    tops = [here, here.parent] if package is None else [here, here.parent, package]
+    for top in tops:
+        yield top
+        yield top / "models"
+    if package is not None:
+        yield package.parent  # model://package/... names a file of a package
+    for variable in PATH_VARIABLES:
+        for folder in filter(None, environment.get(variable, "").split(":")):
+            yield Path(folder)
+            if variable == "GAZEBO_RESOURCE_PATH":
+                yield Path(folder, "models")
+
+
+def _fuel_caches(environment: Mapping[str, str]) -> list[Path]:
+    named = [Path(environment[name]) for name in FUEL_VARIABLES if environment.get(name)]
+    home = environment.get("HOME") or str(Path("~").expanduser())
+    return [*named, *(Path(home, folder) for folder in _FUEL_HOMES)]
+
+
+def _listed(folder: Path) -> list[Path]:
+    try:
+        with os.scandir(folder) as entries:
+            return [Path(entry.path) for entry, _ in zip(entries, range(_MOST_LISTED), strict=False) if entry.is_dir()]
+    except OSError:
+        return []
+
+
+def _described(folder: Path) -> FoundModel | None:
+    """Finds a model's file by its `model.config`: that of the newest version of SDF."""
+    config = folder / "model.config"
+    named: list[tuple[tuple[int, ...], str]] = []
+    if config.is_file():
+        try:
+            for element in read_xml(config).iter("sdf"):
+                version = tuple(int(part) for part in element.get("version", "0").split(".") if part.isdigit())
+                named.append((version, (element.text or "").strip()))
+        except SdfError:
+            named = []  # some public models have a model.config that is no XML; the file beside it is what counts
+    for _, name in sorted(named, reverse=True):
+        if name and (folder / name).is_file():
+            return FoundModel(folder / name, folder)
+    for name in ("model.sdf", "model-1_4.sdf"):
+        if (folder / name).is_file():
+            return FoundModel(folder / name, folder)
+    return None

@@ -1,0 +1,220 @@
+"""Reads meshes in COLLADA, STL, OBJ and glTF: triangles in metres, with places on pictures and colours.
+
+The up axis of COLLADA files is not looked at, as Gazebo does not either: many say `Y_UP` and are Z up.
+"""
+
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from .lookup import Lookup
+from .sdf_types import Geometry, Material, Rgba, SdfError
+from .xml_files import read_bytes
+
+MOST_MESH_BYTES = 128 * 1024 * 1024
+MOST_TRIANGLES = 1_000_000
+"""Triangles of one mesh; the largest public one has 568,000."""
+_MOST_COORDINATE_M = 1e5
+_SUFFIXES = (".dae", ".stl", ".obj", ".gltf", ".glb")
+
+Triangles = NDArray[np.float64]
+"""Corners, shape (n, 3, 3), in metres."""
+
+
+class MeshError(SdfError):
+    """A mesh that cannot be read."""
+
+    def __init__(self, path: Path, reason: str) -> None:
+        super().__init__(f"{path}: {reason}")
+        self.short = f"{path.name}: {reason}"
+        """The same without the folder, which differs from machine to machine."""
+
+
+@dataclass(frozen=True, slots=True)
+class MeshPart:
+    """The triangles of a mesh that have one material."""
+
+    triangles: Triangles
+    places: NDArray[np.float64] | None
+    """Places on the picture, shape (n, 3, 2)."""
+    material: Material
+    picture: Image.Image | None = None
+    """A picture that is in the file itself."""
+
+
+class Meshes:
+    """Meshes of a world, each read once.
+
+    Args:
+        lookup: where pictures are.
+    """
+
+    def __init__(self, lookup: Lookup) -> None:
+        self._lookup = lookup
+        self._read = lru_cache(maxsize=64)(self._parts)
+
+    def parts(self, geometry: Geometry) -> tuple[MeshPart, ...]:
+        """Returns a mesh by its materials, scaled as its geometry says.
+
+        Args:
+            geometry: a mesh.
+
+        Raises:
+            MeshError: it cannot be read, is empty, or is too large.
+        """
+        assert geometry.file is not None
+        found = self._read(geometry.file, geometry.submesh)
+        if not found:
+            said = f"no submesh {geometry.submesh!r}" if geometry.submesh else "no triangles"
+            raise MeshError(geometry.file, f"it has {said}")
+        scale = np.array(geometry.scale)
+        middle = np.zeros(3)
+        if geometry.is_centred:
+            corners = np.concatenate([part.triangles.reshape(-1, 3) for part in found])
+            middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
+        if not middle.any() and (scale == 1.0).all():
+            return found
+        # A mirrored mesh has its inside out unless its corners change places.
+        order = slice(None, None, -1) if scale.prod() < 0 else slice(None)
+        return tuple(
+            replace(
+                part,
+                triangles=((part.triangles - middle) * scale)[:, order],
+                places=None if part.places is None else part.places[:, order],
+            )
+            for part in found
+        )
+
+    def triangles(self, geometry: Geometry) -> Triangles:
+        """Returns all triangles of a mesh, without materials."""
+        return np.concatenate([part.triangles for part in self.parts(geometry)])
+
+    def _parts(self, path: Path, submesh: str | None) -> tuple[MeshPart, ...]:
+        reader = _READERS.get(path.suffix.lower())
+        if reader is None:
+            raise MeshError(path, f"{', '.join(_SUFFIXES)} can be read")
+        try:
+            content = read_bytes(path, MOST_MESH_BYTES)
+            found = [_sound(part) for part in reader(content, path, submesh, self._lookup)]
+        except (MeshError, ImportError):
+            raise
+        except SdfError as error:
+            raise MeshError(path, str(error).partition(": ")[2]) from error
+        # Readers of formats fail in many ways on files that are broken.
+        except Exception as error:
+            raise MeshError(path, f"it cannot be read: {str(error)[:160] or type(error).__name__}") from error
+        found = [part for part in found if len(part.triangles)]
+        count = sum(len(part.triangles) for part in found)
+        if count > MOST_TRIANGLES:
+            raise MeshError(path, f"it has {count:,} triangles; at most {MOST_TRIANGLES:,} are read")
+        return tuple(found)
+
+
+def _sound(part: MeshPart) -> MeshPart:
+    """Leaves out triangles with corners that are no places."""
+    good = np.isfinite(part.triangles).all(axis=(1, 2)) & (np.abs(part.triangles) < _MOST_COORDINATE_M).all(axis=(1, 2))
+    if good.all():
+        return part
+    return replace(part, triangles=part.triangles[good], places=None if part.places is None else part.places[good])
+
+
+def _read_dae(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -> Iterator[MeshPart]:
+    if b"\0" in content[:4096] or b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise MeshError(path, "it declares a DOCTYPE or is no UTF-8, which meshes do not need")
+    try:
+        import collada
+        from collada.common import DaeBrokenRefError, DaeUnsupportedError
+    except ImportError:
+        raise ImportError(
+            f"{path}: COLLADA meshes need pycollada: .tools/bin/uv sync --frozen --inexact --extra gazebo"
+        ) from None
+    document = collada.Collada(io.BytesIO(content), ignore=[DaeUnsupportedError, DaeBrokenRefError])
+    unit = float(getattr(document.assetInfo, "unitmeter", None) or 1.0)
+    if document.scene is None:
+        return
+    for geometry in document.scene.objects("geometry"):
+        original = geometry.original
+        if submesh and submesh not in (original.name, original.id):
+            continue
+        for primitive in geometry.primitives():
+            triangulate = getattr(primitive, "triangleset", None)
+            flat = triangulate() if triangulate is not None else primitive
+            if getattr(flat, "vertex_index", None) is None or flat.vertex_index.ndim != 2:
+                continue  # lines
+            if flat.vertex_index.shape[1:] != (3,) or not len(flat.vertex_index):
+                continue
+            triangles = np.asarray(flat.vertex[flat.vertex_index], np.float64) * unit
+            places = None
+            if len(flat.texcoordset) and len(flat.texcoord_indexset):
+                places = np.asarray(flat.texcoordset[0], np.float64)[flat.texcoord_indexset[0]][..., :2]
+            yield MeshPart(triangles, places, _dae_material(flat.material, path, lookup))
+
+
+def _dae_material(material: Any, path: Path, lookup: Lookup) -> Material:
+    effect = getattr(material, "effect", None)
+    diffuse = getattr(effect, "diffuse", None)
+    if diffuse is None:
+        return Material()
+    sampler = getattr(diffuse, "sampler", None)
+    if sampler is not None:
+        name = unquote(str(sampler.surface.image.path))
+        return Material((1.0, 1.0, 1.0, 1.0), lookup.file(name, path.parent), True)
+    return Material(_rgba(diffuse), None, True)
+
+
+def _rgba(values: Any) -> Rgba:
+    red, green, blue, *alpha = (min(max(float(value), 0.0), 1.0) for value in values)
+    # COLLADA's transparency is told in so many ways that 0 mostly means the opposite.
+    return red, green, blue, alpha[0] if alpha and alpha[0] > 0 else 1.0
+
+
+def _read_trimesh(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -> Iterator[MeshPart]:
+    import trimesh
+    from trimesh.resolvers import FilePathResolver
+
+    kind = path.suffix.lower().lstrip(".")
+    resolver = None if kind in ("stl", "glb") else FilePathResolver(str(path.parent))
+    loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
+    meshes: list[tuple[str, Any]]
+    if isinstance(loaded, trimesh.Scene):
+        meshes = [(str(each.metadata.get("name", "")), each) for each in loaded.dump(concatenate=False)]
+    else:
+        meshes = [("", loaded)]
+    for name, mesh in meshes:
+        if submesh and name and name != submesh:
+            continue
+        if not hasattr(mesh, "triangles") or not len(mesh.faces):
+            continue
+        uv = getattr(mesh.visual, "uv", None)
+        places = None if uv is None or len(uv) != len(mesh.vertices) else np.asarray(uv, np.float64)[mesh.faces]
+        material, picture = _trimesh_material(mesh.visual)
+        yield MeshPart(np.asarray(mesh.triangles, np.float64), places, material, picture)
+    del lookup
+
+
+def _trimesh_material(visual: Any) -> tuple[Material, Image.Image | None]:
+    material = getattr(visual, "material", None)
+    if material is None:
+        return Material(), None
+    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    color = getattr(material, "baseColorFactor", None)
+    color = getattr(material, "diffuse", None) if color is None else color
+    if color is None:
+        return Material((1.0, 1.0, 1.0, 1.0), None, picture is not None), picture
+    values = np.asarray(color, np.float64)
+    values = values / 255 if values.max(initial=0.0) > 1 else values
+    return Material(_rgba(values), None, True), picture
+
+
+_Reader = Callable[[bytes, Path, str | None, Lookup], Iterator[MeshPart]]
+_READERS: dict[str, _Reader] = {
+    ".dae": _read_dae, ".stl": _read_trimesh, ".obj": _read_trimesh, ".gltf": _read_trimesh, ".glb": _read_trimesh,
+}  # fmt: skip

@@ -1,0 +1,58 @@
+"""The `<state>` of a world that Gazebo's window saved: poses in the world, scales, and what was deleted."""
+
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass, field
+
+from .frames import own_pose
+from .sdf_types import Pose, SdfError
+from .xml_files import numbers_of, place
+
+
+@dataclass(frozen=True, slots=True)
+class SavedModel:
+    """Saved pose and scale of a model."""
+
+    pose: Pose | None
+    scale: tuple[float, float, float]
+
+
+@dataclass(slots=True)
+class SavedState:
+    """All that was saved, by paths of names joined by `::`."""
+
+    models: dict[str, SavedModel] = field(default_factory=dict)
+    links: dict[str, Pose] = field(default_factory=dict)
+    lights: dict[str, Pose] = field(default_factory=dict)
+    deleted: set[str] = field(default_factory=set)
+
+
+def read_saved_state(world: ET.Element) -> SavedState:
+    """Reads the state of a world; it is empty where the file has none.
+
+    Raises:
+        SdfError: a pose in it is none.
+    """
+    found = SavedState()
+    for state in world.findall("state"):
+        for model in state.findall("model"):
+            _add(model, "", found)
+        for light in state.findall("light"):
+            if light.find("pose") is not None:
+                found.lights[light.get("name", "")] = own_pose(light)
+        found.deleted |= {(name.text or "").strip() for name in state.findall("deletions/name")}
+    return found
+
+
+def _add(model: ET.Element, prefix: str, found: SavedState) -> None:
+    path = prefix + model.get("name", "")
+    x, y, z = numbers_of(model.find("scale"), 3, (1.0, 1.0, 1.0))
+    if not min(x, y, z) > 0:
+        raise SdfError(
+            f"{place(model)}: the saved scale of {path} is {x:g} {y:g} {z:g}; numbers above 0 would be right"
+        )
+    found.models[path] = SavedModel(own_pose(model) if model.find("pose") is not None else None, (x, y, z))
+    for link in model.findall("link"):
+        if link.find("pose") is not None:
+            found.links[f"{path}::{link.get('name', '')}"] = own_pose(link)
+    for inner in model.findall("model"):
+        _add(inner, f"{path}::", found)

@@ -1,0 +1,224 @@
+"""Contents of a world file in Gazebo's format, with all poses in the world, and the list of what was left out."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import cos, sin
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ....schemas.wire.errors import ConfigurationError
+from ....schemas.worlds.world import LeftOut
+
+Vector = NDArray[np.float64]
+Matrix = NDArray[np.float64]
+Rgba = tuple[float, float, float, float]
+
+ShapeKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "mesh", "prism", "heightmap"]
+JointKind = Literal["hinge", "slide", "ball", "fixed"]
+
+GRAY: Rgba = (0.7, 0.7, 0.7, 1.0)
+"""Colour of a visual that names none: Gazebo's own."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """A place and a turn."""
+
+    position: Vector
+    rotation: Matrix
+
+    def __matmul__(self, other: "Pose") -> "Pose":
+        """Returns a pose that is given in this frame, in the frame around."""
+        return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
+
+    def inverse(self) -> "Pose":
+        """Returns the pose of the frame around, seen from this one."""
+        return Pose(-self.rotation.T @ self.position, self.rotation.T)
+
+
+def identity() -> Pose:
+    """Returns the pose that changes nothing."""
+    return Pose(np.zeros(3), np.eye(3))
+
+
+def euler_matrix(roll: float, pitch: float, yaw: float) -> Matrix:
+    """Returns the rotation about x, then about the fixed y, then about the fixed z, in radians."""
+    (cr, sr), (cp, sp), (cy, sy) = ((cos(angle), sin(angle)) for angle in (roll, pitch, yaw))
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ])  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Geometry:
+    """The shape of a collision or a visual."""
+
+    kind: ShapeKind
+    size: tuple[float, ...] = ()
+    """Full extents of a box, radii of an ellipsoid, radius and length of a cylinder or capsule, radius of a sphere,
+    extents of a plane or heightmap, height of a prism; metres."""
+    normal: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    """Normal of a plane."""
+    file: Path | None = None
+    """File of a mesh or heightmap."""
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    submesh: str | None = None
+    is_centred: bool = False
+    """Whether a submesh is moved to its own middle."""
+    outline: tuple[tuple[float, float], ...] = ()
+    """Corners of a prism."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Position of a heightmap in its link, in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Material:
+    """The look of a visual."""
+
+    color: Rgba = GRAY
+    texture: Path | None = None
+    is_stated: bool = False
+    """Whether the file says it; otherwise a mesh's own counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class Collision:
+    """A shape that collides."""
+
+    name: str
+    pose: Pose
+    """Position in the world."""
+    geometry: Geometry
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Visual:
+    """A shape that is drawn."""
+
+    name: str
+    pose: Pose
+    geometry: Geometry
+    material: Material
+
+
+@dataclass(frozen=True, slots=True)
+class Inertia:
+    """Mass of a link, and its moments of inertia about its centre of mass, in the axes of `pose`."""
+
+    mass_kg: float
+    pose: Pose
+    moments: Matrix | None
+    """Absent: those of a box as large as the body's shapes."""
+
+
+@dataclass(slots=True)
+class Link:
+    """A rigid part of a model."""
+
+    path: str
+    """Names of the models around it and its own, joined by `::`."""
+    model: str
+    """Name of the outermost model."""
+    pose: Pose
+    is_static: bool
+    inertia: Inertia | None
+    collisions: list[Collision]
+    visuals: list[Visual]
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """A joint between two links, or a link and the world."""
+
+    path: str
+    kind: JointKind
+    parent: str
+    """Path of the link, or `world`."""
+    child: str
+    pose: Pose
+    axis: Vector
+    """Direction in the world."""
+    lower: float | None
+    """Least position, radians or metres; absent: it has no end."""
+    upper: float | None
+    damping: float
+    friction: float
+
+
+@dataclass(frozen=True, slots=True)
+class Light:
+    """A lamp, or the sun."""
+
+    name: str
+    kind: Literal["point", "spot", "directional"]
+    pose: Pose
+    direction: Vector
+    diffuse: tuple[float, float, float]
+    casts_shadows: bool
+    outer_angle_rad: float
+
+
+class Omissions:
+    """List of what was left out of a world, by kind."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, list[str]] = defaultdict(list)
+
+    def add(self, kind: str, name: str) -> None:
+        """Notes one thing.
+
+        Args:
+            kind: what kind of thing, in the plural: `plugins`.
+            name: where it is, or what it is called.
+        """
+        self._found[kind].append(name)
+
+    def __contains__(self, kind: str) -> bool:
+        return kind in self._found
+
+    def names(self, kind: str) -> list[str]:
+        """Returns what was left out of a kind, each once."""
+        return sorted(set(self._found.get(kind, [])))
+
+    def as_list(self, most_names: int = 12) -> list[LeftOut]:
+        """Returns the list with counts, and the first names of each kind.
+
+        Args:
+            most_names: names that are told of a kind.
+        """
+        return [
+            LeftOut(what=kind, count=len(names), names=sorted(set(names))[:most_names])
+            for kind, names in sorted(self._found.items())
+        ]
+
+
+@dataclass(slots=True)
+class SdfWorld:
+    """A world file with all that it includes."""
+
+    name: str
+    version: str
+    links: list[Link] = field(default_factory=list)
+    joints: list[Joint] = field(default_factory=list)
+    lights: list[Light] = field(default_factory=list)
+    model_types: dict[str, str] = field(default_factory=dict)
+    """Kind of each model by its path: the name of the folder that it was included from, or its own."""
+    left_out: Omissions = field(default_factory=Omissions)
+    files: set[Path] = field(default_factory=set)
+    """Files that were read."""
+
+    def geometries(self) -> Iterator[Geometry]:
+        """Yields all shapes."""
+        for link in self.links:
+            yield from (each.geometry for each in (*link.collisions, *link.visuals))
+
+
+class SdfError(ConfigurationError):
+    """A world file that cannot be read, with its name and line."""

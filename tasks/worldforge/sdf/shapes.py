@@ -1,0 +1,180 @@
+"""Collisions, visuals, inertias and materials of a link, as the file says them."""
+
+import re
+import xml.etree.ElementTree as ET
+from math import pi
+from pathlib import Path
+
+import numpy as np
+
+from .frames import own_pose
+from .lookup import Lookup
+from .ogre_materials import OgreMaterials
+from .sdf_types import GRAY, Geometry, Inertia, Material, Omissions, Pose, Rgba, SdfError
+from .xml_files import flag_of, number_of, numbers_of, place, text_of
+
+MOST_FRICTION = 1.0
+"""MuJoCo takes the larger friction of two shapes where Gazebo takes the smaller: worlds that say 100 for floors and
+walls would hold every robot fast."""
+_ONES = (1.0, 1.0, 1.0)
+
+
+class ShapeReader:
+    """Reads shapes of one world; notes what cannot be read.
+
+    Args:
+        lookup: where files are.
+        left_out: the list of what was left out.
+    """
+
+    def __init__(self, lookup: Lookup, left_out: Omissions) -> None:
+        self._lookup, self._left_out = lookup, left_out
+        self._ogre = OgreMaterials(lookup)
+
+    def geometry(self, parent: ET.Element, base: Path, where: str) -> Geometry | None:  # noqa: C901 (one line a shape)
+        """Returns the shape in a collision or visual; nothing where it has none that can be read.
+
+        Args:
+            parent: the collision or visual.
+            base: folder that its files are named from.
+            where: path of the collision or visual, for the list of what was left out.
+        """
+        outer = parent.find("geometry")
+        shape = next((child for child in outer if child.tag != "empty"), None) if outer is not None else None
+        if shape is None:
+            return None
+        match shape.tag:
+            case "box":
+                return Geometry("box", _positive(shape, numbers_of(shape.find("size"), 3, _ONES)))
+            case "sphere":
+                return Geometry("sphere", _positive(shape, (number_of(shape, "radius", 1.0),)))
+            case "ellipsoid":
+                return Geometry("ellipsoid", _positive(shape, numbers_of(shape.find("radii"), 3, _ONES)))
+            case "cylinder" | "capsule":
+                size = number_of(shape, "radius", 1.0), number_of(shape, "length", 1.0)
+                return Geometry(shape.tag, _positive(shape, size))
+            case "plane":
+                x, y, z = numbers_of(shape.find("normal"), 3, (0.0, 0.0, 1.0))
+                if not np.linalg.norm((x, y, z)) > 0:
+                    raise SdfError(f"{place(shape)}: the plane's normal has no direction")
+                return Geometry("plane", numbers_of(shape.find("size"), 2, (1.0, 1.0)), normal=(x, y, z))
+            case "mesh":
+                return self._mesh(shape, base, where)
+            case "polyline":
+                return self._polyline(shape, where)
+            case "heightmap":
+                return self._heightmap(shape, base, where)
+            case other:
+                self._left_out.add(f"shapes of kind {other[:40]}", where)
+                return None
+
+    def _mesh(self, shape: ET.Element, base: Path, where: str) -> Geometry | None:
+        uri = text_of(shape, "uri")
+        path = self._lookup.file(uri, base)
+        if path is None:
+            self._left_out.add("meshes that are missing", f"{uri} ({where})")
+            return None
+        x, y, z = numbers_of(shape.find("scale"), 3, _ONES)
+        if 0.0 in (x, y, z):
+            raise SdfError(f"{place(shape)}: the mesh's scale has a 0")
+        submesh = shape.find("submesh")
+        name = text_of(submesh, "name") if submesh is not None else ""
+        is_centred = submesh is not None and flag_of(submesh, "center")
+        return Geometry("mesh", file=path, scale=(x, y, z), submesh=name or None, is_centred=is_centred)
+
+    def _polyline(self, shape: ET.Element, where: str) -> Geometry | None:
+        corners = [numbers_of(point, 2, (0.0, 0.0)) for point in shape.findall("point")]
+        if len(corners) > 1 and corners[0] == corners[-1]:
+            corners.pop()
+        if len(corners) < 3:
+            self._left_out.add("polylines with fewer than three points", where)
+            return None
+        height = _positive(shape, (number_of(shape, "height", 1.0),))
+        return Geometry("prism", height, outline=tuple((x, y) for x, y in corners))
+
+    def _heightmap(self, shape: ET.Element, base: Path, where: str) -> Geometry | None:
+        uri = text_of(shape, "uri")
+        path = self._lookup.file(uri, base)
+        if path is None or path.suffix.lower() not in (".png", ".jpg", ".jpeg", ".bmp"):
+            self._left_out.add("heightmaps that are missing or no pictures", f"{uri} ({where})")
+            return None
+        x, y, z = numbers_of(shape.find("pos"), 3, (0.0, 0.0, 0.0))
+        size = _positive(shape, numbers_of(shape.find("size"), 3, _ONES))
+        return Geometry("heightmap", size, file=path, offset=(x, y, z))
+
+    def friction(self, collision: ET.Element, where: str) -> float:
+        """Returns the sliding friction of a collision, clamped to what MuJoCo can use."""
+        ode = collision.find("surface/friction/ode")
+        wanted = min(number_of(ode, "mu", 1.0), number_of(ode, "mu2", 1.0)) if ode is not None else 1.0
+        if wanted > MOST_FRICTION or wanted < 0:
+            self._left_out.add(f"frictions that were clamped to 0 to {MOST_FRICTION:g}", f"{where} ({wanted:g})")
+        return min(max(wanted, 0.0), MOST_FRICTION)
+
+    def material(self, visual: ET.Element, base: Path, where: str) -> Material:
+        """Returns the look of a visual: PBR first, then OGRE scripts, then plain colours."""
+        element = visual.find("material")
+        if element is None:
+            return Material()
+        color = _color(element.find("diffuse"))
+        if color is None:
+            color = _color(element.find("ambient"))
+        albedo = element.find("pbr/metal/albedo_map")
+        if albedo is None:
+            albedo = element.find("pbr/specular/albedo_map")
+        if albedo is not None and (albedo.text or "").strip():
+            uri = (albedo.text or "").strip()
+            texture = self._lookup.file(uri, base)
+            if texture is None:
+                self._left_out.add("textures that are missing", f"{uri} ({where})")
+            return Material(color or (1.0, 1.0, 1.0, 1.0), texture, True)
+        script = element.find("script")
+        if script is not None and (name := text_of(script, "name")):
+            found = self._ogre.find(name, [uri.text or "" for uri in script.findall("uri")], base)
+            if found is not None:
+                return found
+            if color is None:
+                self._left_out.add("materials that are unknown", f"{name} ({where})")
+        transparency = min(max(number_of(visual, "transparency", 0.0), 0.0), 1.0)
+        if color is None:
+            return Material((*GRAY[:3], 1.0 - transparency), None, transparency > 0)
+        return Material((*color[:3], color[3] * (1.0 - transparency)), None, True)
+
+    def inertia(self, link: ET.Element, link_pose: Pose, where: str) -> Inertia | None:
+        """Returns a link's inertia, mended where no body can have it; nothing where the file says none."""
+        element = link.find("inertial")
+        if element is None:
+            return None
+        mass = number_of(element, "mass", 1.0)
+        inner = element.find("inertia")
+        names = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+        usual = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
+        values = [number_of(inner, name, value) for name, value in zip(names, usual, strict=True)] if inner is not None else usual  # fmt: skip # noqa: E501
+        xx, yy, zz, xy, xz, yz = values
+        moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        principal = np.linalg.eigvalsh(moments)
+        is_possible = mass > 0 and principal[0] > 0 and principal[0] + principal[1] >= principal[2] * (1 - 1e-6)
+        if not is_possible:
+            self._left_out.add("inertias that were mended", where)
+            return Inertia(mass if mass > 0 else 1.0, link_pose @ own_pose(element), None)
+        return Inertia(mass, link_pose @ own_pose(element), moments)
+
+
+def _positive(shape: ET.Element, values: tuple[float, ...]) -> tuple[float, ...]:
+    if not all(value > 0 for value in values):
+        raise SdfError(f"{place(shape)}: the sizes of <{shape.tag}> are {values}; numbers above 0 would be right")
+    return values
+
+
+def _color(element: ET.Element | None) -> Rgba | None:
+    if element is None or not (element.text or "").strip():
+        return None
+    values = [float(part) for part in re.findall(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", element.text or "")[:4]]
+    if len(values) < 3:
+        return None
+    red, green, blue = (min(max(value, 0.0), 1.0) for value in values[:3])
+    return red, green, blue, min(max(values[3], 0.0), 1.0) if len(values) > 3 else 1.0
+
+
+def cone_half_angle(outer_rad: float) -> float:
+    """Returns half the angle of a spot's cone, within what renderers take."""
+    return min(max(outer_rad / 2, 0.05), pi / 2)

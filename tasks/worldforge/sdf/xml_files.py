@@ -1,0 +1,171 @@
+"""XML of files that somebody else wrote: size, entities and depth are limited, errors name the line."""
+
+import xml.etree.ElementTree as ET
+from pathlib import Path
+from xml.parsers import expat
+
+from .sdf_types import SdfError
+
+MOST_XML_BYTES = 20 * 1024 * 1024
+"""The largest public world file has 3 MB."""
+_MOST_DEPTH = 200
+"""Levels of elements; includes are files of their own."""
+_MOST_ELEMENTS = 2_000_000
+
+
+class Element(ET.Element):
+    """An element that knows its line."""
+
+    line: int = 0
+    file: str = ""
+
+
+def read_bytes(path: Path, most_bytes: int) -> bytes:
+    """Reads a regular file.
+
+    Args:
+        path: the file.
+        most_bytes: the largest that is read.
+
+    Raises:
+        SdfError: it is none, is larger, or cannot be read.
+    """
+    try:
+        if not path.is_file():
+            raise SdfError(f"{path}: it is no regular file")
+        if (size := path.stat().st_size) > most_bytes:
+            raise SdfError(f"{path}: it has {size:,} bytes; at most {most_bytes:,} are read")
+        return path.read_bytes()
+    except OSError as error:
+        raise SdfError(f"{path}: it cannot be read: {error.strerror}") from error
+
+
+def read_xml(path: Path) -> Element:
+    """Reads an XML file.
+
+    An XML declaration that comes after a comment is tolerated, as some public worlds have it there.
+
+    Raises:
+        SdfError: it is not well formed, has a DOCTYPE, or is too large; the message has file and line.
+    """
+    content = read_bytes(path, MOST_XML_BYTES)
+    start = content.find(b"<?xml")
+    if start > 0 and b"<sdf" not in content[:start]:
+        # Lines stay where they are, so that errors name them.
+        content = b"\n" * content[:start].count(b"\n") + content[content.find(b"?>", start) + 2 :]
+    return _Reader(path).read(content.lstrip(b"\xef\xbb\xbf"))
+
+
+def parse_xml(content: bytes) -> Element:
+    """Parses XML that is no file.
+
+    Args:
+        content: the text.
+
+    Raises:
+        SdfError: it is not well formed.
+    """
+    return _Reader(Path("built in")).read(content)
+
+
+class _Reader:
+    """Builds elements from a parser's events."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._parser = expat.ParserCreate()
+        self._parser.StartDoctypeDeclHandler = self._doctype
+        self._parser.StartElementHandler = self._start
+        self._parser.EndElementHandler = self._end
+        self._parser.CharacterDataHandler = self._text
+        self._parser.buffer_text = True
+        self._open: list[Element] = []
+        self._root: Element | None = None
+        self._count = 0
+
+    def read(self, content: bytes) -> Element:
+        try:
+            self._parser.Parse(content, True)
+        except expat.ExpatError as error:
+            raise SdfError(f"{self._path}:{error.lineno}: it is not well-formed XML: {expat.errors.messages[error.code]}") from None  # fmt: skip # noqa: E501
+        if self._root is None:
+            raise SdfError(f"{self._path}: it has no XML element")
+        return self._root
+
+    def _doctype(self, *declared: object) -> None:
+        del declared
+        line = self._parser.CurrentLineNumber
+        raise SdfError(f"{self._path}:{line}: it declares a DOCTYPE, which can hide entities; world files need none")
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        self._count += 1
+        line = self._parser.CurrentLineNumber
+        if len(self._open) >= _MOST_DEPTH or self._count > _MOST_ELEMENTS:
+            raise SdfError(f"{self._path}:{line}: its elements are nested deeper than {_MOST_DEPTH}, or too many")
+        element = Element(tag, attributes)
+        element.line, element.file = line, str(self._path)
+        if self._open:
+            self._open[-1].append(element)
+        else:
+            self._root = element
+        self._open.append(element)
+
+    def _end(self, tag: str) -> None:
+        del tag
+        self._open.pop()
+
+    def _text(self, text: str) -> None:
+        if self._open and not len(self._open[-1]):
+            self._open[-1].text = (self._open[-1].text or "") + text
+
+
+def place(element: ET.Element) -> str:
+    """Returns file and line of an element."""
+    return f"{getattr(element, 'file', '')}:{getattr(element, 'line', 0)}"
+
+
+def text_of(parent: ET.Element, tag: str, otherwise: str = "") -> str:
+    """Returns the text of a child, without spaces around it."""
+    child = parent.find(tag)
+    return otherwise if child is None or child.text is None else child.text.strip()
+
+
+def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, ...]) -> tuple[float, ...]:
+    """Returns the numbers in an element.
+
+    Args:
+        element: the element; absent: what is meant otherwise.
+        count: how many have to be there.
+        otherwise: what an absent or empty element means.
+
+    Raises:
+        SdfError: they are no finite numbers, or another count of them.
+    """
+    if element is None or not (element.text or "").strip():
+        return otherwise
+    said = (element.text or "").split()
+    try:
+        values = tuple(float(each) for each in said)
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(abs(value) < 1e12 for value in values):
+        raise SdfError(
+            f"{place(element)}: <{element.tag}> is {' '.join(said)[:80]!r}; {count} finite "
+            f"{'number' if count == 1 else 'numbers'} would be right"
+        )
+    return values
+
+
+def number_of(parent: ET.Element, tag: str, otherwise: float) -> float:
+    """Returns the number in a child.
+
+    Raises:
+        SdfError: it is no finite number.
+    """
+    return numbers_of(parent.find(tag), 1, (otherwise,))[0]
+
+
+def flag_of(parent: ET.Element, tag: str, otherwise: bool = False) -> bool:
+    """Returns whether a child says `true` or `1`."""
+    said = text_of(parent, tag).lower()
+    return otherwise if not said else said in ("true", "1")

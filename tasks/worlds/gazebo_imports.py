@@ -1,0 +1,79 @@
+"""Importing worlds in Gazebo's format, each in a process of its own with limits of time and memory."""
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from ...schemas.wire.errors import ConfigurationError
+from ...schemas.worlds.gazebo_notes import GazeboNotes
+
+_PROGRAM = "prefect_robomaker.tasks.worldforge.gazebo.worker"
+_MOST_S = 3600.0
+"""Time on the clock, on a machine that is busy with other things; the processor time is limited to 600 s."""
+
+
+@dataclass(frozen=True, slots=True)
+class GazeboImport:
+    """An import that is wished."""
+
+    path: Path
+    model_paths: Sequence[Path] = ()
+    start: tuple[float, float, float] | None = None
+    loose: Literal["hold", "free"] = "free"
+    allow_missing: bool = False
+    notes: GazeboNotes = field(default_factory=GazeboNotes)
+
+
+def write_gazebo_bundle(wanted: GazeboImport, folder: Path) -> None:
+    """Imports a world and writes its bundle.
+
+    Args:
+        wanted: the import.
+        folder: a new folder for the bundle.
+
+    Raises:
+        ConfigurationError: there is no such world, for the reason in the message.
+    """
+    request = {
+        "path": str(wanted.path),
+        "model_paths": [str(path) for path in wanted.model_paths],
+        "start": wanted.start,
+        "loose": wanted.loose,
+        "allow_missing": wanted.allow_missing,
+        "notes": wanted.notes.model_dump_json(),
+        "folder": str(folder),
+    }
+    with subprocess.Popen(
+        [sys.executable, "-P", "-m", _PROGRAM], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        try:
+            process.stdin.write(json.dumps(request) + "\n")
+            process.stdin.flush()  # and open until it has answered: it ends with it
+            line = process.stdout.readline()
+        except BrokenPipeError:
+            line = ""
+        finally:
+            process.stdin.close()
+            try:
+                code = process.wait(_MOST_S if sys.exc_info()[0] is None else 0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                code = process.wait()
+    if not line.endswith("\n"):
+        raise ConfigurationError(f"{wanted.path}: {_reason(code)}")
+    answer: dict[str, str] = json.loads(line)
+    if "error" in answer:
+        raise ConfigurationError(answer["error"])
+
+
+def _reason(code: int) -> str:
+    if code in (-signal.SIGXCPU, -signal.SIGKILL):
+        return "importing it takes too long or too much memory, and was ended; name fewer or simpler models"
+    return f"the process that imported it ended with code {code}; its messages are above"
