@@ -146,7 +146,7 @@ async def _token(request: Request) -> str | None:
             if len(body) > _MOST_BYTES:
                 return None
         token = json.loads(body)["token"]
-    except (ClientDisconnect, ValueError, KeyError, TypeError):
+    except (ClientDisconnect, ValueError, KeyError, TypeError, RecursionError):
         return None
     return token if isinstance(token, str) else None
 

@@ -1,6 +1,7 @@
 """The page that logs a browser in: also for one that comes without a link, and for nobody else."""
 
 import asyncio
+import base64
 import json
 
 import httpx
@@ -52,6 +53,29 @@ def test_programs_are_led_nowhere() -> None:
     assert ask("GET", "/api/flows").text == "Prefect's"
     assert ask("POST", LINKS).status_code == 401
     assert ask("POST", PAGE, content=json.dumps({"token": "wrong"})).status_code == 403
+
+
+def test_a_link_logs_one_browser_in_whoever_else_tries_it_and_when() -> None:
+    """Twenty at once, each again afterwards: a link that another program saw lets in one of them, not two."""
+    page = LoginPage(prefect, ORIGIN, "user:secret")
+    password = base64.b64encode(b"user:secret").decode()
+
+    async def follow() -> list[httpx.Response]:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(page), base_url=ORIGIN) as client:
+            made = await client.post(LINKS, headers={"authorization": f"Basic {password}"})
+            body = json.dumps({"token": made.json()["link"].partition("#")[2]})
+            at_once = await asyncio.gather(*(client.post(PAGE, content=body) for _ in range(20)))
+            return [*at_once, *[await client.post(PAGE, content=body) for _ in range(20)]]
+
+    answers = asyncio.run(follow())
+
+    assert sorted(answer.status_code for answer in answers) == [200, *[403] * 39]
+    assert [answer.json().get("password") for answer in answers].count(password) == 1
+
+
+@pytest.mark.parametrize("body", ["[" * 1023, "", "{}", '{"token": 1}', '{"token": null}', "{" * 5000, "\ud800"])
+def test_what_is_no_token_is_refused(body: str) -> None:
+    assert ask("POST", PAGE, content=body.encode(errors="surrogatepass")).status_code == 403
 
 
 def test_the_logo_comes_from_this_server() -> None:
