@@ -9,6 +9,7 @@ from typing import Any
 from uuid import uuid4
 
 import pytest
+from helpers.bare_prefect_server import bare_prefect_server
 from helpers.endpoint_process import Serve
 from helpers.mortal_prefect import MortalPrefectServer
 from helpers.paths import BUNDLES
@@ -264,6 +265,33 @@ def test_a_night_whose_prefect_worker_is_killed_is_finished_by(
     assert told.returncode == 0, told.stderr
     assert told.stdout.startswith("night: 1 run\n")
     assert "interrupted once" in told.stdout
+
+
+def test_a_night_at_a_plain_prefect_server_is_named_and_then_finished_by_the_next_prefect_worker(
+    service: Service, environ: dict[str, str], tmp_path_factory: pytest.TempPathFactory, tmp_path: Path
+) -> None:
+    """The server is Prefect's as it comes, kept by others, and no process but Prefect workers has the data home."""
+    from prefect.client.orchestration import SyncPrefectClient
+
+    pool = new_pool()
+    with bare_prefect_server(tmp_path_factory.mktemp("plain")) as (plain, _):
+        theirs = {**environ, "PREFECT_API_URL": f"{plain}/api"}
+        with SyncPrefectClient(theirs["PREFECT_API_URL"]) as client:
+            deployment, _ = kill_a_night(client, pool, service, theirs, tmp_path)
+            before = ended_jobs(service)
+            dead = record_folder(service)
+            doctor = [*ROBOMAKER, "doctor", "-o", "json"]
+            told = subprocess.run(doctor, env={**os.environ, **theirs}, capture_output=True, text=True)
+            findings = {each["subject"]: each for each in json.loads(told.stdout)["findings"]}
+            assert dead.name in findings["broken-off runs"]["found"]
+            assert findings["broken-off runs"]["health"] != "ok"
+            with process_worker(pool, theirs, tmp_path / "other.log"):
+                record = check_finished(service, before)
+                [first, continued] = runs_of(client, deployment)
+                wait_for(lambda: state_of(client, continued.id).is_final(), "Prefect to know of its end")
+                assert state_of(client, continued.id).is_completed()
+            wait_for(lambda: state_of(client, first.id).is_crashed(), "the dead run to be closed")
+    assert [each.lost.program for each in record.interruptions if each.lost] == ["a run of a Prefect worker"]
 
 
 def test_a_killed_run_whose_batch_a_person_performs_has_a_record(

@@ -90,3 +90,78 @@ def test_a_deployment_installs_and_a_health_check_decides(
         assert end.get("failureReason") == (None if is_healthy else "health check failed")
         (shown,) = robomaker(service, "robots", "list")["robots"]
         assert shown["version"] == ("courier 1" if is_healthy else None)
+
+
+def test_a_rollback_takes_a_robot_back_that_has_the_newer_version(
+    serve: Serve, service: Service, prefect_server: str, tmp_path: Path
+) -> None:
+    """One robot says that the new version does not work, and the other, which has it already, gets the one before."""
+    fleets = Fleets(service)
+    fleet = fleets.fleet()
+    tokens: dict[str, str] = {}
+    for name in ("rover", "spare"):
+        fleets.robot(name, fleet)
+        enrolment = robomaker(service, "robots", "enroll", name)
+        tokens[name] = enrolment["token"]
+    certificate = Path(enrolment["certificate"]).read_bytes()
+    service.store.ensure_bucket("apps")
+    sources = [{"s3Bucket": "apps", "s3Key": "courier.tar.gz"}]
+    service.store.put_bytes("apps", "courier.tar.gz", archive(b"drive"))
+    application = fleets.application("courier", sources=sources)
+    service.store.put_bytes("apps", "courier.tar.gz", archive(b"drive faster"))
+    suite = {"name": "General"}
+    fleets.call("UpdateRobotApplication", application=application, sources=sources, robotSoftwareSuite=suite)
+    fleets.call("CreateRobotApplicationVersion", application=application)
+    robot_folder = tmp_path / "robot"
+    config = {"concurrentDeploymentPercentage": 100, "failureThresholdPercentage": 50}
+    with serve(PREFECT_API_URL=prefect_server, ROBOMAKER_ROBOT_FOLDER=str(robot_folder)) as served:
+        port = int(served.url.rpartition(":")[2])
+        rover, spare = (PollingRobot(served.url, name, token) for name, token in tokens.items())
+
+        def deploy(version: str, **more: str) -> str:
+            order = fleets.order(
+                fleet,
+                application,
+                f"to-{version}",
+                deploymentConfig={**config, **more},
+                config={"applicationVersion": version},
+            )
+            return served.call("CreateDeploymentJob", order)["arn"]
+
+        def ends(job: str) -> str:
+            status = lambda: served.call("DescribeDeploymentJob", {"job": job})["status"]  # noqa: E731
+            wait_for(lambda: status() in ("Succeeded", "Failed"), f"the end of {job}")
+            return status()
+
+        def installs(robot: SwupdateRobot, program: bytes, version: str) -> None:
+            robot.wait_until_installed()
+            assert (robot_folder / "courier" / version / "bin" / "program").read_bytes() == program
+            confirm(robot, rover, is_healthy=True)
+
+        def spare_says(end: str) -> None:
+            order = spare.fetch_order()
+            spare.say_of(order, "proceeding")
+            spare.say_of(order, "closed", end)
+
+        first = deploy("1")
+        wait_for(lambda: rover.poll_status() == 200 and "deploymentBase" in rover.links(), "an order", 120)
+        with swupdate_robot("rover", tokens["rover"], port, certificate) as robot:
+            installs(robot, b"drive", "1")
+            spare_says("success")
+            assert ends(first) == "Succeeded"
+            second = deploy("2", onThresholdBreached="ROLLBACK")
+            installs(robot, b"drive faster", "2")
+            spare_says("failure")
+            assert ends(second) == "Failed"
+
+            def made() -> list[str]:
+                found = served.call("DescribeDeploymentJob", {"job": second})
+                return found.get("rollback", {}).get("jobs", [])
+
+            back = wait_for(made, "the job that takes the robot back")
+            installs(robot, b"drive", "1")
+            assert [ends(job) for job in back] == ["Succeeded"]
+        taken_back = served.call("DescribeDeploymentJob", {"job": back[0]})
+    assert [each["arn"].split("/")[1] for each in taken_back["robotDeploymentSummary"]] == ["rover"]
+    shown = {each["name"]: each["version"] for each in robomaker(service, "robots", "list")["robots"]}
+    assert shown["rover"] == "courier 1"
