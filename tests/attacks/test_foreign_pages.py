@@ -104,6 +104,14 @@ SERVICE_ATTACKS = """(async () => {
     json: await asked(order, template("json")),
     form: await form(order, {name: MARK + "-form"}),
     picture: await picture(%(target)s + "/health"),
+    console: await read(%(target)s + "/console/jobs"),
+    stream: await settled(new Promise((resolve) => {
+      const it = new EventSource(%(target)s + "/console/jobs/live");
+      it.onopen = () => resolve("open");
+      it.onerror = () => { it.close(); resolve("closed"); };
+    })),
+    ordered: await form(%(target)s + "/console/jobs/" + MARK + "/cancel", {}),
+    socket: await settled(socket(%(target)s.replace("http", "ws") + "/console", "", [])),
   };
 })()"""
 
@@ -279,5 +287,7 @@ def test_pages_of_others_order_nothing_from_the_endpoint(attack: Any, serve: Ser
 
         assert [template["name"] for template in templates] == [f"{mark}-afterwards"]
         assert seen["read"].startswith("error")
+        assert seen["console"].startswith("error")
+        assert (seen["stream"], seen["socket"]) == ("closed", "closed")
         # Each of them arrived, and was refused: as a page's, not for its form.
-        assert served.log.read_text().count(" 403 ") >= 4
+        assert served.log.read_text().count(" 403 ") >= 7
