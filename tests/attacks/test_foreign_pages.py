@@ -106,7 +106,7 @@ SERVICE_ATTACKS = """(async () => {
     picture: await picture(%(target)s + "/health"),
     console: await read(%(target)s + "/console/jobs"),
     stream: await settled(new Promise((resolve) => {
-      const it = new EventSource(%(target)s + "/console/jobs/live");
+      const it = new EventSource(%(target)s + "/console/live");
       it.onopen = () => resolve("open");
       it.onerror = () => { it.close(); resolve("closed"); };
     })),

@@ -105,11 +105,10 @@ def test_a_rollback_takes_a_robot_back_that_has_the_newer_version(
         tokens[name] = enrolment["token"]
     certificate = Path(enrolment["certificate"]).read_bytes()
     service.store.ensure_bucket("apps")
-    sources = [{"s3Bucket": "apps", "s3Key": "courier.tar.gz"}]
-    service.store.put_bytes("apps", "courier.tar.gz", archive(b"drive"))
-    application = fleets.application("courier", sources=sources)
-    service.store.put_bytes("apps", "courier.tar.gz", archive(b"drive faster"))
-    suite = {"name": "General"}
+    for name, text in (("first", b"drive"), ("second", b"drive faster")):
+        service.store.put_bytes("apps", f"{name}.tar.gz", archive(text))
+    application = fleets.application("courier", sources=[{"s3Bucket": "apps", "s3Key": "first.tar.gz"}])
+    sources, suite = [{"s3Bucket": "apps", "s3Key": "second.tar.gz"}], {"name": "General"}
     fleets.call("UpdateRobotApplication", application=application, sources=sources, robotSoftwareSuite=suite)
     fleets.call("CreateRobotApplicationVersion", application=application)
     robot_folder = tmp_path / "robot"
@@ -163,5 +162,5 @@ def test_a_rollback_takes_a_robot_back_that_has_the_newer_version(
             assert [ends(job) for job in back] == ["Succeeded"]
         taken_back = served.call("DescribeDeploymentJob", {"job": back[0]})
     assert [each["arn"].split("/")[1] for each in taken_back["robotDeploymentSummary"]] == ["rover"]
-    shown = {each["name"]: each["version"] for each in robomaker(service, "robots", "list")["robots"]}
+    shown = {each["robot"]: each["version"] for each in robomaker(service, "robots", "list")["robots"]}
     assert shown["rover"] == "courier 1"
