@@ -70,12 +70,19 @@ def check_recording(place: Path, sources: RecordingSources) -> Path:
 
 
 def check_world(requirements: Sequence[RequirementKind], world: str | None) -> None:
-    """Refuses rooms without a world.
+    """Refuses requirements that need a world where there is none.
 
     Raises:
         ConfigurationError: There is one.
     """
-    for index, room in rooms_of(requirements) if world is None else ():
+    if world is not None:
+        return
+    for index, each in enumerate(requirements):
+        if each.needs_world:
+            raise ConfigurationError(
+                f"requirements[{index}] ({each.kind}) needs a world; --world with its ARN would be right"
+            )
+    for index, room in rooms_of(requirements):
         raise ConfigurationError(
             f"requirements[{index}].room is {room!r}; --world with the ARN of the world that has it would be right, "
             "or a goal as x and y"

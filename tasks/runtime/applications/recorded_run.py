@@ -109,7 +109,7 @@ class RecordedRun(dm_env.Environment):
         self._held.clear()
         if self._next is None:
             end_s = max(self._time_s, self.end_s)
-            self._measurements.finish(end_s)
+            self._measurements.look_back(end_s)
             self._show(end_s)
             return dm_env.termination(0.0, self._time())
         first_s = max(self._next_s, self._time_s)
@@ -128,6 +128,7 @@ class RecordedRun(dm_env.Environment):
 
     def run_result(self) -> EnvironmentReport:
         """Returns the path, how it was measured, and what it was measured by; the job's requirements judge."""
+        self._measurements.finish(self._time_s)  # also where requirements ended the run before the recording did
         seconds = f"{self._time_s:.1f} s"
         about = {"file": self._bag.path.name, "topics": self._heard, "time": "clock" if self._clock else "received"}
         return EnvironmentReport(

@@ -23,6 +23,8 @@ _POSES: Mapping[str, Callable[[Any], tuple[Any, Any]]] = {
 }
 POSE_TYPES = tuple(_POSES)
 """Types of messages with one pose."""
+_PLANAR = 1e-6
+"""Sine of a tilt below which a pose is planar: rounding alone gives less."""
 SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 
 
@@ -96,13 +98,24 @@ class Pose:
         self.sources = sources
         self.position = [math.nan] * 3
         """x, y and z in metres; changes in place."""
-        self.orientation = [math.nan] * 4
-        """Quaternion, w first; changes in place."""
+        self.rotation = [math.nan] * 9
+        """Rotation matrix, row by row; changes in place."""
+        self.matrix: Matrix | None = None
+        """The same as a transform; None: none has come."""
+        self.tilts = False
+        """Whether it was ever tilted in the least: a planar one cannot tell."""
+
+    @property
+    def orientation(self) -> list[float]:
+        """Quaternion, w first."""
+        return quaternion_of(self.matrix) if self.matrix is not None else [1.0, 0.0, 0.0, 0.0]
 
     def set(self, matrix: Matrix) -> None:
         """Takes a new pose."""
         self.position[:] = matrix[:3, 3].tolist()
-        self.orientation[:] = quaternion_of(matrix)
+        self.rotation[:] = matrix[:3, :3].ravel().tolist()
+        self.matrix = matrix
+        self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
 
 
 class PoseTopic:
@@ -300,15 +313,16 @@ class Scan:
         self._rays: Any = None
         self._form: tuple[float, ...] = ()
         self._near: list[list[float]] = []
+        self._latest_m = math.inf
 
     def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the smallest distance since it was last called."""
+        """Meter of the smallest distance since it was last called; without a new scan it is that of the last one."""
         self.source.rules.append(rule)
         near = [math.inf]
         self._near.append(near)
 
         def measure(within_m: float) -> tuple[float, str] | None:
-            distance_m, near[0] = near[0], math.inf
+            distance_m, near[0] = min(near[0], self._latest_m), math.inf
             return (distance_m, f"what {self.topic} sees") if distance_m < within_m else None
 
         return measure
@@ -328,10 +342,11 @@ class Scan:
         self.source.hear(time_s)
         ranges = np.where(too_near, scan.range_min, ranges)
         seen = returned | too_near
+        self._latest_m = math.inf
         if not seen.any() or self._mount is None:
             return
         points = self._rays[seen] * ranges[seen, None] @ self._mount[:2, :2].T + self._mount[:2, 3]
-        nearest_m = float(np.hypot(points[:, 0], points[:, 1]).min()) - self._radius_m
+        nearest_m = self._latest_m = float(np.hypot(points[:, 0], points[:, 1]).min()) - self._radius_m
         for near in self._near:
             near[0] = min(near[0], nearest_m)
 

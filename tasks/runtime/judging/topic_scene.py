@@ -9,6 +9,7 @@ from ....schemas.runs.recording_sources import RecordingSources
 from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, Rule
 from ....schemas.worlds.world import World
 from ..episode.loading import load_judging_function
+from ..requirements.floor import MapFloor, world_floor
 from .bags import Bag, Message, RecordingFault
 from .frames import FrameTree
 from .sources import (
@@ -56,6 +57,9 @@ class Measurements:
                 self._tree.place(transform, is_static=True)
         self._unseen: Iterator[Message] = bag.messages([_TF]) if self._is_tf else iter(())
         self._transforms = TransformPoses(self._tree, sources)
+        self._poses: dict[int, Pose] = {}
+        """Poses that rules are about, by the rule's identity."""
+        self._tilted: list[tuple[Rule[Any], Pose]] = []
         self._topic_pose = self._find_pose_topic()
         self._contacts = self._find_contacts()
         self._scan = self._find_scan()
@@ -96,6 +100,10 @@ class Measurements:
         """Takes note of what was silent at the end."""
         for source in self._steady_sources():
             source.finish(end_s)
+        for rule, pose in self._tilted:
+            if not pose.tilts and rule.violated_s is None:
+                names = ", ".join(source.name for source in pose.sources)
+                rule.fail(f"poses of {names} are never tilted in the least, as those of wheels, so it could be missed")
         if self._contacts is not None:
             self._contacts.finish(end_s)
 
@@ -141,9 +149,21 @@ class Measurements:
                 )
         if pose is None:
             raise NotMeasuredError(self._no_pose())
-        for source in pose.sources:
-            source.rules.append(rule)
+        if self._poses.get(id(rule)) is not pose:
+            self._poses[id(rule)] = pose
+            for source in pose.sources:
+                source.rules.append(rule)
         return pose
+
+    def expect_tilt(self, rule: Rule[Any]) -> None:
+        """Takes note that a rule is about tilt, which planar poses do not tell."""
+        self._tilted.append((rule, self.pose_of(rule)))
+
+    def is_ready(self, rule: Rule[Any]) -> bool:
+        """Whether all that a rule measures by has been heard."""
+        pose = self._poses.get(id(rule))
+        scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
+        return scanned and (pose is None or pose.matrix is not None)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the forces of what touches the robot.
@@ -319,9 +339,22 @@ class TopicScene:
         """Position of the robot's base, or of the frame that is its `body`; x, y, z in m, which changes."""
         return self._measurements.pose_of(rule).position
 
-    def orientation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Orientation of the same, a quaternion with w first, which changes."""
-        return self._measurements.pose_of(rule).orientation
+    def rotation(self, rule: Rule[Any]) -> Sequence[float]:
+        """Rotation matrix of the same, row by row, 9 numbers, which changes."""
+        return self._measurements.pose_of(rule).rotation
+
+    def can_tilt(self, rule: Rule[Any]) -> bool:
+        """Whether it can be tilted; poses that never are in the least are an error at the end."""
+        self._measurements.expect_tilt(rule)
+        return True
+
+    def floor(self, rule: Rule[Any]) -> MapFloor | None:
+        """The floor of the world; None: there is no world."""
+        return world_floor(self._plan, rule)
+
+    def is_ready(self, rule: Rule[Any]) -> bool:
+        """Whether all that the rule measures by has been heard."""
+        return self._measurements.is_ready(rule)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the force in N of everything that touched the robot since it was last called, by name."""

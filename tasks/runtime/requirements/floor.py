@@ -3,14 +3,17 @@
 import math
 from collections.abc import Sequence
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, sparse
 from scipy.sparse import csgraph
 
+from ....schemas.runs.plan import RunPlan
+from ....schemas.runs.requirement_kinds.kind import Rule
 from ....schemas.worlds.world import Point
-from ..episode.occupancy_map import OccupancyMap
+from ..episode.occupancy_map import OccupancyMap, read_world_map
 
 _SNAP_M = 0.5
 """How far from a free cell a way may begin or end: robots and goals touch things."""
@@ -178,3 +181,21 @@ class MapFloor:
 
 def _halved(number: int) -> int:
     return int(number / 2)
+
+
+def world_floor(plan: RunPlan, rule: Rule[Any]) -> MapFloor | None:
+    """Returns the floor of a run's world, from its map; None: there is no world.
+
+    Args:
+        plan: The run.
+        rule: Who asks.
+
+    Raises:
+        RequirementError: The map cannot be read.
+    """
+    if plan.world_dir is None:
+        return None
+    try:
+        return MapFloor(read_world_map(plan.world_dir))
+    except (OSError, ValueError) as error:
+        raise rule.cannot(f"the map of the world cannot be read: {error}") from error

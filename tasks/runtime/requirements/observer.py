@@ -164,10 +164,14 @@ class RequirementsObserver(Observer):
 def _bound(rule: Rule[Any], scene: Any) -> Look:
     """Ties a rule to a scene; one that cannot be measured there is an error, and never looks."""
     try:
-        return rule.bind(scene)
+        look = rule.bind(scene)
     except NotMeasuredError as error:
         rule.fail(str(error))
         return lambda _time_s: None
+    is_ready = getattr(scene, "is_ready", None)  # of a recording, which begins before all of its topics
+    if is_ready is None:
+        return look
+    return lambda time_s: look(time_s) if is_ready(rule) else None
 
 
 class _Check:

@@ -17,7 +17,6 @@ from ....schemas.runs.requirement_kinds.kind import Rule, is_meant
 from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.world import World
 from ..episode.loading import load_judging_function
-from ..episode.occupancy_map import read_world_map
 from ..episode.physics import (
     ClearanceMeter,
     ContactForces,
@@ -28,7 +27,7 @@ from ..episode.physics import (
     geom_names,
     robot_geoms,
 )
-from .floor import MapFloor
+from .floor import MapFloor, world_floor
 
 _MAX_SHOWN = 12
 _UPRIGHT_AXIS = 0.99999
@@ -88,12 +87,7 @@ class Scene:
         Raises:
             RequirementError: The world's map cannot be read.
         """
-        if self.plan.world_dir is None:
-            return None
-        try:
-            return MapFloor(read_world_map(self.plan.world_dir))
-        except (OSError, ValueError) as error:
-            raise rule.cannot(f"the map of the world cannot be read: {error}") from error
+        return world_floor(self.plan, rule)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the normal force in N of everything that touches the robot now, by name; rules share it."""

@@ -321,6 +321,48 @@ def test_poses_come_by_frames_that_move(judge: Judge, tmp_path: Path) -> None:
     assert "no message on /tf (map to odom) from" in str(row.error), "the localisation died"
 
 
+# Kinds that ask the scene for nothing else
+
+
+def test_other_kinds_measure_by_the_same_topics(judge: Judge, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", "sqlite", drive())
+    speed = {"kind": "speed", "name": "slow", "max_mps": 0.6}
+    assert only(judge(bag, speed)).value == pytest.approx(0.4, abs=0.25)
+    assert judge(bag, speed | {"max_mps": 0.3}).verdict == "FAIL"
+    # Nothing is measured before there is a pose, which begins a little after the recording.
+    late = [m for m in drive() if m.topic != "/odom" or m.time_s > EPOCH_S + 0.5]
+    value = only(judge(write_bag(tmp_path / "late", "sqlite", late), speed)).value
+    assert value is not None
+    assert value < 0.65
+
+
+def test_planar_poses_cannot_tell_tilt(judge: Judge, tmp_path: Path) -> None:
+    upright = {"kind": "upright", "name": "upright", "max_tilt_deg": 10.0}
+    flat = only(judge(write_bag(tmp_path / "flat", "mcap", drive()), upright))
+    assert "never tilted in the least" in str(flat.error)
+
+    def leaning(degrees: float) -> list[Said]:
+        half = math.radians(degrees) / 2
+        turn = {"x": math.sin(half), "w": math.cos(half)}
+        where = {"pose": {"position": {}, "orientation": turn}}
+        return [m._replace(fields={**m.fields, "pose": where}) if m.topic == "/odom" else m for m in drive()]
+
+    steady = only(judge(write_bag(tmp_path / "steady", "mcap", leaning(4.0)), upright))
+    assert steady.value == pytest.approx(4.0, abs=1e-6)
+    assert steady.satisfied
+    assert judge(write_bag(tmp_path / "over", "mcap", leaning(40.0)), upright).verdict == "FAIL"
+
+
+def test_distance_holds_between_two_scans(judge: Judge, tmp_path: Path) -> None:
+    """A formula asks more often than the lidar measures: what is near stays near."""
+    pytest.importorskip("rtamt")
+    formula = {"kind": "expression", "name": "roomy", "formula": "eventually (clearance > 7)", "period_s": 0.05}
+    bag = write_bag(tmp_path / "bag", "mcap", drive())
+    row = only(judge(bag, formula, radius_m=0.2))
+    assert row.error is None, row
+    assert not row.satisfied, "nothing is ever farther than 5.7 m"
+
+
 # What cannot be read
 
 
