@@ -27,6 +27,7 @@ from ..schemas.runs.requirement_kinds.predicate import PredicateRequirement
 from ..schemas.runs.requirement_kinds.progress import ProgressRequirement
 from ..schemas.runs.requirement_kinds.speed import SpeedRequirement
 from ..schemas.runs.requirement_kinds.time_limit import TimeLimitRequirement
+from ..schemas.runs.requirement_kinds.topic import TopicRequirement
 from ..schemas.runs.requirement_kinds.upright import UprightRequirement
 from ..schemas.runs.trials import Trials
 from ..schemas.wire.common import Filter
@@ -111,7 +112,7 @@ def ListSimulationJobBatches(*, nextToken: str | None = None, maxResults: int | 
 @flow
 def CancelSimulationJobBatch(*, batch: str) -> dict[str, Any]: ...
 @flow
-def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[AllRoomsRequirement | ClearanceRequirement | CoverageRequirement | ExpressionRequirement | GoalRequirement | LocalizationRequirement | CollisionRequirement | PathLengthRequirement | PredicateRequirement | ProgressRequirement | SpeedRequirement | TimeLimitRequirement | UprightRequirement] | None = None, trials: Trials | None = None, policy: str | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
+def CreateSimulationJob(*, maxJobDurationInSeconds: int, iamRole: str, outputLocation: OutputLocation | None = None, loggingConfig: LoggingConfig | None = None, failureBehavior: Literal['Fail', 'Continue'] | None = None, robotApplications: list[RobotApplicationConfig] | None = None, simulationApplications: list[SimulationApplicationConfig] | None = None, dataSources: list[DataSourceConfig] | None = None, tags: dict[str, str] | None = None, vpcConfig: VPCConfig | None = None, compute: Compute | None = None, seed: int | None = None, video: Literal['none', 'on-failure', 'always'] | None = None, requirements: list[AllRoomsRequirement | ClearanceRequirement | CoverageRequirement | ExpressionRequirement | GoalRequirement | LocalizationRequirement | CollisionRequirement | PathLengthRequirement | PredicateRequirement | ProgressRequirement | SpeedRequirement | TimeLimitRequirement | TopicRequirement | UprightRequirement] | None = None, trials: Trials | None = None, policy: str | None = None, clientRequestToken: str | None = None) -> dict[str, Any]: ...
 @flow
 def DescribeSimulationJob(*, job: str) -> dict[str, Any]: ...
 @flow

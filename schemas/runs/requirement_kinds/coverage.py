@@ -1,5 +1,6 @@
 """Coverage: the robot has to pass over a share of the floor."""
 
+import math
 from collections.abc import Set
 from typing import Annotated, Literal
 
@@ -64,6 +65,8 @@ class CoverageRule(Rule[CoverageRequirement]):
 
         def look(time_s: float) -> None:
             here = (float(position[0]), float(position[1]))
+            if math.isnan(here[0]):
+                return
             self.update(time_s, cells & floor.passed(self._last or here, here, asked.radius_m))
             self._last = here
 

@@ -13,7 +13,7 @@ from ...wire.common import text
 from ...wire.json_values import is_mapping
 from ..formulas import FormulaError, bounds_of, in_words, off_grid, read_formula, signals_of
 from ..robustness import Robustness, robustness
-from .kind import DottedName, Look, Numbers, Rule, Scene, Seconds, ThingsRequirement
+from .kind import DottedName, Look, Numbers, Rule, Scene, Seconds, ThingsRequirement, yaw_rad
 from .upright import tilt_deg
 
 SIGNALS: Mapping[str, str] = {
@@ -117,14 +117,16 @@ class ExpressionRule(Rule[ExpressionRequirement]):
             raise self.cannot(f"rtamt, which judges formulas, is not installed: {how_to_install('stl')}")
         environment, names = scene.environment, self.samples.keys()
         functions = {name: scene.function(self, at) for name, at in (self.asked.signals or {}).items()}
-        position, rotation = scene.position(self), scene.rotation(self)
+        position, orientation = scene.position(self), scene.orientation(self)
         clearance = scene.clearance(self) if "clearance" in names else None
 
         def look(time_s: float) -> None:
-            here, yaw = tuple(map(float, position)), math.degrees(math.atan2(rotation[3], rotation[0]))
+            if math.isnan(position[0]):  # a recording has no pose yet
+                return
+            here, yaw = tuple(map(float, position)), math.degrees(yaw_rad(orientation))
             speed, turn_rate = self._rates(time_s, here, yaw)
             values = dict(zip(("x", "y", "z"), here, strict=True)) | {
-                "time": time_s, "yaw": yaw, "tilt": tilt_deg(rotation), "speed": speed, "turn_rate": turn_rate,
+                "time": time_s, "yaw": yaw, "tilt": tilt_deg(orientation), "speed": speed, "turn_rate": turn_rate,
             }  # fmt: skip
             if clearance is not None:
                 found = clearance(_FAR_M)

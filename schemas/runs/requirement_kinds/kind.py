@@ -3,6 +3,7 @@
 Nothing here knows of MuJoCo: rules measure in a `Scene`. Times are simulated seconds.
 """
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
@@ -73,6 +74,10 @@ class NotMeasuredError(RequirementError):
     """A scene does not have what a rule measures, as a recording without its topic: this requirement alone is ERROR."""
 
 
+NOT_READ = "it is judged by the topics that the run records, and there is no recording of a single run"
+"""Error of a requirement that is judged by topics, until a simulation's recording has been read."""
+
+
 class RequirementKind(Shape):
     """One requirement. A kind is a subclass, whose member `kind` is a `Literal` of its name."""
 
@@ -84,6 +89,8 @@ class RequirementKind(Shape):
     """Words for the table of kinds in `docs/verdicts.md`."""
     more_members: ClassVar[str] = ""
     """The same table's words about members that those words do not name."""
+    by_topics: ClassVar[bool] = False
+    """True: it is measured by recorded topics only, when the run has ended."""
     rule: ClassVar[type["Rule[Any]"]]
     """Its score: the class that is a `Rule` of it."""
     margins_compare: ClassVar[bool] = True
@@ -183,8 +190,16 @@ class Scene(Protocol):
         """Position of the robot's body, x, y, z in m, which changes with the simulation."""
         ...
 
-    def rotation(self, rule: "Rule[Any]") -> Sequence[float]:
-        """Rotation matrix of the robot's body, row by row, 9 numbers, which changes with the simulation."""
+    def orientation(self, rule: "Rule[Any]") -> Sequence[float]:
+        """Orientation of the robot's body, a quaternion with w first, which changes with the simulation."""
+        ...
+
+    def messages(self, rule: "Rule[Any]", topic: str) -> Iterator[tuple[float, Any]]:
+        """Messages that were recorded on a topic, each with its time in s, in the order in which they came.
+
+        Raises:
+            NotMeasuredError: There is no recording, or no such topic in it.
+        """
         ...
 
     def can_tilt(self, rule: "Rule[Any]") -> bool:
@@ -370,6 +385,12 @@ def is_meant(name: str, others: Sequence[str] | None, ignore: Sequence[str] | No
     """Tells if a thing counts: its name fits one of `others`, if there are any, and none of `ignore`."""
     wanted = others is None or any(fnmatchcase(name, pattern) for pattern in others)
     return wanted and not any(fnmatchcase(name, pattern) for pattern in ignore or ())
+
+
+def yaw_rad(orientation: Sequence[float]) -> float:
+    """Returns the yaw of a quaternion with w first, in radians."""
+    w, x, y, z = orientation
+    return math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
 
 
 def _rounded(value: float | None) -> float | None:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from ...wire.base import ShapeName, optional
-from .kind import DottedName, Look, Metres, Numbers, RobotRequirement, Rule, Scene, Seconds
+from .kind import DottedName, Look, Metres, Numbers, RobotRequirement, Rule, Scene, Seconds, yaw_rad
 
 Angle = Annotated[float, ShapeName("Angle"), Field(gt=0, le=180, allow_inf_nan=False)]
 Delay = Annotated[float, ShapeName("Delay"), Field(ge=0, allow_inf_nan=False)]
@@ -54,10 +54,10 @@ class LocalizationRule(Rule[LocalizationRequirement]):
         """Asks the function, and measures where the body is."""
         asked, environment = self.asked, scene.environment
         function = scene.function(self, asked.attribute)
-        position, rotation = scene.position(self), scene.rotation(self)
+        position, orientation = scene.position(self), scene.orientation(self)
 
         def look(time_s: float) -> None:
-            if time_s < asked.from_s:
+            if time_s < asked.from_s or math.isnan(position[0]):
                 return
             try:
                 answer = function(environment, time_s)
@@ -68,7 +68,7 @@ class LocalizationRule(Rule[LocalizationRequirement]):
             if isinstance(pose, str):
                 self.fail(f"{asked.attribute} returned {pose}; {_RIGHT}")
             else:
-                self.update(time_s, pose, (position[0], position[1], math.atan2(rotation[3], rotation[0])))
+                self.update(time_s, pose, (position[0], position[1], yaw_rad(orientation)))
 
         return look
 

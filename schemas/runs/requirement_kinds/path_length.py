@@ -72,7 +72,7 @@ class PathLengthRule(Rule[PathLengthRequirement]):
 
         def look(time_s: float) -> None:
             here = tuple(map(float, position))
-            if self._goal is None or not self._goal.is_due:
+            if math.isnan(here[0]) or self._goal is None or not self._goal.is_due:
                 return
             if self._last is None:
                 self.begin(shortest((here[0], here[1])))

@@ -64,7 +64,7 @@ class ProgressRule(Rule[ProgressRequirement]):
 
     def update(self, time_s: float, here: Point) -> None:
         """Takes note of a position."""
-        if self._goal is not None and self._goal.is_reached:
+        if math.isnan(here[0]) or (self._goal is not None and self._goal.is_reached):
             return
         if math.dist(here, self._place) > self.asked.within_m:
             self._place, self._since_s = here, time_s

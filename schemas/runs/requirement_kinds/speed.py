@@ -53,7 +53,7 @@ class SpeedRule(Rule[SpeedRequirement]):
             here: The position, x, y, z in m.
             counts: Whether the limit holds there.
         """
-        if self._last is not None and time_s <= self._last[0]:
+        if math.isnan(here[0]) or (self._last is not None and time_s <= self._last[0]):
             return
         if self._last is not None and counts:
             speed_mps = math.dist(here, self._last[1]) / (time_s - self._last[0])

@@ -12,14 +12,14 @@ from .kind import Look, Numbers, RobotRequirement, Rule, Scene, Seconds
 Tilt = Annotated[float, ShapeName("Tilt"), Field(gt=0, le=179, allow_inf_nan=False)]
 
 
-def tilt_deg(rotation: Sequence[float]) -> float:
+def tilt_deg(orientation: Sequence[float]) -> float:
     """Returns the angle in degrees between a body's z axis and the vertical.
 
     Args:
-        rotation: Rotation matrix of the body, row by row, 9 numbers.
+        orientation: Quaternion of the body, w first.
     """
-    sideways, up = math.hypot(rotation[2], rotation[5]), rotation[8]
-    return math.degrees(math.atan2(sideways, up))  # the arc cosine alone is inexact near 0
+    w, x, y, z = orientation
+    return math.degrees(2 * math.atan2(math.hypot(x, y), math.hypot(w, z)))
 
 
 class UprightRequirement(RobotRequirement):
@@ -42,13 +42,15 @@ class UprightRule(Rule[UprightRequirement]):
 
     def bind(self, scene: Scene) -> Look:
         """Measures the tilt; a body that nothing lets tilt is an error."""
-        rotation = scene.rotation(self)
+        orientation = scene.orientation(self)
         if not scene.can_tilt(self):
             self.fail("no joint lets the robot's body tilt, so it could not be missed")
-        return lambda time_s: self.update(time_s, tilt_deg(rotation))
+        return lambda time_s: self.update(time_s, tilt_deg(orientation))
 
     def update(self, time_s: float, tilt: float) -> None:
         """Takes note of a tilt in degrees."""
+        if math.isnan(tilt):
+            return
         self.largest_deg = tilt if self.largest_deg is None else max(self.largest_deg, tilt)
         if tilt > self.asked.max_tilt_deg:
             self.violate(time_s)

@@ -20,6 +20,7 @@ from dm_env import specs
 
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.recording_sources import RECORDED_RUN, RecordingSources, sources_in
+from ....schemas.runs.requirement_kinds.kind import NotMeasuredError
 from ....schemas.wire.errors import InvalidParameterException, LaunchError
 from ....schemas.worlds.world import World
 from ..episode.context import SimulationContext
@@ -78,6 +79,25 @@ class RecordedRun(dm_env.Environment):
     def requirements_scene(self, plan: RunPlan, read_world: Callable[[], World | None]) -> TopicScene:
         """Returns the scene that requirements are measured in."""
         return TopicScene(self, self._measurements, plan, read_world, calls_functions=self._calls_functions)
+
+    def messages_on(self, topic: str) -> Iterator[tuple[float, Any]]:
+        """Returns the messages on a topic during the run, each with its time in seconds since the run began.
+
+        Raises:
+            NotMeasuredError: The recording has no such topic.
+        """
+        if topic not in self._bag.types:
+            raise NotMeasuredError(f"{self._bag.path.name} has no topic {topic}{self._bag.near(topic)}")
+        return self._timed(topic)
+
+    def _timed(self, topic: str) -> Iterator[tuple[float, Any]]:
+        clock_s = 0.0
+        for message in self._bag.messages({topic, *([CLOCK] if self._clock else [])}):
+            if self._clock and message.topic == CLOCK:
+                clock_s = message.content.clock.sec + message.content.clock.nanosec / 1e9
+            time_s = clock_s - self._sources.start_s if self._clock else self._received_s(message.time_ns)
+            if message.topic == topic and time_s >= 0:
+                yield time_s, message.content
 
     def reset(self) -> dm_env.TimeStep:
         """Goes to the beginning of the run.

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence, Set
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
@@ -13,6 +13,7 @@ from pydantic_core import PydanticSerializationError
 
 from ....schemas.runs.plan import Collision, Requirement, RoomVisit, RunResult, Verdict
 from ....schemas.runs.programs import RunStop
+from ....schemas.runs.requirement_kinds.kind import NOT_READ
 from ....schemas.wire.base import Model
 
 
@@ -81,6 +82,8 @@ def _of_trials(trials: TrialParts) -> Verdict:
     return "PASS" if trials.passed else "NONE"
 
 
+OWN_VERDICT = "verdict_without_topics"
+"""Member of `extra` until topics are judged: the verdict of all the rest."""
 RESULT_FILE = "result.json"
 MAX_RESULT_BYTES = 16 * 1024 * 1024
 """Size limit of `result.json`, in bytes; a longer file is no result."""
@@ -267,12 +270,11 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
             defects.append(defect)
         else:
             notes.append(defect.detail)
-    parts = Parts(
-        own=judged,
-        requirements=[*own, *added],
-        defects=defects,
-        is_canceled=episode.ended_by == RunStop.CANCELED,
-    )
+    is_canceled = episode.ended_by == RunStop.CANCELED
+    parts = Parts(own=judged, requirements=[*own, *added], defects=defects, is_canceled=is_canceled)
+    told = [item for item in added if item.error != NOT_READ]
+    if len(told) < len(added):  # the others are judged when the run's recording is read
+        remarks[OWN_VERDICT] = decide_verdict(replace(parts, requirements=[*own, *told]))
     for finding in findings:
         metrics |= finding.metrics
         remarks |= finding.extra
@@ -281,7 +283,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
         remarks["not_finite"] = {name: str(metrics[name]) for name in metrics.keys() - finite.keys()}
     result = RunResult(
         verdict=decide_verdict(parts),
-        summary=_summary(report, [*added, *defects], reached, episode.sim_time_s),
+        summary=_summary(report, [*told, *defects], reached, episode.sim_time_s),
         requirements=[*own, *added, *defects],
         notes=notes,
         metrics={"steps": float(episode.steps), **finite},

@@ -98,23 +98,20 @@ class Pose:
         self.sources = sources
         self.position = [math.nan] * 3
         """x, y and z in metres; changes in place."""
-        self.rotation = [math.nan] * 9
-        """Rotation matrix, row by row; changes in place."""
-        self.matrix: Matrix | None = None
-        """The same as a transform; None: none has come."""
+        self.orientation = [math.nan] * 4
+        """Quaternion, w first; changes in place."""
         self.tilts = False
         """Whether it was ever tilted in the least: a planar one cannot tell."""
 
     @property
-    def orientation(self) -> list[float]:
-        """Quaternion, w first."""
-        return quaternion_of(self.matrix) if self.matrix is not None else [1.0, 0.0, 0.0, 0.0]
+    def is_known(self) -> bool:
+        """Whether one has come."""
+        return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
         """Takes a new pose."""
         self.position[:] = matrix[:3, 3].tolist()
-        self.rotation[:] = matrix[:3, :3].ravel().tolist()
-        self.matrix = matrix
+        self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
 
 

@@ -8,8 +8,8 @@ from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.recording_sources import RecordingSources
 from ....schemas.runs.requirement_kinds.kind import NotMeasuredError, Rule
 from ....schemas.worlds.world import World
+from ..episode.floor import MapFloor, floor_of
 from ..episode.loading import load_judging_function
-from ..requirements.floor import MapFloor, world_floor
 from .bags import Bag, Message, RecordingFault
 from .frames import FrameTree
 from .sources import (
@@ -163,7 +163,7 @@ class Measurements:
         """Whether all that a rule measures by has been heard."""
         pose = self._poses.get(id(rule))
         scanned = self._scan is None or rule not in self._scan.source.rules or self._scan.source.messages > 0
-        return scanned and (pose is None or pose.matrix is not None)
+        return scanned and (pose is None or pose.is_known)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the forces of what touches the robot.
@@ -339,22 +339,30 @@ class TopicScene:
         """Position of the robot's base, or of the frame that is its `body`; x, y, z in m, which changes."""
         return self._measurements.pose_of(rule).position
 
-    def rotation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Rotation matrix of the same, row by row, 9 numbers, which changes."""
-        return self._measurements.pose_of(rule).rotation
+    def orientation(self, rule: Rule[Any]) -> Sequence[float]:
+        """Orientation of the same, a quaternion with w first, which changes."""
+        return self._measurements.pose_of(rule).orientation
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
         """Whether it can be tilted; poses that never are in the least are an error at the end."""
         self._measurements.expect_tilt(rule)
         return True
 
-    def floor(self, rule: Rule[Any]) -> MapFloor | None:
-        """The floor of the world; None: there is no world."""
-        return world_floor(self._plan, rule)
-
     def is_ready(self, rule: Rule[Any]) -> bool:
         """Whether all that the rule measures by has been heard."""
         return self._measurements.is_ready(rule)
+
+    def floor(self, rule: Rule[Any]) -> MapFloor | None:
+        """The floor of the world, from its map; `None`: there is no world."""
+        return floor_of(self._plan, rule)
+
+    def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
+        """Messages on a topic, each with its time in s.
+
+        Raises:
+            NotMeasuredError: The recording has no such topic.
+        """
+        return self.environment.messages_on(topic)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the force in N of everything that touched the robot since it was last called, by name."""

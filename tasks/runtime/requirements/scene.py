@@ -3,7 +3,7 @@
 # MuJoCo has no type stubs.
 # pyright: reportAttributeAccessIssue=false, reportInvalidTypeForm=false
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.runs.plan import RunPlan
-from ....schemas.runs.requirement_kinds.kind import Rule, is_meant
+from ....schemas.runs.requirement_kinds.kind import NOT_READ, NotMeasuredError, Rule, is_meant
 from ....schemas.wire.request_problems import nearest
 from ....schemas.worlds.world import World
+from ..episode.floor import MapFloor, floor_of
 from ..episode.loading import load_judging_function
 from ..episode.physics import (
     ClearanceMeter,
@@ -27,7 +28,6 @@ from ..episode.physics import (
     geom_names,
     robot_geoms,
 )
-from .floor import MapFloor, world_floor
 
 _MAX_SHOWN = 12
 _UPRIGHT_AXIS = 0.99999
@@ -63,9 +63,9 @@ class Scene:
         """Position of the robot's body, x, y, z in m, which changes with the simulation."""
         return self.data.xpos[self._robot(rule)]
 
-    def rotation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Rotation matrix of the robot's body, row by row, 9 numbers, which changes with the simulation."""
-        return self.data.xmat[self._robot(rule)]
+    def orientation(self, rule: Rule[Any]) -> Sequence[float]:
+        """Orientation of the robot's body, a quaternion with w first, which changes with the simulation."""
+        return self.data.xquat[self._robot(rule)]
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
         """Whether a joint lets the robot's body tilt: hinges around the vertical alone do not."""
@@ -82,12 +82,12 @@ class Scene:
         return False
 
     def floor(self, rule: Rule[Any]) -> MapFloor | None:
-        """The floor of the world, from its map; `None`: there is no world.
+        """The floor of the world, from its map; `None`: there is no world."""
+        return floor_of(self.plan, rule)
 
-        Raises:
-            RequirementError: The world's map cannot be read.
-        """
-        return world_floor(self.plan, rule)
+    def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
+        """Messages are read when the run is over; until then a rule that needs them is an error."""
+        raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Reader of the normal force in N of everything that touches the robot now, by name; rules share it."""

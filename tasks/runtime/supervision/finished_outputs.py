@@ -19,6 +19,7 @@ from ..agents.agent_socket import remove_agent_socket
 from ..episode.progress import unanswered
 from ..episode.results import (
     MAX_RESULT_BYTES,
+    OWN_VERDICT,
     RESULT_FILE,
     Parts,
     decide_verdict,
@@ -127,8 +128,6 @@ def _words(error: ValueError) -> str:
 
 
 _ONLY_PROGRAMS = "the job has only programs, and its topics were not judged"
-OWN_VERDICT = "verdict_of_programs"
-"""Name in a result's `extra` of the verdict that programs gave themselves, until their topics are judged."""
 INVALID_RESULT_FILE = "result.invalid.json"
 """New name of an invalid `result.json` that an application wrote."""
 

@@ -26,7 +26,9 @@ _BYTES_A_SECOND = 1024 * 1024
 def judge_topics(
     plan: RunPlan, *, timed_out: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
 ) -> None:
-    """Judges the requirements of a run that had only programs by what it recorded, and changes its result.
+    """Judges requirements by what a run recorded, and changes its result.
+
+    Of a run that had only programs these are all; of one with a simulation those that are judged by topics only.
 
     What cannot be judged is an error with its reason, as the result says it already.
 
@@ -36,12 +38,16 @@ def judge_topics(
         stop: Asked about every 0.1 s; anything but None ends the judging.
         environment: Variables of the judging process.
     """
-    if plan.has_episode or not plan.requirements or (result := read_result(plan.output_dir)) is None:
+    if plan.has_episode:  # the simulation has judged all that needs no topics; trials have no recording of their own
+        by_topics = [each for each in plan.requirements if each.by_topics] if plan.trials is None else []
+        plan = plan.model_copy(update={"requirements": by_topics})
+    if not plan.requirements or (result := read_result(plan.output_dir)) is None:
         return
     recording = next((path for name in _RECORDINGS if _is_file(path := plan.output_dir / name)), None)
     judged: RunResult | None = None
     if recording is None:
-        why: str | None = "the job has only programs, and no ROS topics of theirs were recorded"
+        who = "the run" if plan.has_episode else "the job has only programs, and they"
+        why: str | None = f"{who} recorded no topics; set loggingConfig.recordAllRosTopics"
     else:
         judged, why = _judged(plan, recording, timed_out, stop, environment)
     with suppress(OSError):  # no room for it, or an application put something in the way: it stays ERROR

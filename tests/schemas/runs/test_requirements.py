@@ -18,6 +18,7 @@ from prefect_robomaker.schemas.wire.base import STORED
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, SpecError
 
 LIMIT = {"kind": "time_limit", "name": "quick", "limit_s": 60}
+TOPIC = {"kind": "topic", "name": "a", "topic": "/scan"}
 FORMULA = {"kind": "expression", "name": "a", "formula": "always sped < 1"}
 WORLD = "arn:aws:robomaker:us-east-1:000000000000:world/w-1"
 
@@ -54,7 +55,7 @@ def problems(*arguments: Any, **members: Any) -> list[str]:
         ({"kind": "predicate", "name": "a", "attribute": "f"}, "requirements[0].attribute: is 'f'; it has to be a"),
         ({"kind": "sped", "name": "a"}, "requirements[0].kind: is 'sped'; did you mean 'speed'?"),
         ({"kind": "speed", "name": "a", "max_mps": 0}, "requirements[0].max_mps: is 0; it has to be above 0"),
-        ({"kind": "upright", "name": "a", "max_tilt_deg": 180}, "max_tilt_deg: is 180; it may be at most 179"),
+        ({"kind": "upright", "name": "a", "max_tilt_deg": 180}, "requirements[0].max_tilt_deg: is 180; it may be"),
         ({"kind": "progress", "name": "a"}, "requirements[0].max_stuck_s: is missing"),
         ({"kind": "path_length", "name": "a", "goal": "b", "min_ratio": 1.2}, "requirements[0].min_ratio: is 1.2;"),
         ({"kind": "coverage", "name": "a", "min_share": 0.5}, "requirements[0].radius_m: is missing"),
@@ -68,6 +69,13 @@ def problems(*arguments: Any, **members: Any) -> list[str]:
         ({**FORMULA, "formula": "speed < 1", "stop": True}, "requirements[0]: stop: an expression is judged when"),
         ({**FORMULA, "formula": "a < 1", "signals": {"a": "m.f", "b": "m.g"}}, "requirements[0]: signals: b is not in"),
         ({**FORMULA, "signals": {"speed": "m.f"}}, "requirements[0]: signals: speed is a signal of every run;"),
+        (TOPIC, "requirements[0]: none of min_hz, max_gap_s, field, nodes; a requirement asks for one of them"),
+        ({**TOPIC, "min_hz": 1, "max_gap_s": 1}, "requirements[0]: both min_hz and max_gap_s; a requirement asks for"),
+        ({**TOPIC, "field": "data"}, "requirements[0]: field needs min or max, or both"),
+        ({**TOPIC, "min_hz": 1, "max": 1}, "requirements[0]: min and max need a field"),
+        ({**TOPIC, "field": "data", "min": 2, "max": 1}, "requirements[0]: min: 2 is above max, 1; swap them"),
+        ({**TOPIC, "min_hz": 1, "topic": "scan"}, "requirements[0].topic: is 'scan'; it has to be"),
+        ({**TOPIC, "min_hz": 1, "stop": True}, "requirements[0]: stop: topics are judged when the run is over"),
         ("goal", "requirements[0]: is 'goal'; it has to be a mapping"),
     ],
 )  # fmt: skip

@@ -18,11 +18,11 @@ from helpers.stop_flags import StopFlag
 from prefect_robomaker.schemas.runs.plan import RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirement_kinds import expression
 from prefect_robomaker.schemas.runs.requirement_kinds.kind import RequirementError
+from prefect_robomaker.tasks.runtime.episode.floor import MapFloor
 from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
-from prefect_robomaker.tasks.runtime.requirements.floor import MapFloor
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 
 MODEL = """

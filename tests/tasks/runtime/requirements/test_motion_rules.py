@@ -12,6 +12,7 @@ from prefect_robomaker.schemas.runs.requirement_kinds.all_rooms import AllRoomsR
 from prefect_robomaker.schemas.runs.requirement_kinds.coverage import CoverageRule
 from prefect_robomaker.schemas.runs.requirement_kinds.expression import ExpressionRule
 from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRule
+from prefect_robomaker.schemas.runs.requirement_kinds.kind import yaw_rad
 from prefect_robomaker.schemas.runs.requirement_kinds.localization import LocalizationRule, pose_of
 from prefect_robomaker.schemas.runs.requirement_kinds.path_length import PathLengthRule
 from prefect_robomaker.schemas.runs.requirement_kinds.progress import ProgressRule
@@ -70,13 +71,10 @@ def test_one_look_is_no_speed() -> None:
 @examples(50)
 @given(st.floats(-math.pi, math.pi), st.floats(0, math.pi))
 def test_the_tilt_is_that_of_the_z_axis_however_it_is_turned(yaw: float, roll: float) -> None:
-    cos, sin = math.cos, math.sin
-    rotation = [
-        cos(yaw), -sin(yaw) * cos(roll), sin(yaw) * sin(roll),
-        sin(yaw), cos(yaw) * cos(roll), -cos(yaw) * sin(roll),
-        0.0, sin(roll), cos(roll),
-    ]  # fmt: skip
-    assert tilt_deg(rotation) == pytest.approx(math.degrees(roll), abs=1e-6)
+    turned, tipped = (math.cos(yaw / 2), math.sin(yaw / 2)), (math.cos(roll / 2), math.sin(roll / 2))
+    orientation = (turned[0] * tipped[0], turned[0] * tipped[1], turned[1] * tipped[1], turned[1] * tipped[0])
+    assert tilt_deg(orientation) == pytest.approx(math.degrees(roll), abs=1e-6)
+    assert yaw_rad((turned[0], 0.0, 0.0, turned[1])) == pytest.approx(yaw, abs=1e-9)
 
 
 def test_the_largest_tilt_decides() -> None:

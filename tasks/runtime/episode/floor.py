@@ -13,7 +13,7 @@ from scipy.sparse import csgraph
 from ....schemas.runs.plan import RunPlan
 from ....schemas.runs.requirement_kinds.kind import Rule
 from ....schemas.worlds.world import Point
-from ..episode.occupancy_map import OccupancyMap, read_world_map
+from .occupancy_map import OccupancyMap, read_world_map
 
 _SNAP_M = 0.5
 """How far from a free cell a way may begin or end: robots and goals touch things."""
@@ -179,19 +179,11 @@ class MapFloor:
         return bool(fitting[rows, columns].all())
 
 
-def _halved(number: int) -> int:
-    return int(number / 2)
-
-
-def world_floor(plan: RunPlan, rule: Rule[Any]) -> MapFloor | None:
-    """Returns the floor of a run's world, from its map; None: there is no world.
-
-    Args:
-        plan: The run.
-        rule: Who asks.
+def floor_of(plan: RunPlan, rule: Rule[Any]) -> MapFloor | None:
+    """Returns the floor of a run's world; `None`: it has no world.
 
     Raises:
-        RequirementError: The map cannot be read.
+        RequirementError: The world's map cannot be read.
     """
     if plan.world_dir is None:
         return None
@@ -199,3 +191,7 @@ def world_floor(plan: RunPlan, rule: Rule[Any]) -> MapFloor | None:
         return MapFloor(read_world_map(plan.world_dir))
     except (OSError, ValueError) as error:
         raise rule.cannot(f"the map of the world cannot be read: {error}") from error
+
+
+def _halved(number: int) -> int:
+    return int(number / 2)
