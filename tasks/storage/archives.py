@@ -1,48 +1,17 @@
-"""Unpacks untrusted archives safely, and packs folders reproducibly.
+"""Unpacks untrusted archives safely, and packs folders reproducibly."""
 
-`tarfile`'s own filters are not relied on: several releases of Python have known ways around them.
-Members are written here, one by one, into a fresh folder in which no symbolic link exists; those of a system's tree
-are made when all else is there.
-"""
-
-import errno
 import gzip
 import os
 import shutil
 import tarfile
 import tempfile
-import unicodedata
-from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO
 from uuid import uuid4
 
 from ...schemas.wire.errors import BundleError
-from .archive_members import BROKEN_ARCHIVE, Member, members
+from ..bundles.archive_members import ArchiveError
+from ..bundles.extraction import ArchiveLimits, extract
 from .folders import open_regular, os_failures, regular_files
-
-_CHUNK_BYTES = 1 << 20
-_MAX_COMPONENT_BYTES = 255
-
-
-@dataclass(frozen=True)
-class ArchiveLimits:
-    """Limits for unpacking an archive: bytes and number of files."""
-
-    total_bytes: int = 20 << 30
-    """All files together."""
-    file_bytes: int = 10 << 30
-    """Each file."""
-    entries: int = 100_000
-    """Files and folders."""
-    depth: int = 32
-    """Components of a path."""
-    ratio: int = 200
-    """All files together, in sizes of the archive; held against what is larger than `unsuspicious_bytes`."""
-    unsuspicious_bytes: int = 256 << 20
-    """Bytes that every archive may hold, however small it is."""
-    is_system_tree: bool = False
-    """A part of an operating system's files: names may differ only in case, and links are kept that stay inside."""
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:
@@ -66,19 +35,10 @@ def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) 
         unpacked = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
         try:
             unpacked.chmod(0o755)
-            extraction = _Extraction(unpacked, limits or ArchiveLimits(), archive.stat().st_size)
-            try:
-                for member in members(archive, links=extraction.limits.is_system_tree):
-                    extraction.add(member)
-                extraction.make_links()
-            except BROKEN_ARCHIVE as error:
-                raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
-            except OSError as error:
-                if error.errno != errno.EINVAL:
-                    raise
-                # A damaged zip sends its reader to a place before the file's beginning.
-                raise BundleError(f"the archive is damaged{extraction.progress()}: {error}") from error
+            extract(archive, unpacked, limits or ArchiveLimits())
             unpacked.rename(folder)
+        except ArchiveError as error:
+            raise BundleError(str(error)) from error
         finally:
             shutil.rmtree(unpacked, ignore_errors=True)
 
@@ -112,127 +72,3 @@ def pack_tar_gz(folder: Path, path: Path) -> None:
             temporary.replace(path)
         finally:
             temporary.unlink(missing_ok=True)
-
-
-@dataclass
-class _Extraction:
-    """Members unpacked so far, and the names they took."""
-
-    top: Path
-    limits: ArchiveLimits
-    archive_bytes: int
-    entries: int = 0
-    size: int = 0
-    last: str = ""
-    links: dict[str, Member] = field(default_factory=dict[str, Member])
-    """Links by path; they are made last, so that nothing is written through one."""
-    taken: dict[str, tuple[str, bool]] = field(default_factory=dict[str, tuple[str, bool]])
-    """Path and whether it is a folder, by the path as file systems compare that ignore case and composition."""
-
-    def progress(self) -> str:
-        return f" after member {self.last!r}" if self.last else ""
-
-    def add(self, member: Member) -> None:
-        """Writes one member of the archive to the folder.
-
-        Raises:
-            BundleError: it is not acceptable.
-        """
-        self.entries += 1
-        if self.entries > self.limits.entries:
-            raise BundleError(f"member {member.name!r}: more than {self.limits.entries} files and folders")
-        parts = self._parts(member)
-        for end in range(1, len(parts)):
-            self._take(member, "/".join(parts[:end]), is_folder=True)
-        if parts:
-            name = "/".join(parts)
-            self._take(member, name, is_folder=member.is_folder)
-            if member.symbolic_link is not None or member.hard_link is not None:
-                self.links[name] = member
-            elif not member.is_folder:
-                self._write(member, self.top / name)
-        self.last = member.name
-
-    def make_links(self) -> None:
-        """Creates the archive's links; those that lead out of the folder are left out."""
-        made: list[Path] = []
-        for name, member in self.links.items():
-            if member.hard_link is not None:
-                source = member.hard_link.removeprefix("./")
-                if source not in self.taken or not (self.top / source).is_file():
-                    raise BundleError(f"member {member.name!r}: a hard link to {member.hard_link!r}, no file before it")
-                (self.top / name).hardlink_to(self.top / source)
-        for name, member in self.links.items():
-            if member.symbolic_link and not member.symbolic_link.startswith("/") and "\0" not in member.symbolic_link:
-                (self.top / name).symlink_to(member.symbolic_link)
-                made.append(self.top / name)
-        # Only when all are there is it seen where each leads; removing one takes no other one elsewhere.
-        top = self.top.resolve()
-        for path in made:
-            if not Path(os.path.realpath(path)).is_relative_to(top):
-                path.unlink()
-
-    def _parts(self, member: Member) -> list[str]:
-        """The components of a member's path below the top; none for the top itself."""
-        path = member.name
-        while path.startswith("./"):
-            path = path[2:]
-        if member.is_folder:
-            path = path.rstrip("/") if path != "." else ""
-        parts = path.split("/") if path else []
-        if problem := self._problem(path, parts, member):
-            raise BundleError(f"member {member.name!r}: {problem}")
-        return parts
-
-    def _problem(self, path: str, parts: list[str], member: Member) -> str:
-        """Problem of a path, in words; empty when there is none."""
-        if member.name.startswith("/"):
-            return "an absolute path"
-        if "\\" in path or "\0" in path:
-            return "a backslash or NUL in its name"
-        if any(part in ("", ".", "..") for part in parts) or not (parts or member.is_folder):
-            return "a path with an empty, '.' or '..' component"
-        if len(parts) > self.limits.depth:
-            return f"a path of more than {self.limits.depth} components"
-        try:
-            too_long = any(len(part.encode()) > _MAX_COMPONENT_BYTES for part in parts)
-        except UnicodeEncodeError:
-            return "a name that is not UTF-8"
-        return f"a component of more than {_MAX_COMPONENT_BYTES} bytes" if too_long else ""
-
-    def _take(self, member: Member, name: str, *, is_folder: bool) -> None:
-        """Takes a name; folders may be named again, everything else only once."""
-        folded = name if self.limits.is_system_tree else unicodedata.normalize("NFC", name).casefold()
-        other, other_is_folder = self.taken.setdefault(folded, (name, is_folder))
-        if other != name:
-            raise BundleError(f"member {member.name!r}: differs from {other!r} only in case or composition of letters")
-        if other_is_folder != is_folder:
-            raise BundleError(f"member {member.name!r}: {name!r} is both a file and a folder")
-        path = self.top / name
-        if is_folder:
-            path.mkdir(mode=0o755, exist_ok=True)
-        elif path.exists() or name in self.links:
-            raise BundleError(f"member {member.name!r}: it is in the archive more than once")
-
-    def _write(self, member: Member, path: Path) -> None:
-        mode = 0o755 if member.executable else 0o644
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, mode)
-        with os.fdopen(descriptor, "wb") as target, member.open() as content:
-            self._copy(member, content, target)
-
-    def _copy(self, member: Member, content: IO[bytes], target: IO[bytes]) -> None:
-        size = 0
-        while chunk := content.read(_CHUNK_BYTES):
-            size += len(chunk)
-            self.size += len(chunk)
-            if size > self.limits.file_bytes:
-                raise BundleError(f"member {member.name!r}: more than {self.limits.file_bytes} bytes")
-            if self.size > self.limits.total_bytes:
-                raise BundleError(
-                    f"member {member.name!r}: with it the archive has more than {self.limits.total_bytes} bytes"
-                )
-            if self.size > max(self.limits.unsuspicious_bytes, self.limits.ratio * self.archive_bytes):
-                raise BundleError(
-                    f"member {member.name!r}: with it the archive has more than {self.limits.ratio} times its own size"
-                )
-            target.write(chunk)

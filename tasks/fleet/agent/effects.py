@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Sequence
 from typing import Any, Callable, Union
 
+from .bundles.launch_files import is_launch_file
 from .child.forking import Child
 from .child.phases import carry_out
 from .deployment import Version
@@ -23,6 +24,13 @@ Work = Union[ChildWork, ScriptWork, Watch]
 
 Begun = Union[Work, Sequence[Event]]
 """Work that goes on, or the events of what is done already."""
+
+
+_ROS_HEALTH_S = 10.0
+"""Shortest watch over a version that ROS launches.
+
+A launcher is up for seconds before it says that a package or node is not there.
+"""
 
 
 class Effects:
@@ -74,14 +82,17 @@ class Effects:
             failure = disk_failure(error, f"{state.phase.value} cannot be begun")
             return [Failed(state.phase, failure.code, failure.reason)]
 
-    def restart(self, version: Version) -> None:
-        """Starts the version that shall run, where its application ended or the agent is new.
+    def restart(self, version: Version | None) -> None:
+        """Starts the version that shall run, where its application ended or the agent is new; `None`: none shall.
 
         Raises:
             StepFailed: it cannot be started.
         """
         switch(self._home, version)
-        self._application.start(version)
+        if version is None:
+            self._application.stop()
+        else:
+            self._application.start(version)
 
     def _tidy(self, state: State) -> Begun:
         tidy(self._home, kept(state))
@@ -149,5 +160,8 @@ class Effects:
             words = ["/bin/sh", "-c", command or "true"]
             return self._script(state, version, words, "the health command", "RobotDeploymentAborted")
 
-        due_s = self._monotonic() + self._options.health_s
+        health_s = self._options.health_s
+        if is_launch_file(version.launch.file.split()[0], None):
+            health_s = max(health_s, _ROS_HEALTH_S)
+        due_s = self._monotonic() + health_s
         return Watch(due_s, self._monotonic, check if command else None)

@@ -11,7 +11,7 @@ from typing import Any
 
 from .deployment import Order, deployment_of, version_of
 from .errors import AgentError
-from .states import End, Phase, State
+from .states import End, Phase, Probation, State
 
 FORMAT = 1
 
@@ -91,7 +91,7 @@ class Journal:
 
 def _state(content: Mapping[str, Any]) -> State:
     order, deployment, end, failure = (content.get(name) for name in ("order", "deployment", "end", "failure"))
-    good, previous = content.get("good"), content.get("previous")
+    good, previous, probation = (content.get(name) for name in ("good", "previous", "probation"))
     return State(
         phase=Phase(content["phase"]),
         order=order and Order(**order),
@@ -100,11 +100,17 @@ def _state(content: Mapping[str, Any]) -> State:
         previous=previous and version_of(previous),
         failure=failure and (failure[0], failure[1]),
         end=end and _end(end),
+        probation=probation and _probation(probation),
         restarts=content["restarts"],
         floors=content["floors"],
         newest_s=content["newest_s"],
         number=content.get("number", 0),
     )
+
+
+def _probation(content: Mapping[str, Any]) -> Probation:
+    back = content["back"]
+    return Probation(Order(**content["order"]), back and version_of(back), content["ends"])
 
 
 def _end(content: Mapping[str, Any]) -> End:

@@ -17,7 +17,7 @@ from .effects import Effects, Work
 from .errors import StepFailed
 from .polls import Polls
 from .programs.application import Application
-from .states import TRIED, Event, Failed, Phase, Restarted, State, advance, wanted
+from .states import TRIED, Ended, Event, Failed, Phase, Restarted, State, Steady, advance, wanted
 
 
 class Notifier:
@@ -197,27 +197,33 @@ class Agent:
             self._say(how)
             if self.state.phase in TRIED:
                 self._fail(f"the new version is unhealthy: {how}")
+            elif not self._application.was_steady:
+                self._events.append(Ended(how))
+        elif (steady_s := self._steady_s()) is not None and self._monotonic() >= steady_s:
+            self._events.append(Steady())
         due_s = self._application.due_s
         if due_s is not None and self._monotonic() >= due_s and self.state.phase not in TRIED:
             self._start_application()
 
     def _start_application(self) -> None:
         version = wanted(self.state)
-        if version is None:
-            return
         try:
             self._effects.restart(version)
         except StepFailed as error:
-            self._say(f"version {version.version} cannot be started: {error.reason}")
+            self._say(f"version {version.version if version else 'none'} cannot be started: {error.reason}")
             self._application.fall_back()
             if self.state.phase in TRIED:
                 self._fail(f"the new version cannot be started: {error.reason}")
+
+    def _steady_s(self) -> float | None:
+        """When a version that may be taken back will be steady; `None`: there is none, or it does not run."""
+        return self._application.steady_s() if self.state.probation is not None else None
 
     def _fail(self, reason: str) -> None:
         self._events.append(Failed(self.state.phase, "RobotDeploymentAborted", reason))
 
     def _pause_s(self) -> float:
-        due = [self._polls.due_s, self._again_s, self._application.due_s]
+        due = [self._polls.due_s, self._again_s, self._application.due_s, self._steady_s()]
         due += [self._work.due_s] if self._work is not None else []
         due += [self._held_until_s] if self._events else []
         pause_s = min(due_s for due_s in due if due_s is not None) - self._monotonic()

@@ -27,6 +27,13 @@ The new version may be what stops the robot.
 """
 
 
+MAX_ENDS = 3
+"""Ends of a new version's application by itself, before it was steady once, after which the robot goes back.
+
+One may be chance, and pauses grow: the third comes some seconds after the first.
+"""
+
+
 class Phase(str, Enum):
     """Phase of the agent's work on an order."""
 
@@ -81,6 +88,18 @@ class End:
 
 
 @dataclass(frozen=True)
+class Probation:
+    """The time from the success of an order until its application was up steadily for once."""
+
+    order: Order
+    back: Version | None = None
+    """The version that ran before, to which the robot goes back; absent: none did."""
+
+    ends: int = 0
+    """How often the application has ended by itself since then."""
+
+
+@dataclass(frozen=True)
 class State:
     """All that the agent remembers."""
 
@@ -114,6 +133,9 @@ class State:
 
     number: int = 0
     """Number of the last deployment finished on this robot; deployments up to this number are ignored."""
+
+    probation: Probation | None = None
+    """The good version has not been up steadily yet; absent: it has."""
 
 
 @dataclass(frozen=True)
@@ -174,11 +196,23 @@ class Delivered:
 
 
 @dataclass(frozen=True)
+class Ended:
+    """The application of the good version ended by itself, before it was steady."""
+
+    how: str
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The application of the good version has been up steadily."""
+
+
+@dataclass(frozen=True)
 class Restarted:
     """The agent starts."""
 
 
-Event = Union[Ordered, Cancelled, Withdrawn, Trusted, Checked, Passed, Failed, Delivered, Restarted]
+Event = Union[Ordered, Cancelled, Withdrawn, Trusted, Checked, Passed, Failed, Delivered, Ended, Steady, Restarted]
 
 _NEXT = {
     Phase.CONDITION: Phase.DOWNLOADING,
@@ -198,7 +232,8 @@ def wanted(state: State) -> Version | None:
 
 def kept(state: State) -> set[str]:
     """Folders of versions that must stay on disk."""
-    versions = [state.good, state.previous, state.deployment and state.deployment.version]
+    before = state.probation and state.probation.back
+    versions = [state.good, state.previous, before, state.deployment and state.deployment.version]
     return {version.folder for version in versions if version is not None}
 
 
@@ -208,12 +243,35 @@ def advance(state: State, event: Event) -> State:
         return _trusted(state, event)
     if isinstance(event, Ordered):
         return _ordered(state, event.order)
+    if isinstance(event, (Ended, Steady)):
+        return _on_probation(state, event)
     if isinstance(event, Delivered):
         is_it = state.end is not None and state.end.order == event.order
         return replace(state, end=replace(state.end, is_delivered=True)) if is_it and state.end else state
     if state.order is None:
         return _cancelled_unknown(state, event) if isinstance(event, Cancelled) else state
     return _carried_on(state, state.order, event)
+
+
+def _on_probation(state: State, event: Ended | Steady) -> State:
+    """The state after the application of the good version ended by itself or was steady; it goes back in the end."""
+    known = state.probation
+    if known is None or state.phase in (*TRIED, Phase.RETURNING):
+        return state
+    if isinstance(event, Steady):
+        return replace(state, probation=None)
+    ends = known.ends + 1
+    if ends < MAX_ENDS:
+        return replace(state, probation=replace(known, ends=ends))
+    back = f"version {known.back.version}" if known.back else "running nothing"
+    reason = (
+        f"the new version is unhealthy: it keeps restarting, {ends} times before it was up steadily; the last time "
+        f"{event.how}; the robot went back to {back}"
+    )
+    details = (STEPS[Phase.WATCHING], reason)
+    end = End(known.order, "closed", "failure", NUMBERS["RobotDeploymentAborted"], details)
+    previous = None if state.previous == known.back else state.previous
+    return replace(state, good=known.back, previous=previous, probation=None, end=end)
 
 
 def _carried_on(state: State, order: Order, event: Event) -> State:
@@ -289,7 +347,10 @@ def _passed(state: State) -> State:
         version = state.deployment.version
         has_changed = state.good is not None and state.good.folder != version.folder
         previous = state.good if has_changed else state.previous
-        return _ended(replace(state, good=version, previous=previous), "closed", "success", ("Finished",))
+        assert state.order is not None
+        probation = Probation(state.order, state.good)
+        good = replace(state, good=version, previous=previous, probation=probation)
+        return _ended(good, "closed", "success", ("Finished",))
     if state.phase is Phase.RETURNING and state.failure is not None:
         return _ended_badly(state, *state.failure)
     following = _following(state)

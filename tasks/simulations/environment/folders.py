@@ -1,12 +1,10 @@
-"""Folders of a job: its file tree, shared memory of containers, overlays of colcon bundles."""
+"""Folders of a job: its file tree, and shared memory of containers."""
 
 import hashlib
 import os
-import re
 import shutil
 import stat
 import subprocess
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -150,57 +148,3 @@ def shared_memory_places(folder: Path, machines: Path = _MACHINES) -> tuple[Path
     """
     digest = hashlib.sha256(os.fsencode(folder.absolute())).hexdigest()[:20]
     return machines / f"robomaker-{os.geteuid()}-{digest}", folder / "shared-memory"
-
-
-OVERLAYS_FILE = ".colcon-overlays"
-"""File in the folder of a bundle: names of its overlays, a line each, in the order of sourcing."""
-
-_NAME = re.compile(r"^[A-Za-z0-9_-]+$")
-_MOST_BYTES = 4096
-_PACKAGES = ("opt/built_workspace", "opt/install", "opt/ros/*/share")
-
-
-def overlays(bundle: Path | None) -> list[Path]:
-    """Lists the overlays of a colcon bundle (built ROS workspace) in sourcing order; empty for others."""
-    file = bundle / OVERLAYS_FILE if bundle is not None else None
-    if bundle is None or file is None or not file.is_file():
-        return []
-    with file.open("rb") as content:
-        names = content.read(_MOST_BYTES).decode(errors="replace").split("\n")
-    return [bundle / name for name in names if _NAME.match(name) and (bundle / name).is_dir()]
-
-
-def setups_of(bundle: Path | None) -> list[Path]:
-    """Lists the setup scripts to source before a program of a colcon bundle, in order."""
-    scripts = [(overlay / "setup.bash", overlay / "setup.sh") for overlay in overlays(bundle)]
-    return [bash if bash.is_file() else plain for bash, plain in scripts]
-
-
-def package_folders(bundle: Path) -> list[Path]:
-    """Lists the folders of a bundle's packages; for a colcon bundle, its workspace comes first.
-
-    A link of the bundle that leads out of it is none of them: in what was copied out of an image, it leads to files of
-    this machine.
-    """
-    top = bundle.resolve()
-    found = [path for overlay in reversed(overlays(bundle)) for each in _PACKAGES for path in overlay.glob(each)]
-    return [path for path in found if path.resolve().is_relative_to(top)] or [bundle]
-
-
-def own_program(bundle: Path | None, name: str) -> Path | None:
-    """Returns the path of a ROS program that a colcon bundle contains, or `None`."""
-    places = [overlay.glob(f"opt/ros/*/bin/{name}") for overlay in overlays(bundle)]
-    return next((path for place in places for path in place if path.is_file()), None)
-
-
-def missing_interpreter(bundle: Path | None, program: Path, which: Callable[[str], str | None]) -> str | None:
-    """Returns the interpreter of a bundle's script if it is missing here, else `None`."""
-    with program.open("rb") as file:
-        first = file.readline(_MOST_BYTES).decode(errors="replace")
-    words = first.removeprefix("#!").split() if first.startswith("#!") else []
-    if not words:
-        return None
-    name = words[1] if len(words) > 1 and Path(words[0]).name == "env" else words[0]
-    inside = [overlay / place / Path(name).name for overlay in overlays(bundle) for place in ("usr/bin", "bin")]
-    there = Path(name).is_file() if name.startswith("/") else which(name) or any(path.is_file() for path in inside)
-    return None if there else name

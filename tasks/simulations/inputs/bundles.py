@@ -2,9 +2,7 @@
 
 import fcntl
 import glob
-import hashlib
 import os
-import re
 import shutil
 import tempfile
 import time
@@ -16,12 +14,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TextIO
 
-from pydantic import Field, ValidationError
+from pydantic import ValidationError
 
 from ....schemas.documents.worlds import WorldDocument
 from ....schemas.operations.simulation_jobs import SimulationJobRequestMembers
 from ....schemas.runs.requirements import rooms_asked, unknown_room
-from ....schemas.wire.base import Model
 from ....schemas.wire.errors import (
     BucketNotFoundError,
     BundleError,
@@ -33,27 +30,14 @@ from ....schemas.wire.errors import (
     StorageUnavailableError,
 )
 from ....schemas.worlds.world import WORLD_FILE, World, contains
+from ...bundles.archive_members import ArchiveError
+from ...bundles.colcon import unpack_overlays
+from ...bundles.extraction import SYSTEM_TREE
 from ...catalog import Resource
 from ...service.patience import at_once, patiently, stopped_of
 from ...service.service import Service
-from ...storage import ArchiveLimits, ObjectInfo, ObjectStore, fetch, unpack
+from ...storage import ObjectInfo, ObjectStore, fetch, unpack
 from ...storage.base import Stopped, never
-from ..environment.folders import OVERLAYS_FILE
-
-_SYSTEM = ArchiveLimits(entries=1_000_000, depth=64, is_system_tree=True)
-_OVERLAY = re.compile(r"^([A-Za-z0-9_-]+)\.tar(\.gz)?$")
-_ADVICE = "bundle the workspace again with colcon bundle, or put it into a container image"
-
-
-class _Overlay(Model, extra="ignore"):
-    name: str = Field(pattern=_OVERLAY.pattern, description="Its archive in the bundle.")
-    sha256: str = Field(pattern=r"^[0-9a-fA-F]{64}$", description="SHA-256 of that archive, in hexadecimal.")
-
-
-class _Overlays(Model, extra="ignore"):
-    """`overlays.json`, as far as it is read: offsets and sizes are for readers that fetch parts of a bundle."""
-
-    overlays: list[_Overlay] = Field(min_length=1, max_length=16, description="Overlays in the order of sourcing.")
 
 
 def unpack_colcon_bundle(folder: Path) -> None:
@@ -66,66 +50,17 @@ def unpack_colcon_bundle(folder: Path) -> None:
         BundleError: it is a colcon bundle, but of another version, damaged or incomplete.
         StorageError: the disk is full, or the folder cannot be written.
     """
-    if not (folder / "version").is_file() or not any(map(Path.is_file, folder.glob("metadata.tar*"))):
-        return
-    with (folder / "version").open("rb") as file:
-        version = file.read(32).decode(errors="replace").strip()
-    archives = {"1": lambda: ["bundle.tar"], "2": lambda: _listed(folder)}.get(version.partition(".")[0])
-    if archives is None:
-        raise BundleError(f"a colcon bundle of version {version!r}; versions 1 and 2 can be launched: {_ADVICE}")
-    names = [_unpack_overlay(folder, archive) for archive in archives()]
-    for other in folder.iterdir():
-        if other.is_file():
-            other.unlink()
-    (folder / OVERLAYS_FILE).write_text("".join(f"{name}\n" for name in names))
-
-
-def _listed(folder: Path) -> list[str]:
-    """The overlays that a bundle of version 2 lists, each with the content that it lists."""
-    metadata = folder / ".metadata"
-    _unpack(folder, "metadata.tar.gz", metadata)
     try:
-        listed = _Overlays.model_validate_json((metadata / "overlays.json").read_bytes()).overlays
-    except FileNotFoundError:
-        raise BundleError(f"a colcon bundle whose metadata.tar.gz has no overlays.json: {_ADVICE}") from None
-    except ValidationError as error:
-        problem = error.errors()[0]
-        where = ".".join(map(str, problem["loc"]))
-        raise BundleError(f"a colcon bundle whose overlays.json is wrong: {where}: {problem['msg']}") from error
-    shutil.rmtree(metadata)
-    for overlay in listed:
-        path = folder / overlay.name
-        if path.is_file() and _sha256(path) != overlay.sha256.lower():
-            raise BundleError(
-                f"a colcon bundle that is damaged: {overlay.name} is not what overlays.json says: {_ADVICE}"
-            )
-    return [overlay.name for overlay in listed]
+        unpack_overlays(folder, _unpack_system_tree)
+    except ArchiveError as error:
+        raise BundleError(str(error)) from error
 
 
-def _unpack_overlay(folder: Path, archive: str) -> str:
-    """Unpacks one overlay beside its archive, which is removed; returns the folder's name."""
-    name = archive.partition(".")[0]
-    _unpack(folder, archive, folder / name)
-    (folder / archive).unlink()
-    if not any((folder / name / setup).is_file() for setup in ("setup.sh", "setup.bash")):
-        raise BundleError(f"a colcon bundle whose {archive} has no setup.sh: {_ADVICE}")
-    return name
-
-
-def _unpack(folder: Path, archive: str, target: Path) -> None:
-    if not (folder / archive).is_file():
-        raise BundleError(f"a colcon bundle without {archive}: {_ADVICE}")
-    if target.exists():
-        raise BundleError(f"a colcon bundle that has both {archive} and {target.name}: {_ADVICE}")
+def _unpack_system_tree(archive: Path, folder: Path) -> None:
     try:
-        unpack(folder / archive, target, limits=_SYSTEM)
+        unpack(archive, folder, limits=SYSTEM_TREE)
     except BundleError as error:
-        raise BundleError(f"{archive} of the colcon bundle: {error}") from error
-
-
-def _sha256(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        raise ArchiveError(str(error)) from error
 
 
 _LOOK_S = 0.1

@@ -9,13 +9,14 @@ from importlib import metadata
 from pathlib import Path
 
 from ....schemas.wire.errors import LaunchError
+from ...bundles.colcon import package_folders
+from ...bundles.launch_files import MANIFEST, name_in
 from ...catalog import Resource
 from ...service.patience import stopped_of
 from ...service.service import Service
 from ...worldforge.exports import ros_prefix
 from ...worldforge.exports.ros_prefix import CONTENTS, SETUP_VARIABLE, first_on_paths, world_map, write_ros_prefix
-from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, package_folders, remove
-from ..ros.launch_files import MANIFEST, name_in
+from ..environment.folders import WORLD_PACKAGES, Sandbox, WorldPackages, remove
 from .bundles import fill_once, world_bundle
 
 WORLD_VARIABLE = "AWS_ROBOMAKER_WORLDFORGE_WORLD_PACKAGE_OVERRIDE"

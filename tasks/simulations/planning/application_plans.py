@@ -14,17 +14,18 @@ from ....schemas.runs.policies import POLICY_FACTORY, parse_policy, policy_in
 from ....schemas.runs.programs import PortPlan, ProgramPlan
 from ....schemas.runs.ros import RosPlan
 from ....schemas.wire.errors import LaunchError, ResourceNotFoundException
+from ...bundles.colcon import own_program, package_folders
+from ...bundles.launch_files import node_variables, own_master
 from ...catalog import Resource
 from ...runtime.ros.ros1_bridge import BRIDGE
 from ...runtime.ros.topic_report import PROGRAM
 from ..containers.plans import plan_container
-from ..environment.folders import HOME, TEMPORARY, own_program, package_folders, remove
+from ..environment.folders import HOME, TEMPORARY, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
 from ..inputs.bundles import application_bundle
 from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
 from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
-from ..ros.launch_files import node_variables, own_master
 from .applications import LATEST, find_application, python_package
 from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
 from .topic_recording import note_no_recorder

@@ -13,19 +13,12 @@ from typing import Any
 
 from ....schemas.runs.plan import ApplicationRole
 from ....schemas.wire.errors import LaunchError
-from ..environment.folders import missing_interpreter, overlays, own_program, setups_of
-from ..ros.launch_files import Ros, is_launch_file, lacks_launch_file, readers_of
+from ...bundles.colcon import missing_interpreter, overlays, own_program, setups_of, sourced
+from ...bundles.launch_files import LAUNCHERS, WORKSPACE_SETUPS, Ros, is_launch_file, lacks_launch_file, readers_of
 
 DEFAULT_FACTORIES: Mapping[ApplicationRole, str] = {"robot": "make_agent", "simulation": "make_environment"}
-_LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
 # Where launch files and scripts are in a package, in sources and as ROS installs them.
 _INNER_FOLDERS = ("", "launch", "scripts")
-_SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
-# Setups of colcon bundles find their folder by the variable.
-_SOURCE_AND_RUN = (
-    'n=$1; shift; while [ "$n" -gt 0 ]; do BUNDLE_CURRENT_PREFIX=${1%/*} source "$1"; shift; n=$((n - 1)); done; '
-    'exec "$@"'
-)
 
 Which = Callable[[str], str | None]
 """Finds a program on the path."""
@@ -148,8 +141,8 @@ def _ros_launch(code: Code, package: str, file: str, path: Path | None, which: W
     readers = readers_of(file, path)
     what = [str(path)] if path else [part for part in (package, file) if part]
     for ros in readers:
-        own = own_program(code.folder, _LAUNCHERS[ros])
-        if program := str(_of_this_machine(code, own, which)) if own else which(_LAUNCHERS[ros]):
+        own = own_program(code.folder, LAUNCHERS[ros])
+        if program := str(_of_this_machine(code, own, which)) if own else which(LAUNCHERS[ros]):
             options = ["launch"] if ros == 2 else ["--wait"] if has_master else []
             return Program(in_ros(code, Path(program), (program, *options, *what)), Path(program), ros)
     needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
@@ -200,7 +193,7 @@ def in_ros(code: Code, launcher: Path, argv: tuple[str, ...]) -> tuple[str, ...]
         return _with_overlays(code, argv)  # they source that of their own ROS
     setups = [launcher.parent.parent / "setup.bash"]
     if code.folder is not None:
-        setups += [code.folder / setup for setup in _SETUPS]
+        setups += [code.folder / setup for setup in WORKSPACE_SETUPS]
     return _sourced(code, setups, argv)
 
 
@@ -213,12 +206,10 @@ def _sourced(code: Code, setups: list[Path], argv: tuple[str, ...]) -> tuple[str
 
     They put their own packages before the job's world, which its variables have first; so its setup follows them.
     """
-    there = [str(setup) for setup in setups if setup.is_file()]
-    if not there:
-        return argv
-    if code.world_packages is not None:
-        there.append(str(code.world_packages / "setup.bash"))
-    return ("/bin/bash", "-c", _SOURCE_AND_RUN, "launch", str(len(there)), *there, *argv)
+    there = [setup for setup in setups if setup.is_file()]
+    if there and code.world_packages is not None:
+        there.append(code.world_packages / "setup.bash")
+    return sourced(there, argv)
 
 
 def _script(code: Code, package: str, file: str, path: Path | None, python: str) -> Program:

@@ -46,6 +46,9 @@ class Application:
         self._version: Version | None = None
         self._since_s = 0.0
         self._failures = 0
+        self.was_steady = False
+        """Whether it had been up for long when it ended the last time."""
+
         self.due_s: float | None = None
         """When it is started again, by the monotonic clock."""
 
@@ -83,9 +86,14 @@ class Application:
             return None
         up_s = self._monotonic() - self._since_s
         self._kill_rest()
-        self.fall_back(was_steady=up_s >= _STEADY_S)
+        self.was_steady = up_s >= _STEADY_S
+        self.fall_back(was_steady=self.was_steady)
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
         return f"the application ended with {how} after {up_s:.1f} s"
+
+    def steady_s(self) -> float | None:
+        """When it will have been up for long, by the monotonic clock; `None`: it does not run."""
+        return None if self._process is None else self._since_s + _STEADY_S
 
     def fall_back(self, *, was_steady: bool = False) -> None:
         """Makes the next start wait, longer after each failure."""

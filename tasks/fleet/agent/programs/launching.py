@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Callable
 
+from ..bundles.colcon import missing_interpreter, overlays, own_program, package_folders, setups_of, sourced
+from ..bundles.launch_files import LAUNCHERS, WORKSPACE_SETUPS, is_launch_file, lacks_launch_file, readers_of
 from ..deployment import Launch, Version
 from ..errors import AgentError, StepFailed
 from ..settings import Home, Options
@@ -148,7 +150,6 @@ def kill_leftovers(home: Path, version: str | None = None) -> int:
 TAG_PREFIX = "AWS_ROBOMAKER_ROBOT_TAG_KEY_"
 
 _NOT_PASSED_ON = ("NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_PID", "CREDENTIALS_DIRECTORY", "INVOCATION_ID")
-_ROS_FILES = (".launch", ".launch.py", ".launch.xml", ".launch.yaml")
 
 Which = Callable[[str], "str | None"]
 
@@ -156,9 +157,10 @@ Which = Callable[[str], "str | None"]
 def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) -> list[str]:
     """The command that starts an application.
 
-    The launch file is looked for in the bundle (in the package's folder, in its `launch`, at the top); `ros2 launch` or
-    `roslaunch` start files of ROS; what is not in the bundle may be an installed program. Words behind the file are its
-    arguments.
+    The launch file is looked for in the bundle (in the package's folder, in its `launch`, at the top), of a bundle of
+    colcon in its overlays; `ros2 launch` or `roslaunch`, whichever the file is for, start files of ROS, in the
+    environment of the bundle and of that ROS. What is not in the bundle may be an installed program. Words behind the
+    file are its arguments.
 
     Args:
         folder: of the version.
@@ -166,7 +168,7 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
         which: finds installed programs.
 
     Raises:
-        StepFailed: there is nothing of that name.
+        StepFailed: there is nothing of that name, or it cannot be started on this robot.
     """
     try:
         file, *arguments = shlex.split(launch.file)
@@ -174,19 +176,52 @@ def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) ->
         raise StepFailed("EnvironmentSetupError", f"launchFile: {launch.file!r} is not right: {error}") from None
     places = [f"{launch.package}/{file}", f"{launch.package}/launch/{file}", file, f"launch/{file}"]
     path = next((found for found in (_inside(folder, place) for place in places) if found is not None), None)
-    ros = which("ros2") or which("roslaunch")
-    if file.endswith(_ROS_FILES) and ros is not None:
-        what = [str(path)] if path is not None else [launch.package, file]
-        return [ros, *(["launch"] if ros.endswith("ros2") else []), *what, *arguments]
+    if is_launch_file(file, path):
+        return [*_ros_launch(folder, launch.package, file, path, which), *arguments]
     if path is not None:
-        return [*interpreted(path), *arguments]
+        return in_overlays(folder, [*interpreted(path), *arguments])
     installed = which(file) if "/" not in file else None
     if installed is None:
         raise StepFailed(
             "EnvironmentSetupError",
             f"launchFile: the bundle has none of {', '.join(places)}, and no program has the name",
         )
-    return [installed, *arguments]
+    return in_overlays(folder, [installed, *arguments])
+
+
+def _ros_launch(folder: Path, package: str, file: str, path: Path | None, which: Which) -> list[str]:
+    """The command line of the ROS that a launch file is for: that of the bundle, else the robot's."""
+    lack = lacks_launch_file(folder, package, file) if path is None else None
+    if lack is not None:
+        raise StepFailed("EnvironmentSetupError", f"launchFile: {lack}")
+    readers = readers_of(file, path)
+    what = [str(path)] if path is not None else [package, file]
+    for ros in readers:
+        own = own_program(folder, LAUNCHERS[ros])
+        program = str(own) if own is not None else which(LAUNCHERS[ros])
+        if program is None:
+            continue
+        missing = missing_interpreter(folder, own, which) if own is not None else None
+        if missing is not None:
+            raise StepFailed(
+                "EnvironmentSetupError",
+                f"launchFile: the {LAUNCHERS[ros]} of the colcon bundle needs {missing}, which this robot does not "
+                "have; it was made for another release of Ubuntu",
+            )
+        command = [program, *(["launch"] if ros == 2 else []), *what]
+        if overlays(folder):
+            return in_overlays(folder, command)
+        setups = [Path(program).parent.parent / "setup.bash", *(folder / setup for setup in WORKSPACE_SETUPS)]
+        return list(sourced(setups, command))
+    needed = " or ".join("`ros2 launch`" if ros == 2 else "`roslaunch`" for ros in readers)
+    raise StepFailed(
+        "EnvironmentSetupError", f"launchFile: {file} is started by {needed}, which this robot does not have"
+    )
+
+
+def in_overlays(folder: Path, command: Sequence[str]) -> list[str]:
+    """A command in the environment of the overlays of a bundle of colcon; of other bundles, the command itself."""
+    return list(sourced(setups_of(folder), command))
 
 
 def script_command(folder: Path, file: str, code: str) -> list[str]:
@@ -203,7 +238,7 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
     path = _inside(folder, file)
     if path is None:
         raise StepFailed(code, f"the bundle has no file {file}")
-    return interpreted(path)
+    return in_overlays(folder, interpreted(path))
 
 
 def environment(home: Home, version: Version, data: Path, base: Mapping[str, str] = os.environ) -> dict[str, str]:
@@ -218,7 +253,12 @@ def environment(home: Home, version: Version, data: Path, base: Mapping[str, str
     passed = {name: value for name, value in base.items() if name not in _NOT_PASSED_ON}
     tags = {f"{TAG_PREFIX}{name}": value for name, value in version.tags.items() if _is_variable(name, value)}
     marks = {HOME_VARIABLE: str(home.folder), VERSION_VARIABLE: version.folder}
-    return {**passed, "HOME": str(data), **version.launch.environment, **tags, **marks}
+    folder = home.folder / version.folder
+    # As in a simulation job, packages of ROS 1 are found without a build.
+    given = version.launch.environment.get("ROS_PACKAGE_PATH") or base.get("ROS_PACKAGE_PATH")
+    packages = os.pathsep.join([*map(str, package_folders(folder)), *([given] if given else [])])
+    own = {"HOME": str(data), **version.launch.environment, "ROS_PACKAGE_PATH": packages}
+    return {**passed, **own, **tags, **marks}
 
 
 def _is_variable(name: str, value: str) -> bool:
@@ -226,10 +266,12 @@ def _is_variable(name: str, value: str) -> bool:
 
 
 def _inside(folder: Path, name: str) -> Path | None:
-    """A file in a folder; names that would lead out of it name nothing."""
-    path = folder / name.lstrip("/")
-    is_there = path.is_file() and folder.resolve() in path.resolve().parents
-    return path if is_there else None
+    """A file of a version, of its last overlay first; names that would lead out of the version name nothing."""
+    for top in (*reversed(overlays(folder)), folder):
+        path = top / name.lstrip("/")
+        if path.is_file() and folder.resolve() in path.resolve().parents:
+            return path
+    return None
 
 
 def interpreted(path: Path) -> list[str]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from helpers.agent_robot import Rover, rover
+from helpers.colcon_bundles import bundle_v1
 from helpers.processes import wait_for, working_below
 from helpers.tuf_repository import bundle
 from securesystemslib.signer import CryptoSigner
@@ -97,6 +98,53 @@ def test_scripts_and_the_application_find_variables_and_tags(robot: Rover) -> No
     assert sorted(told[2:]) == ["after.sh yard red", "drive yard red"]
     expected = ["Validating", "ExecutingDownloadCondition", "DownloadingExtracting", "ExecutingPreLaunch"]
     assert steps(robot, 1) == [*expected, "Launching", "ExecutingPostLaunch", "Finished"]
+
+
+@pytest.mark.deep
+def test_a_version_whose_application_keeps_restarting_is_taken_back_after_a_short_time_of_watching(
+    driving: Rover,
+) -> None:
+    """It outlives the 0.3 s of watching each time."""
+    robot = driving
+    deploy(robot, 2, f"#!/bin/sh\necho 2 > {robot.folder}/running\nsleep 1\nexit 7\n")
+    assert robot.server.wait_for_end(2).feedback.finished == "success"
+    wait_for(lambda: robot.running == "1", "version 1")
+
+    said = json.loads(subprocess.check_output(robot.agent.words("status", "--output", "json")))
+    assert (said["version"], said["last_order"], said["last_result"]) == ("1", 2, "failure")
+    assert "it keeps restarting, 3 times before it was up steadily" in said["last_reason"]
+    assert "exit code 7" in said["last_reason"]
+    assert "versions/courier/1-" in str((robot.agent.home / "current").readlink())
+
+
+ROSLAUNCH = """#!/bin/bash
+echo "$SOURCED $*" > {folder}/running
+sleep {seconds}
+exit 1
+"""
+
+
+@pytest.mark.deep
+def test_a_bundle_of_colcon_runs_in_its_overlays_and_one_that_cannot_be_launched_fails(
+    driving: Rover, tmp_path: Path
+) -> None:
+    """Its launcher is up for longer than the 0.3 s of watching before it fails."""
+    robot = driving
+    launch = {"packageName": "courier", "launchFile": "drive.launch"}
+    for number, seconds in ((2, 1000), (3, 2)):
+        roslaunch = ROSLAUNCH.format(folder=robot.folder, seconds=seconds)
+        tree = {"setup.sh": "export SOURCED=$BUNDLE_CURRENT_PREFIX\n", "opt/ros/noetic/bin/roslaunch": roslaunch}
+        bundle_v1(tmp_path / f"{number}.tar.gz", tree)
+        deploy(robot, number, packed=(tmp_path / f"{number}.tar.gz").read_bytes(), launch=launch)
+        if number == 2:
+            assert robot.server.wait_for_end(2).feedback.finished == "success", robot.agent.log
+            assert robot.running is not None
+            assert robot.running.endswith("/bundle courier drive.launch")
+    code, reason = failure(robot, 3)
+
+    assert code == "RobotDeploymentAborted"
+    assert "the application ended with exit code 1" in reason
+    assert "went back to version 2" in reason
 
 
 FAILURES: list[tuple[dict[str, Any], str, str]] = [

@@ -45,7 +45,7 @@ def image(real_engine: RealEngine, tmp_path_factory: pytest.TempPathFactory) -> 
     python = f"python{sys.version_info.major}.{sys.version_info.minor}"
     _build(real_engine, base, BASE.format(root=root, python=python), folder)
     lines = (AGENT / "Containerfile").read_text()
-    _build(real_engine, name, re.sub("^FROM .*$", f"FROM {base}", lines, flags=re.MULTILINE), AGENT)
+    _build(real_engine, name, re.sub("^FROM .*$", f"FROM {base}", lines, flags=re.MULTILINE), AGENT.parents[1])
     return name
 
 

@@ -11,12 +11,14 @@ from prefect_robomaker.tasks.fleet.agent.deployment import Deployment, File, Lau
 from prefect_robomaker.tasks.fleet.agent.errors import NUMBERS
 from prefect_robomaker.tasks.fleet.agent.states import (
     BEFORE_SWITCH,
+    MAX_ENDS,
     MAX_RESTARTS,
     TRIED,
     Cancelled,
     Checked,
     Delivered,
     End,
+    Ended,
     Event,
     Failed,
     Ordered,
@@ -24,6 +26,7 @@ from prefect_robomaker.tasks.fleet.agent.states import (
     Phase,
     Restarted,
     State,
+    Steady,
     Trusted,
     Withdrawn,
     advance,
@@ -304,3 +307,33 @@ def test_an_event_of_a_phase_that_is_over_changes_nothing() -> None:
     assert advance(state, Passed(Phase.DOWNLOADING)) == state
     assert advance(state, Failed(Phase.PRE_LAUNCH, "PreLaunchFileFailure", "late")) == state
     assert advance(state, Checked(deployment(3))) == state
+
+
+def test_a_version_that_keeps_ending_before_it_was_steady_is_taken_back_and_its_order_fails() -> None:
+    good = advance(state_in(Phase.WATCHING), Passed(Phase.WATCHING))
+    assert (good.good, good.end and good.end.finished) == (version(2), "success")
+    once = advance(good, Ended("exit code 1"))
+    assert once.good == version(2)
+    assert {version(1).folder, version(2).folder} <= kept(once)
+
+    back = once
+    for _ in range(MAX_ENDS - 1):
+        back = advance(back, Ended("exit code 1"))
+    assert (back.good, back.probation, wanted(back)) == (version(1), None, version(1))
+    assert back.end is not None
+    assert (back.end.order, back.end.finished, back.end.is_delivered) == (order(2), "failure", False)
+    assert back.end.code == NUMBERS["RobotDeploymentAborted"]
+    assert "keeps restarting, 3 times" in back.end.details[1]
+    assert back.end.details[1].endswith("the last time exit code 1; the robot went back to version 1")
+    assert advance(back, Ended("exit code 1")) == back, "the version before is started again for ever"
+
+    steady = advance(once, Steady())
+    assert steady.probation is None
+    assert advance(advance(advance(steady, Ended("x")), Ended("x")), Ended("x")) == steady
+
+
+def test_ends_of_the_version_before_do_not_count_while_a_new_one_is_tried() -> None:
+    good = advance(state_in(Phase.WATCHING), Passed(Phase.WATCHING))
+    for phase in (*TRIED, Phase.RETURNING):
+        tried = replace(good, phase=phase, order=order(3), deployment=deployment(3))
+        assert advance(tried, Ended("x")) == tried

@@ -7,8 +7,8 @@ import pytest
 from helpers.colcon_bundles import bundle_v1, bundle_v2
 
 from prefect_robomaker.schemas.wire.errors import BundleError, LaunchError
+from prefect_robomaker.tasks.bundles.colcon import overlays, package_folders
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.simulations.environment.folders import overlays, package_folders
 from prefect_robomaker.tasks.simulations.inputs.bundles import application_bundle, unpack_colcon_bundle
 from prefect_robomaker.tasks.simulations.planning.launching import Code, Program, resolve_launch
 from prefect_robomaker.tasks.storage import unpack

@@ -9,12 +9,12 @@ from typing import cast
 import pytest
 
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.bundles.launch_files import Ros
 from prefect_robomaker.tasks.runtime.ros.ros1_bridge import BRIDGE
 from prefect_robomaker.tasks.simulations.environment.folders import TEMPORARY, Sandbox
 from prefect_robomaker.tasks.simulations.environment.run_environment import RunEnvironment
 from prefect_robomaker.tasks.simulations.planning.application_plans import Applications, RosLaunch, with_ros1_bridge
 from prefect_robomaker.tasks.simulations.planning.launching import Code, Program
-from prefect_robomaker.tasks.simulations.ros.launch_files import Ros
 
 Plan = Callable[..., list[ProgramPlan]]
 

@@ -8,11 +8,11 @@ from typing import cast
 import pytest
 
 from prefect_robomaker.schemas.runs.programs import ProgramPlan
+from prefect_robomaker.tasks.bundles.launch_files import Ros
 from prefect_robomaker.tasks.simulations.environment.folders import Sandbox
 from prefect_robomaker.tasks.simulations.environment.run_environment import RunEnvironment
 from prefect_robomaker.tasks.simulations.planning.application_plans import RosLaunch, with_ros_companions
 from prefect_robomaker.tasks.simulations.planning.launching import Code, Program
-from prefect_robomaker.tasks.simulations.ros.launch_files import Ros
 
 Planned = Callable[..., list[ProgramPlan]]
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.simulations.ros.launch_files import is_launch_file, node_variables, own_master, readers_of
+from prefect_robomaker.tasks.bundles.launch_files import is_launch_file, node_variables, own_master, readers_of
 
 OF_ROS_1 = """<launch><!-- <node pkg="a" exec="b"/> -->
 <node

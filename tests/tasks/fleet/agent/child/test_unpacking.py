@@ -7,9 +7,12 @@ import zipfile
 from pathlib import Path
 
 import pytest
+from helpers.colcon_bundles import bundle_v1, bundle_v2
 from helpers.tuf_repository import bundle
 
-from prefect_robomaker.tasks.fleet.agent.child.unpacking import Limits, unpack
+from prefect_robomaker.tasks.fleet.agent.bundles.colcon import overlays
+from prefect_robomaker.tasks.fleet.agent.bundles.extraction import ArchiveLimits
+from prefect_robomaker.tasks.fleet.agent.child.unpacking import unpack
 from prefect_robomaker.tasks.fleet.agent.errors import StepFailed
 
 
@@ -107,7 +110,43 @@ def test_bad_bundles_leave_nothing(packed: bytes, tmp_path: Path) -> None:
     assert list((tmp_path / "versions").iterdir()) == []
 
 
-@pytest.mark.parametrize("limits", [Limits(entries=1), Limits(total_bytes=1500), Limits(ratio=1, unsuspicious_bytes=0)])
-def test_bundles_that_hold_too_much(limits: Limits, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "limits", [ArchiveLimits(entries=1), ArchiveLimits(total_bytes=1500), ArchiveLimits(ratio=1, unsuspicious_bytes=0)]
+)
+def test_bundles_that_hold_too_much(limits: ArchiveLimits, tmp_path: Path) -> None:
     with pytest.raises(StepFailed, match="more than"):
         unpack(put(tmp_path, bundle({"a": "x" * 1000, "b": "y" * 1000})), tmp_path / "1", limits)
+
+
+OVERLAY = {"setup.sh": "", "usr/bin/tool": "-> ../lib/tool-1", "usr/lib/tool-1": "#!/bin/sh\n", "out": "-> /etc/passwd"}
+
+
+@pytest.mark.parametrize("version", [1, 2])
+def test_bundles_of_colcon_are_unpacked_to_their_overlays(version: int, tmp_path: Path) -> None:
+    archive, folder = tmp_path / "archive", tmp_path / "versions" / "1"
+    if version == 1:
+        bundle_v1(archive, OVERLAY)
+    else:
+        bundle_v2(archive, {"setup.sh": ""}, OVERLAY)
+    unpack(archive, folder)
+
+    last = overlays(folder)[-1]
+    assert [path.name for path in overlays(folder)] == (["bundle"] if version == 1 else ["dependencies", "workspace"])
+    assert (last / "usr/bin/tool").resolve() == (last / "usr/lib/tool-1").resolve()
+    assert not (last / "out").is_symlink()
+    assert not list(folder.glob("*.tar*"))
+
+
+def test_bundles_of_colcon_that_are_wrong_leave_nothing(tmp_path: Path) -> None:
+    bundle_v1(tmp_path / "newer", OVERLAY, version="3")
+    bundle_v1(tmp_path / "hostile", {"setup.sh": "", "../../drive": ""})
+    bundle_v2(tmp_path / "damaged", OVERLAY, OVERLAY, sha256="0" * 64)
+    for name, said in {
+        "newer": "a colcon bundle of version '3'",
+        "hostile": "bundle.tar of the colcon bundle: member '../../drive'",
+        "damaged": "workspace.tar.gz is not what overlays.json says",
+    }.items():
+        with pytest.raises(StepFailed, match=said) as caught:
+            unpack(tmp_path / name, tmp_path / "versions" / "1")
+        assert caught.value.code == "ExtractingBundleFailure"
+        assert list((tmp_path / "versions").iterdir()) == []

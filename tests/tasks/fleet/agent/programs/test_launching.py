@@ -1,9 +1,12 @@
 """Which program a launch configuration names."""
 
+import subprocess
 from pathlib import Path
 
 import pytest
+from helpers.colcon_bundles import bundle_v2
 
+from prefect_robomaker.tasks.fleet.agent.child.unpacking import unpack
 from prefect_robomaker.tasks.fleet.agent.deployment import Launch, Version
 from prefect_robomaker.tasks.fleet.agent.errors import StepFailed
 from prefect_robomaker.tasks.fleet.agent.programs.launching import environment, launch_command, script_command
@@ -77,3 +80,64 @@ def test_tags_come_only_under_their_prefix(folder: Path) -> None:
     assert found["AWS_ROBOMAKER_ROBOT_TAG_KEY_PATH"] == "/evil"
     assert "NOTIFY_SOCKET" not in found
     assert not [name for name in found if "=" in name]
+
+
+SETUP = 'export SOURCED="$SOURCED:$BUNDLE_CURRENT_PREFIX"\n'
+ROS = {
+    "setup.sh": SETUP,
+    "opt/ros/noetic/bin/roslaunch": "#!/bin/bash\necho launched $SOURCED with $*\n",
+    "opt/ros/noetic/bin/ros2": "#!/usr/bin/env python2.7\n",
+}
+WORKSPACE = {
+    "setup.sh": SETUP,
+    "before.sh": "echo before $SOURCED\n",
+    "opt/built_workspace/share/courier/package.xml": "<package><name>courier</name></package>",
+    "opt/built_workspace/share/courier/launch/drive.launch": "<launch/>",
+}
+
+
+@pytest.fixture
+def colcon(tmp_path: Path) -> Path:
+    """Folder of an unpacked bundle of colcon, of version 2."""
+    bundle_v2(tmp_path / "output.tar", ROS, WORKSPACE)
+    unpack(tmp_path / "output.tar", tmp_path / "1")
+    return tmp_path / "1"
+
+
+def test_a_bundle_of_colcon_is_launched_by_its_own_ros_in_its_overlays(colcon: Path) -> None:
+    sourced = f":{colcon}/dependencies:{colcon}/workspace"
+    words = launch_command(colcon, Launch("courier", "drive.launch fast:=1"), {}.get)
+    said = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    assert said == f"launched {sourced} with courier drive.launch fast:=1\n"
+    before = script_command(colcon, "before.sh", "PreLaunchFileFailure")
+    assert subprocess.run(before, capture_output=True, text=True, check=True).stdout == f"before {sourced}\n"
+    version = Version("courier", "1", "0" * 64, Launch("courier", "drive.launch"), "job")
+    packages = environment(Home(colcon.parent), version, colcon, {})["ROS_PACKAGE_PATH"]
+    assert packages.endswith(version.folder)
+
+
+@pytest.mark.parametrize(
+    ("file", "said"),
+    [
+        ("gone.launch", "the bundle's package courier has no launch file gone.launch; it has drive.launch"),
+        ("start.launch.py", "has no launch file start.launch.py"),
+    ],
+)
+def test_a_launch_file_that_the_bundle_lacks_is_told_before_it_is_launched(colcon: Path, file: str, said: str) -> None:
+    with pytest.raises(StepFailed, match=said) as caught:
+        launch_command(colcon, Launch("courier", file), {}.get)
+    assert caught.value.code == "EnvironmentSetupError"
+
+
+def test_a_ros_that_cannot_run_here_is_told(colcon: Path, folder: Path) -> None:
+    with pytest.raises(StepFailed, match=r"ros2 of the colcon bundle needs python2\.7, which this robot does not have"):
+        launch_command(colcon, Launch("elsewhere", "start.launch.py"), {}.get)
+    with pytest.raises(StepFailed, match="is started by `ros2 launch`, which this robot does not have"):
+        launch_command(folder, Launch("courier", "yard.launch.py"), {}.get)
+
+
+def test_a_launch_file_goes_to_the_ros_that_it_is_for(folder: Path) -> None:
+    (folder / "courier/launch/old.launch").write_text('<launch><node pkg="x" type="y" name="z"/></launch>')
+    (folder / "courier/launch/new.py").write_text("def generate_launch_description():\n    pass\n")
+    assert command(folder, "old.launch", "ros2", "roslaunch")[0] == "/usr/bin/roslaunch"
+    assert command(folder, "new.py", "ros2", "roslaunch")[:2] == ["/usr/bin/ros2", "launch"]

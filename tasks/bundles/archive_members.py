@@ -4,9 +4,10 @@ The container is told by its content, not its name. Nothing here writes; whether
 size are acceptable is decided by who unpacks.
 """
 
+from __future__ import annotations
+
 import gzip
 import io
-import lzma
 import stat
 import struct
 import tarfile
@@ -16,20 +17,31 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, cast
 
-from ...schemas.wire.errors import BundleError
+try:
+    from lzma import LZMAError
+except ImportError:  # a Python that was built without it
+
+    class LZMAError(Exception):  # type: ignore[no-redef]
+        """Is never raised."""
+
+
+class ArchiveError(Exception):
+    """An archive that is not unpacked; the text names the member."""
+
 
 BROKEN_ARCHIVE = (
     tarfile.TarError,
     zipfile.BadZipFile,
     gzip.BadGzipFile,
     zlib.error,
-    lzma.LZMAError,
+    LZMAError,
     struct.error,
     EOFError,
     NotImplementedError,
     OverflowError,
+    RuntimeError,  # what zipfile says of a compression that this Python lacks
     ValueError,
 )
 """Exceptions that the standard library raises for damaged archives."""
@@ -64,7 +76,7 @@ def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
         links: whether a tar archive may have links, too.
 
     Raises:
-        BundleError: it is no archive, or has a member of another kind.
+        ArchiveError: it is no archive, or has a member of another kind.
         OSError: it cannot be read.
     """
     with archive.open("rb") as file:
@@ -74,11 +86,11 @@ def members(archive: Path, *, links: bool = False) -> Iterator[Member]:
             yield from _zip_members(file)
         elif beginning.startswith(b"\x1f\x8b"):
             with gzip.GzipFile(fileobj=file) as unzipped:
-                yield from _tar_members(unzipped, links)
+                yield from _tar_members(cast("IO[bytes]", unzipped), links)
         elif beginning[257:] == b"ustar":
             yield from _tar_members(file, links)
         else:
-            raise BundleError("this is no .tar, .tar.gz or .zip archive")
+            raise ArchiveError("this is no .tar, .tar.gz or .zip archive")
 
 
 def _zip_members(file: IO[bytes]) -> Iterator[Member]:
@@ -86,11 +98,13 @@ def _zip_members(file: IO[bytes]) -> Iterator[Member]:
         for info in container.infolist():
             mode = info.external_attr >> 16 if info.create_system == _UNIX else 0
             if "\0" in info.orig_filename:
-                raise BundleError(f"member {info.orig_filename!r}: NUL in its name")
+                raise ArchiveError(f"member {info.orig_filename!r}: NUL in its name")
             if stat.S_IFMT(mode) not in (0, stat.S_IFREG, stat.S_IFDIR):
-                raise BundleError(f"member {info.filename!r}: {_kind(mode)} is not allowed, only files and folders are")
+                raise ArchiveError(
+                    f"member {info.filename!r}: {_kind(mode)} is not allowed, only files and folders are"
+                )
             if info.flag_bits & _ENCRYPTED:
-                raise BundleError(f"member {info.filename!r}: encrypted members cannot be read")
+                raise ArchiveError(f"member {info.filename!r}: encrypted members cannot be read")
             yield Member(
                 name=info.filename,
                 is_folder=info.is_dir(),
@@ -103,13 +117,15 @@ def _kind(mode: int) -> str:
     return "a symbolic link" if stat.S_ISLNK(mode) else "a device, pipe or socket"
 
 
-def _tar_members(file: IO[bytes] | gzip.GzipFile, links: bool) -> Iterator[Member]:
+def _tar_members(file: Any, links: bool) -> Iterator[Member]:
     forward = _Forward(file)
-    with tarfile.open(fileobj=forward, mode="r:") as container:
+    with tarfile.open(fileobj=cast("IO[bytes]", forward), mode="r:") as container:
         for info in container:
             is_link = links and (info.issym() or info.islnk())
             if not (info.isreg() or info.isdir() or is_link) or info.issparse():
-                raise BundleError(f"member {info.name!r}: {_tar_kind(info)} is not allowed, only files and folders are")
+                raise ArchiveError(
+                    f"member {info.name!r}: {_tar_kind(info)} is not allowed, only files and folders are"
+                )
             yield Member(
                 name=info.name,
                 is_folder=info.isdir(),
@@ -132,7 +148,7 @@ def _tar_kind(info: tarfile.TarInfo) -> str:
 def _content(container: tarfile.TarFile, info: tarfile.TarInfo) -> IO[bytes]:
     content = container.extractfile(info)
     if content is None:
-        raise BundleError(f"member {info.name!r} has no content")
+        raise ArchiveError(f"member {info.name!r} has no content")
     return content
 
 
@@ -144,21 +160,21 @@ class _Forward(io.RawIOBase):
     tarfile takes it for the end.
     """
 
-    def __init__(self, file: IO[bytes] | gzip.GzipFile) -> None:
+    def __init__(self, file: Any) -> None:
         self._file = file
         self._position = 0
         self._latest = b""
 
     def read(self, size: int = -1) -> bytes:
         if not 0 <= size <= _LARGEST_HEADER_BYTES:
-            raise BundleError(f"the archive is damaged: a header of {size} bytes")
+            raise ArchiveError(f"the archive is damaged: a header of {size} bytes")
         self._latest = self._file.read(size)
         self._position += len(self._latest)
         return self._latest
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         if whence != io.SEEK_SET or offset < self._position:
-            raise BundleError("the archive is damaged: a member before its predecessor's end")
+            raise ArchiveError("the archive is damaged: a member before its predecessor's end")
         self._position = self._file.seek(offset)
         return self._position
 
@@ -169,10 +185,10 @@ class _Forward(io.RawIOBase):
         """Checks that the archive is not truncated.
 
         Raises:
-            BundleError: it is not.
+            ArchiveError: it is not.
         """
         if len(self._latest) < tarfile.BLOCKSIZE or any(self._latest):
-            raise BundleError("the archive is damaged: a header is broken or missing, or the archive is cut off")
+            raise ArchiveError("the archive is damaged: a header is broken or missing, or the archive is cut off")
         # Reading on makes gzip compare its checksum; behind the end mark there is at most padding.
         if len(self._file.read(_LONGEST_PADDING_BYTES + 1)) > _LONGEST_PADDING_BYTES:
-            raise BundleError("the archive is damaged: it goes on behind its end mark")
+            raise ArchiveError("the archive is damaged: it goes on behind its end mark")

@@ -1,5 +1,7 @@
 """Launch files of ROS 1 and ROS 2: who reads them, and the variables of their nodes."""
 
+from __future__ import annotations
+
 import os
 import re
 import socket
@@ -11,6 +13,10 @@ from xml.parsers import expat
 
 Ros = Literal[1, 2]
 _KINDS: tuple[Ros, ...] = (1, 2)
+
+LAUNCHERS: Mapping[Ros, str] = {1: "roslaunch", 2: "ros2"}
+WORKSPACE_SETUPS = ("setup.bash", "install/setup.bash", "local_setup.bash")
+"""Scripts of a workspace in a bundle."""
 
 _XML = (".launch", ".launch.xml")
 _ONLY_ROS_2 = (".launch.py", ".launch.yaml", ".launch.yml")

@@ -1,0 +1,1 @@
+"""Bundles of applications: links to the modules in `tasks/bundles`, which this wheel shares with simulation jobs."""

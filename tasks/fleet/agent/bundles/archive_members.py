@@ -1,0 +1,1 @@
+../../../bundles/archive_members.py

@@ -1,0 +1,1 @@
+../../../bundles/colcon.py

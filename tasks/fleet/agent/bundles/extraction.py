@@ -1,0 +1,1 @@
+../../../bundles/extraction.py

@@ -1,0 +1,1 @@
+../../../bundles/launch_files.py
