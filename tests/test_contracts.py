@@ -10,7 +10,7 @@ from contracts import FOLDERS, ROOT, check_contracts
 PLANTED = {
     # A flat module that belongs to no room, and does all that only owners may.
     "tasks/planted.py": (
-        "import apprise\nimport boto3\nimport botocore\nimport cryptography\nimport distributed, ray\n"
+        "import apprise\nimport boto3\nimport botocore\nimport cryptography\nimport distributed, gymnasium, ray\n"
         "import minio, mujoco, prefect, sqlalchemy, tuf\n"
     ),
     "schemas/planted.py": "from ..tasks import catalog\n",
@@ -39,6 +39,7 @@ BROKEN = {
     "Only WorldForge and the runtime know MuJoCo": "tasks.planted -> mujoco",
     "Only flows, deployments, execution and the backend of work pools know Prefect": "tasks.planted -> prefect",
     "Only notifications know apprise": "tasks.planted -> apprise",
+    "Only policies know gymnasium and onnxruntime": "tasks.planted -> gymnasium",
     "Only their backends know Dask and Ray": "tasks.planted -> distributed",
     "Only fleets know cryptography": "tasks.planted -> cryptography",
     "Only fleets know TUF": "tasks.planted -> tuf",

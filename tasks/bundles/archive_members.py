@@ -20,10 +20,10 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 try:
-    from lzma import LZMAError
+    from lzma import LZMAError  # type: ignore[assignment]
 except ImportError:  # a Python that was built without it
 
-    class LZMAError(Exception):  # type: ignore[no-redef]
+    class LZMAError(Exception):
         """Is never raised."""
 
 
