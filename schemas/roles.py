@@ -39,8 +39,8 @@ class Role(Model):
     """An access role: the credentials that its jobs use, and the object-store places they may read and write."""
 
     arn: str = Field(
-        pattern=r"^arn:aws:iam::\w+:role/[^*]*\*?$",
-        description="ARN of the role; one that ends with * stands for all that begin so.",
+        pattern=r"^arn:aws:iam::(\w+|\*):role/[^*]*\*?$",
+        description="ARN of the role; one that ends with * stands for all that begin so, and * for any account.",
     )
     read: tuple[Place, ...] = Field(
         default=(), description="Objects that it may read: bucket/*, bucket/folder/*, bucket/key."
@@ -82,7 +82,17 @@ class Role(Model):
 
     def means(self, arn: str) -> bool:
         """Whether the role applies to the role ARN that a request names."""
-        return arn.startswith(self.arn[:-1]) if self.arn.endswith("*") else arn == self.arn
+        account, name = account_and_name(self.arn)
+        its_account, its_name = account_and_name(arn)
+        if account not in ("*", its_account):
+            return False
+        return its_name.startswith(name[:-1]) if name.endswith("*") else its_name == name
+
+
+def account_and_name(arn: str) -> tuple[str, str]:
+    """Splits a role's ARN into its account and its name; an ARN of another kind gets an empty account."""
+    account, found, name = arn.removeprefix("arn:aws:iam::").partition(":role/")
+    return (account, name) if found and arn.startswith("arn:aws:iam::") else ("", arn)
 
 
 class RolesFile(Model):
@@ -99,12 +109,13 @@ class RolesFile(Model):
 
 
 def find_role(roles: Sequence[Role], arn: str) -> Role | None:
-    """Finds the role for a role ARN: the one with exactly this ARN, else the one with the longest matching prefix."""
+    """Finds the role for a role ARN: by its whole name, else by the longest matching prefix; its own account first."""
     return max((role for role in roles if role.means(arn)), key=_closeness, default=None)
 
 
-def _closeness(role: Role) -> tuple[bool, int]:
-    return not role.arn.endswith("*"), len(role.arn)
+def _closeness(role: Role) -> tuple[bool, int, bool]:
+    account, name = account_and_name(role.arn)
+    return not name.endswith("*"), len(name), account != "*"
 
 
 def is_within(places: Sequence[str], bucket: str, key: str) -> bool:

@@ -252,6 +252,9 @@ class SimulationJobDocument(SimulationJobProgress, Document):
     data_sources: list[ResolvedDataSource] | None = optional("Its data, found.")
     simulation_application_names: list[str] = Field(default=[], description="Names of its simulation applications.")
     robot_application_names: list[str] = Field(default=[], description="Names of its robot applications.")
+    application_arns: dict[str, str] = Field(
+        default={}, description="ARNs of applications that its request names barely, by role and name: `robot scout`."
+    )
     spec_run: str | None = optional("Id of the run of a specification that ordered it.")
     reused_from: ReusedFrom | None = optional("Job whose results it took over; absent: it ran.")
 

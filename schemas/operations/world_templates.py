@@ -7,6 +7,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from ..wire.base import Shape, ShapeName, optional
 from ..wire.common import (
+    NO_CONTROLS,
     Arn,
     ClientRequestToken,
     GenericString,
@@ -44,6 +45,8 @@ def _as_text(body: object) -> object:
 
 
 TemplateName = Annotated[str, ShapeName("TemplateName"), text(0, 255)]
+NewTemplateName = Annotated[TemplateName, NO_CONTROLS]
+"""A name as requests give it; templates of earlier releases may have others."""
 TemplateBody = Annotated[Json, BeforeValidator(_as_text, json_schema_input_type=Json | dict[str, Any])]
 """JSON text or, an extension, the body itself as a mapping, which becomes JSON text."""
 
@@ -61,7 +64,7 @@ class CreateWorldTemplateRequest(Shape):
     clientRequestToken: ClientRequestToken | None = optional(
         "Makes the call repeatable: the same token and request give the same template."
     )
-    name: TemplateName | None = optional("Name for people; any text.")
+    name: NewTemplateName | None = optional("Name for people; any text without control characters.")
     templateBody: TemplateBody | None = optional("The template, as JSON text or as a mapping.")
     templateLocation: TemplateLocation | None = optional("Object that holds the template.")
     tags: TagMap | None = optional("Tags for the template.")
@@ -89,7 +92,7 @@ class UpdateWorldTemplateRequest(Shape):
     """
 
     template: Arn = Field(description="ARN of the template.")
-    name: TemplateName | None = optional("Its new name; empty: it has none any more.")
+    name: NewTemplateName | None = optional("Its new name; empty: it has none any more.")
     templateBody: TemplateBody | None = optional("Its new body, as JSON text or as a mapping.")
     templateLocation: TemplateLocation | None = optional("Object that holds its new body.")
 

@@ -16,6 +16,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model, optional
+from ..wire.common import NO_CONTROLS
 from ..wire.json_values import is_list, is_object
 from ..worlds.world import FLOOR_MATERIALS, MODEL_TYPES, WALL_MATERIALS, FurnishedRoomType, PassageKind
 
@@ -160,7 +161,9 @@ class TemplateRoom(Model):
 
     Type: FurnishedRoomType = Field(description="Steers neighbours, materials and furniture, not the shape.")
     Name: NameText = Field(description="The room's name, unique in the template.")
-    OriginalName: str | None = optional("Name that the user gave the room, in any letters; only in version 2.")
+    OriginalName: Annotated[str, NO_CONTROLS] | None = optional(
+        "Name that the user gave the room, in any letters; only in version 2."
+    )
     DesiredShape: TemplateShape = Field(
         default=TemplateShape(Area=20.0, AspectRatio=TemplateAspectRatio()),
         description="Desired area and aspect ratio.",

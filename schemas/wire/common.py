@@ -9,6 +9,7 @@ Bounds, patterns and enumerations are the service's. Three things differ on purp
 
 import math
 import re
+import unicodedata
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Literal, Protocol, Self, TypeVar
 
@@ -38,6 +39,18 @@ def text(minimum: int, maximum: int, pattern: str | None = None) -> StringConstr
     return StringConstraints(
         min_length=minimum, max_length=maximum, pattern=None if pattern is None else f"^(?:{pattern})$"
     )
+
+
+def _without_controls(name: str) -> str:
+    found = sorted({each for each in name if unicodedata.category(each) == "Cc"})
+    if found:
+        shown = ", ".join(f"U+{ord(each):04X}" for each in found)
+        raise ValueError(f"a name has no control characters; remove {shown}")
+    return name
+
+
+NO_CONTROLS = AfterValidator(_without_controls)
+"""Refuses names with control characters, which terminals and pages act on."""
 
 
 def unique_names(what: str) -> Callable[[list[_Named]], list[_Named]]:

@@ -4,12 +4,13 @@ import logging
 import time
 from collections.abc import Callable, Mapping
 from enum import Enum, auto
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from secrets import token_urlsafe
 
 from ...schemas.documents.reuse_inputs import REUSE_LABEL, ReuseInputs
 from ...schemas.documents.simulation_jobs import (
+    MadeOf,
     Outcome,
     SimulationJobDocument,
     SimulationJobProgress,
@@ -164,6 +165,10 @@ class JobRun:
         self._service = service.with_blocks(read_credential_block)
         self._stop = stop
         self._earlier = EarlierRuns(lease, self._outputs, self._why_stop)
+        self._begin: Callable[[], None] | None = None
+        """Says that the job runs, until it has been said."""
+        self._answers = False
+        """Whether applications listen on forwarded ports, or have had their time to."""
         self._kills = 0  # of runs, from outside, since one came further than those before
 
     def run(self) -> None:
@@ -216,6 +221,7 @@ class JobRun:
         """Carries out one run, or the rest of the one that was left; returns how the job goes on."""
         run_id = left.run_id if left else self._service.clock().strftime("%Y-%m-%dT%H-%M-%S-%fZ")
         next_run = _Next.NONE
+        self._begin, self._answers = None, False
         try:
             if left is None:
                 plan = self._run_step("prepare", lambda: self._prepared(run_id, ros_domain))
@@ -274,7 +280,18 @@ class JobRun:
             plan = run_plan(self._lease.job, run_id, folder, service, ros_domain, self._is_stopped)
         except StorageUnavailableError as error:
             raise LaunchError(str(error), "InternalServiceError") from error
-        made_of = contents_of_plan(plan, self._document.request)
+        self._begin = partial(self._note_begin, contents_of_plan(plan, self._document.request))
+        if not plan.ports:
+            self._note_running()
+        return plan
+
+    def _note_running(self) -> None:
+        """Says that the job runs, if that has not been said."""
+        if self._begin is not None:
+            self._begin()
+            self._begin = None
+
+    def _note_begin(self, made_of: MadeOf) -> None:
         self._lease.transition(
             "start",
             SimulationJobProgress(
@@ -289,7 +306,6 @@ class JobRun:
             ),
             labels={REUSE_LABEL: [ReuseInputs.of(self._document, made_of).key]},
         )
-        return plan
 
     def _carry_out(self, plan: RunPlan) -> "_Next":
         """Carries out a planned run; returns how the job goes on."""
@@ -298,6 +314,7 @@ class JobRun:
         with fresh_keys(self._document.request, service, folder), self._outputs(run_id).rolling():
             ended = self._run_step("simulate", lambda: self._simulated(plan))
         if ended.was_killed:
+            self._note_running()
             return self._after_kill(ended.failure_reason or "it was killed")
         why_stop = self._why_stop()
         outcome = outcome_of(ended, why_stop)
@@ -308,6 +325,8 @@ class JobRun:
             outcome = outcome.model_copy(update={"failure_reason": shorten(f"{tried}. {outcome.failure_reason}")})
         try:
             announced = outcome.announced(finished=ended.finished)
+            if why_stop is None:
+                self._note_running()  # its ports have not answered yet
             simulated = self._document.simulated_at or self._now()
             progress = announced.model_copy(update={"simulated_at": simulated})
             self._lease.transition("terminate" if why_stop else "finish", progress)
@@ -326,9 +345,10 @@ class JobRun:
         with answering(plan.root_dir, plan.job_arn, self._service):
             return launcher().run(
                 plan,
-                lambda: RunStop.CANCELED if self._is_interrupted() else None,
+                self._interruption,
                 on_crash=self._note_crash,
                 on_trials=lambda finished: self._note_trials(finished, plan),
+                on_answering=self._note_answers,
                 on_stopped=lambda: settle_containers(self._folder(plan.run_id), plan.output_dir),
                 on_simulated=self._note_simulated,
                 try_again=lambda: self._may_try_again(plan.run_id),
@@ -340,7 +360,7 @@ class JobRun:
         From here on the batch's timeout ends the job no more; the job's own end still does what it did.
         """
         status, reason = self._asked()
-        self._finishes = reason is None and status != "Restarting"
+        self._finishes = reason is None and not self._is_to_restart(status)
         if not self._finishes:
             return
         try:
@@ -353,6 +373,7 @@ class JobRun:
     def _note_crash(self, code: str, reason: str) -> None:
         """Says of a job that goes on after a crash that something crashed."""
         try:
+            self._note_running()
             self._lease.transition("crash", SimulationJobProgress(failure_code=code, failure_reason=shorten(reason)))
         except StateConflictError:  # it is to be restarted, or another job worker has it
             _logger.debug("%s crashed while it was ended: %s", self._lease.job.arn, reason)
@@ -383,10 +404,26 @@ class JobRun:
         """Why the job has to end, if it has to."""
         return self._asked()[1]
 
+    def _note_answers(self) -> None:
+        self._answers = True
+
+    def _interruption(self) -> RunStop | None:
+        """Why the run has to end, if it has to; says that its job runs where forwarded ports had to answer first."""
+        try:
+            if self._answers:
+                self._note_running()
+        except (StateConflictError, ServiceUnavailableException) as error:  # it is said at the next look
+            _logger.debug("that %s runs cannot be noted: %s", self._lease.job.arn, error)
+        return RunStop.CANCELED if self._is_interrupted() else None
+
     def _is_interrupted(self) -> bool:
         """Whether the run that goes on has to end, with its job or for a restart."""
         status, reason = self._asked()
-        return reason is not None or status == "Restarting"
+        return reason is not None or self._is_to_restart(status)
+
+    def _is_to_restart(self, status: str) -> bool:
+        """Whether a restart of this run is requested; a restarted job keeps the status until its new run is begun."""
+        return status == "Restarting" and self._begin is None
 
     def _asked(self) -> tuple[str, StopReason | None]:
         """The job's status, which is `Restarting` when a restart of its run is requested; and why it has to end."""

@@ -15,6 +15,7 @@ from ...schemas.operations.simulation_jobs import (
     RestartSimulationJobRequest,
     SimulationJob,
 )
+from ...schemas.runs.plan import ApplicationRole
 from ...schemas.runs.programs import Scarce
 from ...schemas.wire.errors import InvalidParameterException, StateConflictError
 from ..catalog import ClientToken, Resource
@@ -26,7 +27,7 @@ from ..machine.machine_slots import MachineSlots
 from ..service.service import Progress, Service
 from ..simulations.environment.run_environment import DEFAULT_COMPUTE
 from ..simulations.planning.applications import LATEST
-from ..simulations.stored_jobs import reuse_job, store_job
+from ..simulations.stored_jobs import bare_name, reuse_job, store_job
 from .registry import Answer, operation, page_of
 
 KIND = "simulation-job"
@@ -151,8 +152,8 @@ def describe(job: Resource) -> dict[str, Any]:
         "maxJobDurationInSeconds": request["maxJobDurationInSeconds"],
         "simulationTimeMillis": document.simulation_time_millis or 0,
         "iamRole": request.get("iamRole"),
-        "robotApplications": _with_defaults(request.get("robotApplications")),
-        "simulationApplications": _with_defaults(request.get("simulationApplications")),
+        "robotApplications": _with_defaults("robot", document),
+        "simulationApplications": _with_defaults("simulation", document),
         "dataSources": [source.to_json() for source in document.data_sources or []] or None,
         "tags": dict(job.tags),
         "vpcConfig": request.get("vpcConfig"),
@@ -176,8 +177,9 @@ def summary(job: Resource) -> dict[str, Any]:
     }
 
 
-def _with_defaults(configs: Sequence[Mapping[str, Any]] | None) -> list[dict[str, Any]] | None:
-    """Applications with what the service said of members that were not given: what holds for them."""
+def _with_defaults(role: ApplicationRole, document: SimulationJobDocument) -> list[dict[str, Any]] | None:
+    """Applications by their ARNs, with what the service said of members that were not given: what holds for them."""
+    configs: Sequence[Mapping[str, Any]] | None = document.request.get(f"{role}Applications")
     if not configs:
         return None
     return [
@@ -187,6 +189,8 @@ def _with_defaults(configs: Sequence[Mapping[str, Any]] | None) -> list[dict[str
             "useDefaultUploadConfigurations": bool(config.get("uploadConfigurations")),
             "useDefaultTools": False,
             **config,
+            # Jobs that earlier releases stored have no ARN for a bare name.
+            "application": document.application_arns.get(bare_name(role, config["application"]), config["application"]),
         }
         for config in configs
     ]

@@ -205,7 +205,7 @@ def job_document(
     """
     wire = request.to_wire()
     current = applications or CurrentApplications(service)
-    robots, simulations = (_applications(wire, role, current) for role in _ROLES)
+    found = {role: _applications(wire, role, current) for role in _ROLES}
     if (world := world_arn(wire)) is not None:
         check_rooms(request, service.catalog.get(world, kind="world"), service)
     check_output_location(wire.get("outputLocation"))
@@ -221,8 +221,14 @@ def job_document(
         requirements=[each.to_wire() for each in requirements_of(request)],
         trials=trials.to_wire() if trials else None,
         data_sources=data_sources,
-        robot_application_names=robots,
-        simulation_application_names=simulations,
+        robot_application_names=[each.name for each in found["robot"]],
+        simulation_application_names=[each.name for each in found["simulation"]],
+        application_arns={
+            bare_name(role, config["application"]): each.arn
+            for role, applications in found.items()
+            for config, each in zip(wire.get(f"{role}Applications") or (), applications, strict=True)
+            if not config["application"].startswith("arn:")
+        },
         spec_run=service.spec_run.run_id if service.spec_run else None,
     )
 
@@ -270,9 +276,9 @@ def _store(
     )
 
 
-def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[str]:
-    """Names of the applications of a role, all of which can be started."""
-    names = []
+def _applications(request: Mapping[str, Any], role: ApplicationRole, current: CurrentApplications) -> list[Resource]:
+    """The applications of a role, all of which can be started."""
+    found: list[Resource] = []
     follows_policy = role == "robot" and policy_in(request) is not None  # which says what of the archive is used
     for index, config in enumerate(request.get(f"{role}Applications") or []):
         application = current.find(config["application"], role, config.get("applicationVersion"))
@@ -283,8 +289,13 @@ def _applications(request: Mapping[str, Any], role: ApplicationRole, current: Cu
             )
         if not follows_policy:
             _check_launch(config["launchConfig"], application, f"{role}Applications[{index}].launchConfig")
-        names.append(application.name)
-    return names
+        found.append(application)
+    return found
+
+
+def bare_name(role: str, name: str) -> str:
+    """The key of an application's ARN in the document of a job whose request has its bare name."""
+    return f"{role} {name}"
 
 
 def _check_launch(launch: Mapping[str, Any], application: Resource, place: str) -> None:

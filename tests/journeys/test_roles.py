@@ -148,6 +148,45 @@ def test_unchanged_s3_code_in_a_job_acts_as_its_role(
         assert keys[1].encode() not in content, f"{name} has the role's key"
 
 
+ROUND = """
+import boto3
+s3 = boto3.client("s3")
+s3.put_object(Bucket="BUCKET", Key="out/note", Body=b"from inside")
+assert s3.get_object(Bucket="BUCKET", Key="out/note")["Body"].read() == b"from inside"
+"""
+
+
+@pytest.mark.deep
+@pytest.mark.parametrize("by", ["variables", "file", "nothing"])
+def test_without_a_roles_file_code_brings_its_own_credentials(
+    tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str, by: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The two ways that docs/roles.md has; without one of them S3 is refused."""
+    identity, secret = user(s3_server, reads=[f"{bucket}/in/*"], writes=[f"{bucket}/out/*"])
+    shown = tmp_path / "shown"
+    shown.mkdir()
+    (shown / "credentials").write_text(f"[default]\naws_access_key_id = {identity}\naws_secret_access_key = {secret}\n")
+    variables = {
+        "variables": {"AWS_ACCESS_KEY_ID": identity, "AWS_SECRET_ACCESS_KEY": secret},
+        "file": {"AWS_SHARED_CREDENTIALS_FILE": str(shown / "credentials")},
+        "nothing": {"NOTHING": "1"},
+    }[by]
+    environ = {**s3_server.environ(), "ROBOMAKER_SANDBOX_SHOW": str(shown)}
+    monkeypatch.setenv("ROBOMAKER_SANDBOX_SHOW", str(shown))
+    service = open_service(tmp_path / "home", environ)
+
+    job = run(service, tmp_path, bucket, ROUND, launch={"environmentVariables": variables})
+
+    if by == "nothing":
+        assert (job["status"], job["failureCode"]) == ("Failed", "SimulationApplicationCrash")
+        return
+    assert job["status"] == "Completed", job["failureReason"]
+    place = service.catalog.get(job["arn"]).document["outputs"]
+    for file in read_manifest(service.store, **place).files:
+        content = service.store.get_bytes(place["bucket"], f"{place['prefix']}/{file.path}")
+        assert secret.encode() not in content, f"{file.path} has the key"
+
+
 @pytest.mark.deep
 def test_unchanged_s3_code_in_a_factory_acts_as_its_role(
     tmp_path: Path, s3_server: S3Server, bucket: str, prefect_server: str

@@ -54,7 +54,7 @@ REQUIRES_BATCH = (
     "Extension: the simulation job batch without which no robot gets the version; the job's tag "
     "`robomaker:requiresBatch` says the same. See [Attestations](fleet/attestations.md)."
 )
-BARE_NAME = "Extension: an application's bare name is as good as its ARN."
+BARE_NAME = "Extension: an application's bare name is as good as its ARN, which answers have."
 MAPPING = "Extension: specifications and Python may give the body as a mapping in place of JSON text."
 PROSE = "The service's documentation gives the bound in words; the model left it out."
 POSITIVE = "No number below 1 means anything here; no bound was published."

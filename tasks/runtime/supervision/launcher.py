@@ -55,6 +55,7 @@ class StopMonitor:
         stop: Asked about every 0.2 s whether to stop it.
         on_crash: Told when something crashed and the run goes on.
         on_trials: Told now and then how many trials have finished.
+        on_answering: Told once applications listen on forwarded ports, or have had their time to.
         clock: Seconds.
     """
 
@@ -65,12 +66,14 @@ class StopMonitor:
         stop: Callable[[], RunStop | None],
         on_crash: Callable[[Exit], None],
         on_trials: Callable[[int], None],
+        on_answering: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
         self._channel = channel
         self._stop = stop
         self._on_crash = on_crash
         self._on_trials = on_trials
+        self._on_answering = on_answering
         self._clock = clock
         self._deadline = clock() + max_duration_s
         self._stopped_for: RunStop | None = None
@@ -87,6 +90,8 @@ class StopMonitor:
                     return Exit.from_message(message["exit"]) if message else None, self._stopped_for
                 if message["event"] == "trials":
                     self._on_trials(message["finished"])
+                elif message["event"] == "answering":
+                    self._on_answering()
                 else:
                     self._on_crash(Exit.from_message(message["exit"]))
             elif self._was_killed:
@@ -182,6 +187,7 @@ class Launcher:
         *,
         on_crash: OnCrash | None = None,
         on_trials: Callable[[int], None] = lambda *_: None,
+        on_answering: Callable[[], None] = lambda: None,
         on_stopped: Callable[[], None] = lambda: None,
         on_simulated: Callable[[bool], None] = lambda _: None,
         try_again: Callable[[], bool] = lambda: False,
@@ -196,6 +202,8 @@ class Launcher:
                 failure behaviour is `Continue`. The run goes on until it is stopped or its duration
                 limit is reached, and fails then.
             on_trials: Called now and then with the number of trials that have finished.
+            on_answering: Called once applications listen on all ports that are forwarded, or 10 s after they were
+                started; never where none are.
             on_stopped: Called when none of its processes is left, before its outputs are looked at.
             on_simulated: Called once the run has ended and its result is written, with whether videos of its failure
                 follow.
@@ -222,7 +230,8 @@ class Launcher:
             with self._connect() as channel:
                 _begin(channel, request)
                 started_at = datetime.now(UTC)
-                ended, stopped_for = StopMonitor(channel, left_s, stop, crash.on_crash, on_trials, clock).until_end()
+                monitor = StopMonitor(channel, left_s, stop, crash.on_crash, on_trials, on_answering, clock)
+                ended, stopped_for = monitor.until_end()
         ended_at = datetime.now(UTC)
         if ended is None:
             _clean_up(request)

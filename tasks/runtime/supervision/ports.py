@@ -6,12 +6,16 @@ import signal
 import socket
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from pathlib import Path
 
 from ....schemas.runs.programs import PortPlan
 from ....schemas.wire.errors import LaunchError
 from ..limits.processes import die_with_parent
 
 _HOST = "127.0.0.1"
+_LISTENS = "0A"
+"""State of a listening socket in the kernel's tables."""
+
 _CHUNK_BYTES = 64 * 1024
 _FAILURE_CODE = "InvalidInput"
 
@@ -43,6 +47,22 @@ def open_ports(ports: Sequence[PortPlan], *, is_shared: bool = True) -> list[tup
             listening.close()
         raise
     return opened
+
+
+def are_listened_on(ports: Sequence[PortPlan], pid: int) -> bool:
+    """Whether applications listen on all of their ports; no connection is made, which some would take for a client.
+
+    Args:
+        ports: What is forwarded.
+        pid: A process in the applications' network.
+    """
+    listening: set[int] = set()
+    for table in ("tcp", "tcp6"):
+        with suppress(OSError):  # the process has ended, or there is no IPv6
+            lines = Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+            fields = (line.split() for line in lines)
+            listening |= {int(local.rpartition(":")[2], 16) for _, local, _, state, *_ in fields if state == _LISTENS}
+    return all(port.application_port in listening for port in ports)
 
 
 def _listen(port: PortPlan) -> socket.socket:

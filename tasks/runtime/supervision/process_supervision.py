@@ -24,7 +24,7 @@ from ..process.run_request import RunRequest, rules_of_run
 from ..sandbox.box import Box, fork_beside
 from ..sandbox.kernel import give_up_rights
 from .outcomes import Crash, Exit, how_it_ended
-from .ports import fork_forwarder, open_ports
+from .ports import are_listened_on, fork_forwarder, open_ports
 from .programs import Program, StartError
 from .run_requests import program_environment
 
@@ -38,6 +38,9 @@ CLEAN_UP_TIMEOUT_S = 6.0
 TELL_TRIALS_EVERY_S = 2.0
 """Time between two messages that say how many trials have finished."""
 _CLEAN_UP_POLL_S = 0.02
+PORTS_PATIENCE_S = 10.0
+"""Time in which applications are to listen on forwarded ports before the job counts as running all the same."""
+_PORTS_POLL_S = 0.1
 
 
 class Supervision:
@@ -91,6 +94,8 @@ class Supervision:
         """Whether the launcher stops the run."""
         self._is_completed = False
         """Whether an application ended with exit code 0, in a run without an episode."""
+        self._forwarder = os.getpid()
+        """A process in the applications' network."""
         self._crash: Crash | None = None
         self._has_crashed = False
         """Whether something crashed and the run goes on nevertheless."""
@@ -111,7 +116,8 @@ class Supervision:
         if self._box and self._box.doors:
             self._others |= {fork_forwarder(self._box.doors)}
         if ports:
-            self._others |= {fork_forwarder(ports, self._box.join_network if self._box else lambda: None)}
+            self._forwarder = fork_forwarder(ports, self._box.join_network if self._box else lambda: None)
+            self._others |= {self._forwarder}
         self._meter = Meter(plan.compute, self._others)
         folder = plan.output_dir / LOG_FOLDER
         folder.mkdir(parents=True, exist_ok=True)
@@ -139,6 +145,15 @@ class Supervision:
             self._run_ended = os.pidfd_open(self._run_pid)
         for program in self._programs:
             self._start(program)
+        if self._plan.ports:
+            self._look_at_ports(time.monotonic() + PORTS_PATIENCE_S)
+
+    def _look_at_ports(self, until_s: float) -> None:
+        """Tells the launcher once applications listen on the ports that are forwarded, or had their time to."""
+        if time.monotonic() >= until_s or are_listened_on(self._plan.ports, self._forwarder):
+            self._tell({"event": "answering"})
+        elif not self._is_stopping:
+            self._after(_PORTS_POLL_S, partial(self._look_at_ports, until_s))
 
     def _start(self, program: Program) -> None:
         if self._is_stopping:

@@ -106,8 +106,9 @@ def _supervise(channel: Connection, request: RunRequest, run: WaitingRun, progre
     """Starts one run, watches it, leaves none of its processes behind.
 
     Messages to the launcher are JSON objects: `{"event": "started"}`, or `{"event": "refused", "code":
-    str, "reason": str}`; under `Continue` perhaps `{"event": "crashed", "exit": object}`; at last
-    `{"event": "exited", "exit": object}`, each object an `outcomes.Exit`. Messages from the launcher:
+    str, "reason": str}`; `{"event": "answering"}` once forwarded ports answer; under `Continue` perhaps
+    `{"event": "crashed", "exit": object}`; at last `{"event": "exited", "exit": object}`, each object an
+    `outcomes.Exit`. Messages from the launcher:
     `{"stop": reason}` asks the run to finish (SIGTERM), `{"kill": true}` ends it.
 
     Args:

@@ -90,6 +90,9 @@ class MinioUsers:
 
 
 _POLICY = "robomaker-role"
+_READ_ONLY = "IAM write operations are disabled"
+"""Part of SeaweedFS's refusal, which it gives unless it is started otherwise."""
+
 _HEADER = re.compile(r"^[ \t]*\[\[[ \t]*role[ \t]*\]\][ \t]*(#.*)?$", re.MULTILINE)
 
 
@@ -205,7 +208,7 @@ def _users_of(endpoint: str, region: str, environ: Mapping[str, str]) -> _Users:
         ConfigurationError: see `MinioUsers`.
     """
     if not _server_name(endpoint, region, environ).startswith(SERVER):
-        return _IamUsers(endpoint, region, environ)
+        return IamUsers(endpoint, region, environ)
     return MinioUsers(endpoint, environ)
 
 
@@ -225,7 +228,7 @@ def _server_name(endpoint: str, region: str, environ: Mapping[str, str]) -> str:
     return str(answer["ResponseMetadata"].get("HTTPHeaders", {}).get("server", ""))
 
 
-class _IamUsers:
+class IamUsers:
     """Users of an S3 server that has the interface of AWS IAM, as SeaweedFS has."""
 
     def __init__(self, endpoint: str, region: str, environ: Mapping[str, str]) -> None:
@@ -235,20 +238,33 @@ class _IamUsers:
 
     def has(self, name: str) -> bool:
         """Whether a user exists."""
-        return self._ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
+        return self.ask("look for a user", lambda: self._iam.get_user(UserName=name), "NoSuchEntity") is not None
 
     def ensure(self, name: str, policy: str) -> None:
         """Creates a user unless it exists, and sets its policy."""
-        self._ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
+        self.ask("make a user", lambda: self._iam.create_user(UserName=name), "EntityAlreadyExists")
         request = {"UserName": name, "PolicyName": _POLICY, "PolicyDocument": policy}
-        self._ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
+        self.ask("set the policy of a user", lambda: self._iam.put_user_policy(**request))
 
     def new_key(self, name: str) -> tuple[str, str]:
         """Creates an access key; returns its id and secret."""
-        made = self._ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
+        made = self.ask("make an access key", lambda: self._iam.create_access_key(UserName=name))["AccessKey"]
         return made["AccessKeyId"], made["SecretAccessKey"]
 
-    def _ask(self, doing: str, call: Any, expected: str = "") -> Any:
+    def ask(self, doing: str, call: Any, expected: str = "") -> Any:
+        """Calls the server.
+
+        Args:
+            doing: What is done, for errors.
+            call: The call.
+            expected: Code of an error that is none.
+
+        Returns:
+            The answer; `None` for the expected error.
+
+        Raises:
+            StorageError: The server refuses, or does not answer.
+        """
         from botocore.exceptions import BotoCoreError, ClientError
 
         from ..s3.failures import from_client_error
@@ -267,4 +283,6 @@ class _IamUsers:
 
         why = from_client_error(error, f"cannot {doing} at {self._endpoint}")
         advice = "users are made through the interface of AWS IAM, for which the server and these keys have to be made"
+        if _READ_ONLY in str(why):
+            advice = "start SeaweedFS with -s3.iam.readOnly=false, so that it makes users"
         return type(why)(f"{why}; {advice}")

@@ -194,7 +194,13 @@ def test_requests_of_all_years_are_accepted_and_echoed(
     assert job["loggingConfig"] == {"recordAllRosTopics": False, **members.get("loggingConfig", {})}
     for member in ("simulationApplications", "robotApplications"):
         sent = members.get(member, job.get(member))
-        assert job.get(member) == (sent and [{**UNSAID, **each} for each in sent]), "as they were sent, with defaults"
+        found = job.get(member)
+        if sent is not members.get(member) or not sent:
+            assert found == (sent and [{**UNSAID, **each} for each in sent])
+            continue
+        assert [each.pop("application").split("/")[-2] for each in found] == [each["application"] for each in sent]
+        named = [{name: value for name, value in each.items() if name != "application"} for each in sent]
+        assert found == [{**UNSAID, **each} for each in named], "as they were sent, with ARNs and defaults"
     for member, value in echoed.items():
         found: Any = job.get(member)
         assert (found if not isinstance(value, dict) else {key: found[key] for key in value}) == value

@@ -415,26 +415,63 @@ def test_a_job_that_goes_on_after_a_crash_can_be_restarted(
     assert until(service, arn, "Canceled").get("failureCode") is None
 
 
-def test_ports_are_forwarded_while_the_job_runs(service: Service, order_command: Order) -> None:
+def answer_of(job: Ending, port: int) -> bytes:
+    """What is answered at a job's port; nothing where no program listens."""
     import urllib.request
 
-    job_port, application_port = free_port(), free_port()
+    try:
+        return urllib.request.urlopen(
+            f"http://{job['networkInterface']['publicIpAddress']}:{port}/", timeout=200
+        ).read()
+    except OSError:
+        return b""
+
+
+PATIENCE_S = 10.0
+"""Time after which a job counts as running though no program listens on its ports."""
+
+
+@pytest.mark.parametrize("same", [False, True])
+def test_a_job_runs_once_its_ports_answer_also_after_a_restart(
+    service: Service, order_command: Order, same: bool
+) -> None:
+    application_port = free_port()
+    job_port = application_port if same else free_port()
     mapping = {"jobPort": job_port, "applicationPort": application_port}
     request = order_command(
-        f"echo hello > index.html; exec python3 -m http.server {application_port} --bind 127.0.0.1",
+        f"echo hello > index.html; sleep 2; exec python3 -m http.server {application_port} --bind 127.0.0.1",
         launch={"portForwardingConfig": {"portMappings": [mapping]}},
         vpcConfig={"subnets": ["subnet-1"], "securityGroups": ["sg-1"]},
     )
-
     with performing(service, request) as arn:
-        job = until(service, arn, "Running")
-        url = f"http://{job['networkInterface']['publicIpAddress']}:{job_port}/"
-        deadline = time.monotonic() + 120
-        while True:
-            try:
-                assert urllib.request.urlopen(url, timeout=200).read() == b"hello\n"
-                break
-            except OSError:
-                assert time.monotonic() < deadline
-                time.sleep(0.1)
-        assert job["vpcConfig"]["subnets"] == ["subnet-1"]
+        began_s, earlier = time.monotonic(), ""
+        for restarts in (True, False):
+            job = until(service, arn, "Running")
+            assert answer_of(job, job_port) == b"hello\n" or time.monotonic() - began_s > PATIENCE_S
+            assert str(job["lastStartedAt"]) > earlier
+            assert job["vpcConfig"]["subnets"] == ["subnet-1"]
+            if restarts:
+                began_s, earlier = time.monotonic(), str(job["lastStartedAt"])
+                call("RestartSimulationJob", {"job": arn}, service)
+    job = until(service, arn, "Canceled")
+    assert len(service.catalog.get(arn).document["earlierRuns"]) == 1
+
+
+@pytest.mark.deep
+def test_a_job_whose_ports_never_answer_runs_after_a_while(service: Service, order_command: Order) -> None:
+    mapping = {"jobPort": free_port(), "applicationPort": free_port()}
+    request = order_command("sleep 600", launch={"portForwardingConfig": {"portMappings": [mapping]}})
+    began_s = time.monotonic()
+    with performing(service, request) as arn:
+        until(service, arn, "Running")
+        assert time.monotonic() - began_s > PATIENCE_S
+
+
+@pytest.mark.parametrize("command", ["exit 0", "exit 3"])
+def test_a_job_that_ends_before_its_ports_answer_ends_as_others(
+    service: Service, order_command: Order, run: Any, command: str
+) -> None:
+    mapping = {"jobPort": free_port(), "applicationPort": free_port()}
+    job = run(order_command(command, launch={"portForwardingConfig": {"portMappings": [mapping]}}))
+    assert job["status"] == ("Completed" if command == "exit 0" else "Failed")
+    assert job["lastStartedAt"]

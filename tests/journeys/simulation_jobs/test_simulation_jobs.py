@@ -44,6 +44,21 @@ def test_a_job_runs_code_from_a_bundle_and_publishes_its_outputs(
     assert result.seed == 3
 
 
+def test_an_application_that_is_named_is_answered_with_its_arn(service: Service, order: Order) -> None:
+    robot, simulation = (
+        call(f"Describe{kind}Application", {"application": name}, service)["arn"]
+        for kind, name in (("Robot", "watcher"), ("Simulation", "sleeper"))
+    )
+    job = call("CreateSimulationJob", order(), service)
+    # The job's applications are those that were there when it was made.
+    call("DeleteRobotApplication", {"application": robot}, service)
+    described = call("DescribeSimulationJob", {"job": job["arn"]}, service)
+    [in_batch] = call("BatchDescribeSimulationJob", {"jobs": [job["arn"]]}, service)["jobs"]
+    for answer in (job, described, in_batch):
+        assert answer["robotApplications"][0]["application"] == robot
+        assert answer["simulationApplications"][0]["application"] == simulation
+
+
 def test_a_crash_names_its_side_and_ends_with_the_log(order: Order, simulate: Simulate) -> None:
     job = simulate(order({"FAIL_AT_STEP": "3"}))
 

@@ -5,6 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
+from prefect_robomaker.schemas.operations.registry import parse_request
 from prefect_robomaker.schemas.wire.common import (
     Filter,
     GenericString,
@@ -13,6 +14,7 @@ from prefect_robomaker.schemas.wire.common import (
     shorten,
     without_escapes,
 )
+from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 
 @given(st.text(min_size=1, max_size=50), st.integers(0, 200))
@@ -33,6 +35,18 @@ def test_a_shortened_reason_fits_and_keeps_both_ends(line: str, lines: int) -> N
 def test_exactly_one_refuses_none_and_both(given_values: tuple[int | None, int | None]) -> None:
     with pytest.raises(ValueError, match="exactly one of a and b has to be given"):
         exactly_one(("a", "b"), given_values)
+
+
+@pytest.mark.parametrize("name", ["\x1b]2;title\x07", "two\nlines", "nul\x00", "\x85"])
+def test_a_control_character_in_a_name_is_refused_with_its_number(name: str) -> None:
+    body = {"templateBody": {"Version": "2"}}
+    for operation, members in (
+        ("CreateWorldTemplate", body),
+        ("UpdateWorldTemplate", {"template": "arn:aws:robomaker:us-west-2:000000000000:world-template/template-1"}),
+    ):
+        with pytest.raises(InvalidParameterException, match=r"name: .*control characters; remove U\+"):
+            parse_request(operation, {**members, "name": name})
+        parse_request(operation, {**members, "name": "Küche 🤖, 2. Stock"})
 
 
 def test_filters_become_names_and_values() -> None:

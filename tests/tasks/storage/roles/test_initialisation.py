@@ -2,18 +2,20 @@
 
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 from uuid import uuid4
 
 import pytest
+from botocore.exceptions import ClientError
 from helpers.roles import roles_file
 from helpers.s3_server import S3Server
 
 from prefect_robomaker.schemas.roles import Role
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAccessDeniedError
+from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAccessDeniedError, StorageError
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import open_roles, read_roles_file
-from prefect_robomaker.tasks.storage.roles.initialisation import MinioUsers, initialise, user_name, write_keys
+from prefect_robomaker.tasks.storage.roles.initialisation import IamUsers, MinioUsers, initialise, user_name, write_keys
 from prefect_robomaker.tasks.storage.roles.reading import policy_of
 
 
@@ -111,6 +113,15 @@ def test_keys_that_may_not_make_users_are_refused_by_minio(tmp_path: Path, minio
 
     with pytest.raises(StorageAccessDeniedError, match="cannot make a policy at"):
         users.ensure("other", '{"Version": "2012-10-17", "Statement": []}')
+
+
+def test_a_server_that_makes_no_users_is_told_with_what_to_change() -> None:
+    said = "IAM write operations are disabled on this server"  # SeaweedFS 4.48
+    refusal = ClientError({"Error": {"Code": "AccessDenied", "Message": said}}, "CreateUser")
+    users = IamUsers("http://127.0.0.1:9", "us-west-2", {"AWS_ACCESS_KEY_ID": "a", "AWS_SECRET_ACCESS_KEY": "b"})
+
+    with pytest.raises(StorageError, match=r"start SeaweedFS with -s3\.iam\.readOnly=false"):
+        users.ask("make a user", Mock(side_effect=refusal))
 
 
 def test_minio_needs_its_package(monkeypatch: pytest.MonkeyPatch) -> None:

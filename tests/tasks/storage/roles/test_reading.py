@@ -73,6 +73,25 @@ def test_the_closest_role_is_meant() -> None:
     assert find_role(roles, "arn:aws:iam::2:role/nightly") is None
 
 
+def test_a_role_of_any_account_is_meant_where_no_closer_one_is() -> None:
+    arns = [f"arn:aws:iam::{each}" for each in ("*:role/nightly", "*:role/team/*", "1:role/nightly", "1:role/*")]
+    roles = parse_roles("\n".join(f'[[role]]\narn = "{arn}"' for arn in arns), "roles.toml")
+
+    def meant(account: str, name: str) -> str | None:
+        role = find_role(roles, f"arn:aws:iam::{account}:role/{name}")
+        return role and role.arn
+
+    assert [meant("2", "nightly"), meant("2", "team/anna"), meant("1", "team/anna")] == [arns[0], arns[1], arns[1]]
+    assert [meant("1", "nightly"), meant("1", "day"), meant("2", "day")] == [arns[2], arns[3], None]
+    assert find_role(roles, "arn:aws:s3:::2:role/nightly") is None
+
+
+@pytest.mark.parametrize("arn", ["arn:aws:iam::*1:role/x", "arn:aws:iam::*:role/*/x", "*", "arn:aws:iam::**:role/x"])
+def test_a_star_elsewhere_is_refused(arn: str) -> None:
+    with pytest.raises(ConfigurationError, match=r"role\[0\]\.arn"):
+        parse_roles(f'[[role]]\narn = "{arn}"', "roles.toml")
+
+
 @pytest.mark.parametrize(
     ("name", "is_inside"),
     [
