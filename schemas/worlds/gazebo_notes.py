@@ -10,7 +10,7 @@ goals:
 
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 from pydantic_core import PydanticCustomError
 
 from ..wire.base import Model
@@ -18,6 +18,15 @@ from .world import Point, RoomType
 
 _LEVEL_M = 0.01
 """Distance by which an edge may lean and still count as level or upright."""
+
+
+def _pair(value: object) -> object:
+    """YAML has lists where the world has pairs."""
+    return tuple(float(each) if isinstance(each, int) else each for each in value) if isinstance(value, list) else value
+
+
+Spot = Annotated[Point, BeforeValidator(_pair)]
+"""A place in the frame of the world file, in metres."""
 
 
 def _upright(polygon: list[Point]) -> list[Point]:
@@ -31,7 +40,7 @@ class NotedRoom(Model):
     """A room of the world."""
 
     type: RoomType = Field(default="Area", description="Its type.")
-    polygon: Annotated[list[Point], AfterValidator(_upright)] = Field(
+    polygon: Annotated[list[Spot], AfterValidator(_upright)] = Field(
         min_length=4,
         max_length=200,
         description="Its corners in the frame of the world file, metres; edges run along x and y.",
@@ -44,7 +53,7 @@ class GazeboNotes(Model):
     rooms: dict[str, NotedRoom] = Field(
         default={}, max_length=200, description="Rooms by name; absent: the whole world is one area."
     )
-    goals: dict[str, Point] = Field(
+    goals: dict[str, Spot] = Field(
         default={},
         max_length=200,
         description="Named goals in the frame of the world file, metres; a robot has to reach each.",

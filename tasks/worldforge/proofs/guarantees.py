@@ -93,6 +93,7 @@ def _plan_lines(checks: WorldChecks) -> Iterator[ProofLine]:
         wide = _verdict(way.clear_width_m >= MIN_PASSAGE_M)
         yield ProofLine(" - ".join(way.rooms), f"{kind}, {way.clear_width_m:.2f} m clear", wide)
     share = f"{checks.reachable_share:.1%} of where a disc of {checks.robot_radius_m:g} m radius fits"
+    share += "" if checks.reachable_m2 is None else f", {checks.reachable_m2:.1f} m²"
     reached = all(cells >= MIN_CELLS for cells in checks.reachable_cells.values()) and not checks.unreachable_goals
     yield ProofLine("Reachable from the origin", share, _verdict(reached))
     if checks.closed_off_rooms:

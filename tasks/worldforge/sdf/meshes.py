@@ -4,6 +4,7 @@ The up axis of COLLADA files is not looked at, as Gazebo does not either: many s
 """
 
 import io
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -103,7 +104,9 @@ class Meshes:
             raise MeshError(path, f"{', '.join(_SUFFIXES)} can be read")
         try:
             content = read_bytes(path, MOST_MESH_BYTES)
-            found = [_sound(part) for part in reader(content, path, submesh, self._lookup)]
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # readers warn of files and of libraries below them
+                found = [_sound(part) for part in reader(content, path, submesh, self._lookup)]
         except (MeshError, ImportError):
             raise
         except SdfError as error:
