@@ -111,10 +111,13 @@ def _welded(triangles: Triangles) -> _Faces:
 
 
 def _pieces(mesh: _Faces) -> list[NDArray[np.intp]]:
-    """Faces that hang together by corners, piece by piece."""
+    """Faces that hang together by edges, piece by piece; a leg that meets a table top in a corner is a piece."""
     count = len(mesh.faces)
+    edges = np.sort(mesh.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    _, edge = np.unique(edges, axis=0, return_inverse=True)
     rows = np.repeat(np.arange(count), 3)
-    graph = coo_array((np.ones(3 * count), (rows, count + mesh.faces.ravel())), shape=(count + len(mesh.points),) * 2)
+    size = count + int(edge.max()) + 1
+    graph = coo_array((np.ones(3 * count), (rows, count + edge.ravel())), shape=(size, size))
     _, labels = connected_components(graph, directed=False)
     labels = labels[:count]
     order = np.argsort(labels, kind="stable")

@@ -85,6 +85,12 @@ def test_convex_pieces_stay_whole_and_boxes_become_boxes() -> None:
     assert sorted(only.half.tolist()) == pytest.approx([0.5, 0.5, 1.0], abs=1e-4)
 
 
+def test_a_leg_that_meets_a_table_top_in_a_corner_stays_one_box() -> None:
+    boxes = [(-0.4, -0.3, 0.7, 0.4, 0.3, 0.75), (-0.4, -0.3, 0.0, -0.35, -0.25, 0.7)]
+    parts = convex_parts(np.array([each for box in boxes for each in triangles_of(box)]))
+    assert [type(part) for part in parts] == [BoxPart, BoxPart]
+
+
 def test_nothing_grows() -> None:
     """Bodies that move would be thrown if their shapes grew: no corner of a part is outside of its closed mesh."""
     table = np.array([
