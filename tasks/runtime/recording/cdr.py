@@ -1,6 +1,7 @@
 """ROS 2 messages as bytes (CDR): one by one, or many of one shape by columns."""
 
-from collections.abc import Callable, Mapping, Sequence
+import struct
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache
 from types import SimpleNamespace
 from typing import Any, NamedTuple, Protocol
@@ -198,6 +199,8 @@ for _kind in _SHAPES:
 _NANOSECONDS = 1_000_000_000
 _DOUBLE, _FLOAT = 8, 4
 _DOUBLES, _FLOATS = "<f8", "<f4"
+_STRUCT_TYPES = {_DOUBLES: "d", _FLOATS: "f"}
+_STAMP = struct.Struct("<iI")
 _COVARIANCE = 36 * _DOUBLE
 _COVARIANCE_3X3 = 9 * _DOUBLE
 _ZERO = ros.Time(0, 0)
@@ -323,6 +326,24 @@ class Series(Protocol):
         ...
 
 
+class _Single:
+    """A message of some kind that is filled in again and again."""
+
+    def __init__(self, columns: Columns) -> None:
+        self._message = bytearray(columns.template)
+        self._stamps = columns.stamps
+        self._numbers = [
+            (place, struct.Struct(f"<{width}{_STRUCT_TYPES[kind]}")) for place, width, kind in columns.numbers.values()
+        ]
+
+    def filled(self, time_ns: int, values: Sequence[Sequence[float]]) -> bytes:
+        for place in self._stamps:
+            _STAMP.pack_into(self._message, place, *divmod(time_ns, _NANOSECONDS))
+        for (place, numbers), row in zip(self._numbers, values, strict=True):
+            numbers.pack_into(self._message, place, *row)
+        return bytes(self._message)
+
+
 class RowEncoder:
     """Encodes many ROS messages of fixed size at once: one message on each channel for each time."""
 
@@ -338,6 +359,7 @@ class RowEncoder:
         self._times: list[int] = []
         self._stamps: list[int] = []
         self._numbers: list[list[tuple[int, int, str]]] = []
+        self._single: list[_Single] = []
         for channel, item in columns:
             start = self._starts[channel] = len(self._template)
             data = start + RECORD_HEAD_BYTES
@@ -345,6 +367,7 @@ class RowEncoder:
             self._times += (start + TIMES_OFFSET, start + TIMES_OFFSET + _DOUBLE)
             self._stamps += (data + stamp for stamp in item.stamps)
             self._numbers.append([(data + place, width, kind) for place, width, kind in item.numbers.values()])
+            self._single.append(_Single(item))
 
     def encode(self, times_s: Numbers, values: Sequence[Sequence[AnyNumbers]]) -> Rows:
         """Encodes rows of numbers to messages; the result is valid until the next call.
@@ -368,3 +391,16 @@ class RowEncoder:
             for (place, width, kind), column in zip(places, columns, strict=True):
                 np.ndarray((count, width), kind, raw, place, (size, np.dtype(kind).itemsize))[:] = column
         return Rows(times_ns, raw, self._starts)
+
+    def encode_one(
+        self, time_s: float, values: Sequence[Sequence[Sequence[float]]], wanted: Iterable[int]
+    ) -> list[bytes]:
+        """Returns messages of one time, the same bytes as in a row.
+
+        Args:
+            time_s: Simulated time, not negative.
+            values: For each kind of message its numbers in the order of `Columns.numbers`.
+            wanted: Positions of the kinds that are encoded.
+        """
+        time_ns = round(time_s * _NANOSECONDS)
+        return [self._single[number].filled(time_ns, values[number]) for number in wanted]

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..recording.cdr import AnyNumbers, Message, Numbers, RowEncoder, Series, encode
 from ..recording.mcap_file import RECORD_HEAD_BYTES, Rows
-from ..recording.messages import Clock, Time, TransformStamped
+from ..recording.messages import TransformStamped
 from ..recording.recording import STATIC_TOPIC, Frames, Recorder, StaticTransforms
 from ..recording.state_series import StateSeries
 from .wire import Topic, Wire
@@ -40,8 +40,6 @@ TOPICS: Mapping[str, Topic] = {
 
 _EACH_STEP = ("/tf", "/odom", "/joint_states", "/imu")
 _ON_DEMAND = frozenset(topic.name for topic in TOPICS.values() if topic.is_on_demand)
-_CLOCK = "/clock"
-_NOTHING = Recorder()
 
 
 class BridgeRecorder(Recorder):
@@ -164,7 +162,7 @@ class BridgeRecorder(Recorder):
             if not wanted:
                 relayed.skip()
                 continue
-            for topic, data in relayed.time() if wanted == [_CLOCK] else relayed.news():
+            for topic, data in relayed.news(wanted):
                 self._send(topic, data)
                 if topic in self._names:
                     published.add(topic)
@@ -219,7 +217,7 @@ class _Relayed:
 
     def __init__(self, series: Series, *, keeps: bool, publishes: Callable[[], bool]) -> None:
         self.series = series
-        self._states = series.twin() if isinstance(series, StateSeries) else None
+        self._states = series if isinstance(series, StateSeries) else None
         self.has_states = self._states is not None
         self._is_skipped = False
         self._keeps, self._publishes = keeps, publishes
@@ -250,28 +248,28 @@ class _Relayed:
         if not (self.has_states or self._is_skipped) and self._publishes():
             self._unsent.append(found)
 
-    def time(self) -> list[tuple[str, bytes]]:
-        """The present time alone: where no node listens to states they are not worked out."""
-        assert isinstance(self.series, StateSeries)
-        time_s = self.series.data.time
-        return [(_CLOCK, encode(Clock(Time.from_seconds(time_s))))]
-
     def skip(self) -> None:
         """Keeps nothing for nodes, since none listens."""
         self._is_skipped = True
         self._unsent.clear()
 
-    def news(self) -> list[tuple[str, bytes]]:
-        """Messages for nodes, in order: of states the present one, of sensors all since the last time."""
+    def news(self, wanted: Collection[str]) -> list[tuple[str, bytes]]:
+        """Messages for nodes, in order: of states the present one, of sensors all since the last time.
+
+        Args:
+            wanted: Topics of the series that nodes are to get.
+        """
         if self._states is not None:
-            self._states.sample(_NOTHING)
-            times, values = self._states.take()
-        else:
-            self.gather()
-            unsent, self._unsent = self._unsent, []
-            times, values = _joined(unsent)
+            time_s, now = self._states.present(wanted)
+            chosen = [number for number, (topic, _) in enumerate(self.topics) if topic in wanted]
+            return list(zip(wanted, self._encoder.encode_one(time_s, now, chosen), strict=True))
+        self.gather()
         self._is_skipped = False
-        return list(self._messages(self._encoder.encode(times, values))) if len(times) else []
+        if not self._unsent:
+            return []
+        unsent, self._unsent = self._unsent, []
+        times, values = _joined(unsent)
+        return list(self._messages(self._encoder.encode(times, values)))
 
     def _messages(self, rows: Rows) -> list[tuple[str, bytes]]:
         count = len(rows.times_ns)

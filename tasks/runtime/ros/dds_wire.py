@@ -53,7 +53,7 @@ class DdsWire:
     def take(self) -> list[Command]:
         """See `Wire`."""
         found: list[tuple[int, Command]] = []
-        for kind, reader in self._readers:
+        for kind, reader in [each for each in self._readers if each[1].has_news]:
             for data, published_ns in reader.take():
                 try:
                     found.append((published_ns, _command(decode(data, kind), kind)))

@@ -66,7 +66,7 @@ _EVENT_TEXT = """service_msgs/ServiceEventInfo info
 {service}_Request[<=1] request
 {service}_Response[<=1] response
 """
-"""What ROS 2 publishes on `/NAME/_service_event`."""
+"""Definition of the messages that ROS 2 publishes on `/NAME/_service_event`."""
 
 
 class PackageFiles:
@@ -122,7 +122,7 @@ class PackageFiles:
                 folders[:] = [] if is_deepest else sorted(set(folders) - _NOT_OF_PACKAGES)
 
     def _text(self, package: Path, name: str) -> str:
-        """What the files of a package say of a type; a service has three types.
+        """Reads the definition of a type from a package's files; a service has three types.
 
         Raises:
             OSError: It has no such file.

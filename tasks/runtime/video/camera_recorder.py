@@ -46,7 +46,7 @@ _MOST_MM = 0xFFFF
 
 
 class _Sight(NamedTuple):
-    """What a camera sees; the parts that nobody asked for are missing."""
+    """Picture and depths that a camera sees; the parts that were not asked for are missing."""
 
     picture: Image | None
     depths_m: Depths | None

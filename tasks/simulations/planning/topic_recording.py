@@ -18,7 +18,7 @@ _OURS = ("PYTHONPATH", "PYTHONHOME", "LD_LIBRARY_PATH", "LD_PRELOAD")
 
 
 _ROS_FOLDERS = Path("/opt/ros")
-"""Where ROS installs its packages."""
+"""Folder that ROS installs its packages in."""
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:

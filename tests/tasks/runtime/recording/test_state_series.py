@@ -8,7 +8,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
-from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
+from prefect_robomaker.tasks.runtime.recording.cdr import RowEncoder
+from prefect_robomaker.tasks.runtime.recording.mcap_file import RECORD_HEAD_BYTES
+from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.recording.state_series import StateSeries, hinges_and_slides
 
 MODEL = """
@@ -128,3 +130,20 @@ def test_sampling_changes_nothing(model: mujoco.MjModel, tmp_path: Path) -> None
         mujoco.mj_step(model, alone, 10)
     np.testing.assert_array_equal(recorded.qpos, alone.qpos)
     np.testing.assert_array_equal(recorded.qvel, alone.qvel)
+
+
+def test_one_state_has_the_very_numbers_of_its_row(model: mujoco.MjModel) -> None:
+    data = tumble(model)
+    base = [model.joint("base").id]
+    series = StateSeries(model, data, hinges_and_slides(model).tolist(), base=base)
+    topics = [topic for topic, _ in series.topics]
+    encoder = RowEncoder([(number, columns) for number, (_, columns) in enumerate(series.topics)])
+    for _ in range(50):
+        mujoco.mj_step(model, data)
+        series.sample(Recorder())
+        row = encoder.encode(*series.take())
+        time_s, values = series.present(topics)
+        for number, message in enumerate(encoder.encode_one(time_s, values, range(len(topics)))):
+            start = row.starts[number] + RECORD_HEAD_BYTES
+            assert bytes(row.records[start : start + len(message)]) == message, topics[number]
+    assert series.present({"/clock"}) == (data.time, [[], [], [], []])
