@@ -1,5 +1,6 @@
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 from helpers.scripted_wire import ScriptedWire
 
+from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.runs.ros import KnownTopic, RosOptions, RosPlan
 from prefect_robomaker.schemas.wire.base import choices
 from prefect_robomaker.schemas.wire.errors import LaunchError
@@ -125,6 +127,28 @@ def test_who_comes_late_learns_where_sensors_are_and_truth_only_where_asked(run)
     assert {topic.name for topic in truth.wire.opened if topic.is_latched} == {
         "/tf_static", "/map", "/robot_description"
     }  # fmt: skip
+
+
+def test_moving_links_are_told_where_they_are_now(make_context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    walker = ApplicationPlan(
+        role="robot", name="walker", attribute="prefect_robomaker.tasks.runtime.applications.walker.make_agent"
+    )
+
+    def walking(**members: Any) -> Any:
+        context = make_context(**members)
+        return replace(context, plan=context.plan.model_copy(update={"robot_application": walker}))
+
+    commands = [(0.05 * number, drive(0.3)) for number in range(100)]
+    hears = Peers(frozenset({"/tf"}), commanders=1)
+    made = Run(walking, ScriptedWire(commands, peers=lambda _: hears), monkeypatch, time="free")
+    made.begin()
+    made.go(10)
+    told = [each for each in made.messages("/tf") if len(each.transforms) > 1]
+    assert len(told) == 10
+    frames = {each.child_frame_id: each.transform.rotation for each in told[-1].transforms}
+    assert set(frames) == set(made.environment.tf_frames.values()) - {"map"}
+    before = {each.child_frame_id: each.transform.rotation for each in told[0].transforms}
+    assert sum(str(before[name]) != str(turned) for name, turned in frames.items()) > 4, "its legs move"
 
 
 def test_a_robot_without_commands_stands_still_after_half_a_second(run) -> None:
