@@ -2,8 +2,11 @@
 
 import itertools
 import json
+import os
 import re
+import shutil
 import subprocess
+import tarfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,6 +19,7 @@ from helpers.endpoint_process import Serve
 from helpers.paths import REPOSITORY
 from helpers.processes import wait_for
 from helpers.rclpy_nodes import rclpy as rclpy  # a fixture
+from helpers.real_engine import RealEngine
 from helpers.small_flat import BODY, ROLE
 from helpers.swing_fixtures import outputs_of
 
@@ -23,6 +27,7 @@ from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.runs.plan import RunResult
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
+from prefect_robomaker.tasks.inspection.replays import verify_run
 from prefect_robomaker.tasks.jobs.job_runs import perform_job
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -284,3 +289,78 @@ def test_an_unchanged_client_has_its_node_driven_over_http(
     result = RunResult.model_validate_json((outputs_of(service, told) / "result.json").read_bytes())
     assert result.extra["ros"]["commands"] > 20
     assert result.extra["ros"]["time"] == "paced"
+
+
+_NOT_IN_IMAGES = ("/include/", "/cmake/", "/tests/", "/__pycache__/", "/setuptools/", "/numpy/f2py/", "/tools/")
+
+
+def add_image(engine: RealEngine, folder: Path, environment: Path) -> str:
+    """An image of this machine's Python, and of rclpy from its wheels in a prefix as `/opt/ros` has."""
+    root = folder / "ros.tar"
+    shutil.copyfile(engine.root(python=True), root)
+    kept = [
+        path
+        for path in sorted((environment / "lib").rglob("*"))
+        if not any(part in f"{path}/" for part in _NOT_IN_IMAGES) and path.suffix != ".a"
+    ]
+    libraries = [str(path) for path in kept if ".so" in path.name and path.is_file()]
+    (packages,) = (environment / "lib").glob("python3*/site-packages")
+    folders = [environment / "lib", *sorted(packages.glob("*.libs"))]  # where wheels have what they were linked with
+    searched = {**os.environ, "LD_LIBRARY_PATH": ":".join(map(str, folders))}
+    listed = subprocess.run(["ldd", *libraries], capture_output=True, text=True, env=searched, check=False).stdout
+    with tarfile.open(root, "a") as tar:
+        already = set(tar.getnames())
+        for needed in sorted(set(re.findall(r"=> (/\S+) \(0x", listed))):
+            if not Path(needed).is_relative_to(environment) and needed.lstrip("/") not in already:
+                tar.add(Path(needed).resolve(), arcname=needed)
+        for place in ("ros", "ros/lib", "ros/share"):  # engines let only root look into folders that are in no archive
+            member = tarfile.TarInfo(place)
+            member.type, member.mode = tarfile.DIRTYPE, 0o755
+            tar.addfile(member)
+        for path in kept:
+            tar.add(path, arcname=f"ros/{path.relative_to(environment)}", recursive=False)
+        tar.add(environment / "share" / "ament_index", arcname="ros/share/ament_index")
+    image = engine.note_image(f"{engine.prefix}/rclpy:1")
+    python_path = f"/ros/{packages.relative_to(environment)}"
+    library_path = ":".join(f"/ros/{path.relative_to(environment)}" for path in folders)
+    found = f"PYTHONPATH={python_path} LD_LIBRARY_PATH={library_path} AMENT_PREFIX_PATH=/ros PATH=/usr/bin:/bin"
+    changes = ("USER robo", f"ENV {found} ROS_LOG_DIR=/tmp/log")
+    engine.call("import", *(word for each in changes for word in ("--change", each)), str(root), image)
+    return image
+
+
+def test_nodes_in_a_container_drive_by_dds(
+    service: Service, real_engine: RealEngine, tmp_path: Path, rclpy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROBOMAKER_CONTAINER_ENGINE", real_engine.program)
+    for name, value in real_engine.environ.items():
+        monkeypatch.setenv(name, value)
+    service.store.ensure_bucket("results")
+    image = add_image(real_engine, tmp_path, rclpy.parents[1])
+    about = {"name": "robot", "robotSoftwareSuite": SUITE, "environment": {"uri": image}}
+    call("CreateRobotApplication", about, service)
+    world = keep_world(
+        generate_world(WorldTemplateBody.model_validate({**BODY, "Version": "2"}), 1, 2), "import", {}, service
+    )
+    variables = {"NODE": files_of_page()["my_driver/drive.py"]}
+    variables["ROBOMAKER_ROS"] = json.dumps({"time": "lockstep", "answer_timeout_s": 200.0})
+    limit = {"environmentVariables": {"ROBOMAKER_SIM_TIME_LIMIT_S": "6"}}
+    launch = {"command": ["bash", "-c", 'exec python3 -c "$NODE"'], "environmentVariables": variables}
+    request = {
+        "maxJobDurationInSeconds": 600, "iamRole": ROLE, "outputLocation": {"s3Bucket": "results"},
+        "simulationApplications": [
+            {"application": "indoor-navigation", "launchConfig": limit, "worldConfigs": [{"world": world.arn}]}
+        ],
+        "robotApplications": [{"application": "robot", "launchConfig": launch}],
+    }  # fmt: skip
+    arn = call("CreateSimulationJob", request, service)["arn"]
+
+    perform_job(arn, service)
+
+    job = call("DescribeSimulationJob", {"job": arn}, service)
+    assert job["status"] == "Completed", job["failureReason"]
+    ros = RunResult.model_validate_json((outputs_of(service, job) / "result.json").read_bytes()).extra["ros"]
+    assert (ros["time"], ros["unanswered"], ros["heard"]) == ("lockstep", 0, ["/clock", "/scan"])
+    assert ros["commands"] == ros["sent"]["/scan"] == 30
+    again = verify_run(arn, service)
+    assert (again.answer, again.robot) == ("bit-identical", "recorded actions"), str(again)
