@@ -39,6 +39,7 @@ TOPICS: Mapping[str, Topic] = {
 """Topics that nodes can have, of those that a simulation records."""
 
 _EACH_STEP = ("/tf", "/odom", "/joint_states", "/imu")
+_MAY_BE_SILENT = ("/goal_pose", "/initialpose")
 _ON_DEMAND = frozenset(topic.name for topic in TOPICS.values() if topic.is_on_demand)
 
 
@@ -107,6 +108,15 @@ class BridgeRecorder(Recorder):
     def is_heard(self, topic: str) -> bool:
         """Says whether nodes listen to a topic."""
         return self._wire is not None and self._names.get(topic) in self._heard
+
+    def without_messages(self, heard: Collection[str]) -> list[str]:
+        """Returns topics that nodes listened to and on which nothing was published; goals need not come.
+
+        Args:
+            heard: The topics, by the names that nodes know.
+        """
+        silent = [topic for topic in self._names if topic not in self.sent and topic not in _MAY_BE_SILENT]
+        return sorted(name for topic in silent if (name := self._names[topic]) in heard)
 
     def tell(self, topic: str, message: Any) -> None:
         """Publishes a message to nodes that listen, and records nothing."""

@@ -280,6 +280,11 @@ class RosAgent:
             self._notes[
                 "no node subscribed /clock: nodes that should follow simulated time need use_sim_time set to true"
             ] = None
+        if self._commands and (silent := self._recorder.without_messages(self._heard)):
+            self._notes[
+                f"nodes subscribed {', '.join(silent)}, and the simulation published nothing there: the robot has no "
+                "such sensor, or its camera could not draw"
+            ] = None
         return Findings(extra={"ros": about}, notes=list(self._notes))
 
     def _take(self, command: Command, time_s: float) -> None:

@@ -234,6 +234,20 @@ def test_two_commanders_and_stamps_of_a_wall_clock_are_said_once(run) -> None:
     assert found.extra["ros"]["heard"] == ["/clock"]
 
 
+def test_topics_that_nodes_wait_for_in_vain_are_said(run) -> None:
+    hears = Peers(frozenset({"/clock", "/laser", "/camera/image_raw", "/goal_pose"}), commanders=1)
+    made = run(
+        ScriptedWire([(0.6, drive(0.1)), (0.9, drive(0.1))], peers=lambda _: hears), topics={"/scan": "/laser"},
+        goals=True,
+    )  # fmt: skip
+    made.begin()
+    made.go(12)
+    assert (
+        "nodes subscribed /camera/image_raw, and the simulation published nothing there: the robot has no such sensor, "
+        "or its camera could not draw"
+    ) in notes(made)
+
+
 def test_simulations_that_take_no_velocities_are_refused(run) -> None:
     made = run()
     made.bridge.look_in(SimpleNamespace(action_spec=lambda: np.zeros(4)))
