@@ -125,8 +125,8 @@ class JobRecord(Model):
     failure_reason: str | None = optional("Why it failed, in words.")
     runs_free: bool = Field(
         default=False,
-        description="Whether its robot application is a program that the simulation did not wait for, so that what it "
-        "did depends on the machine's clock.",
+        description="Whether its robot application is a program, or ROS nodes, that the simulation did not wait for, "
+        "so that what it did depends on the machine's clock.",
     )
     metrics: dict[str, float] = Field(default={}, description="Numbers by name with unit, from `result.json`.")
     output_uri: str | None = optional("Address of its outputs.")

@@ -275,3 +275,14 @@ class RunResult(Model):
         """Lines to show beside the verdict: notes, and requested outputs that could not be produced."""
         without = [f"{what}: {self.extra[name]}" for name, what in _WENT_ON_WITHOUT.items() if self.extra.get(name)]
         return [*self.notes, *without]
+
+    @property
+    def runs_free(self) -> bool:
+        """Whether time did not wait for each answer of the robot application, so that the next run may do otherwise."""
+        match self.extra:
+            case {"ros": {"time": time, **figures}}:
+                return time != "lockstep" or bool(figures.get("unanswered"))
+            case {"agent": {"mode": "free"}}:
+                return True
+            case _:
+                return False

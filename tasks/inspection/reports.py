@@ -25,7 +25,6 @@ from ...schemas.reports.run_record import (
 )
 from ...schemas.reports.run_states import run_state
 from ...schemas.reports.variants import variants
-from ...schemas.runs.plan import RunResult
 from ...schemas.wire.arns import ResourceArn
 from ...schemas.wire.errors import (
     InvalidParameterException,
@@ -378,7 +377,7 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         failure_reason=job.failure_reason,
         verdict_reason=result.reason if result else None,
         remarks=result.remarks if result else [],
-        runs_free=_runs_free(result),
+        runs_free=result is not None and result.runs_free,
         metrics=result.metrics if result else {},
         output_uri=service.store.uri(place.bucket, place.prefix) if place else None,
         step=job.step,
@@ -389,12 +388,6 @@ def _job_record(job: ReportedJob, name: str, place: StoredPlace | None, service:
         earlier=job.earlier,
         carried_out_by=job.carried_out_by,
     )
-
-
-def _runs_free(result: RunResult | None) -> bool:
-    """Whether the simulation did not wait for the robot application, as its agent reports."""
-    about = result.extra.get("agent") if result else None
-    return isinstance(about, dict) and about.get("mode") == "free"
 
 
 def _worlds(steps: Sequence[StepRecord], jobs: Sequence[ReportedJob], service: Service) -> list[ReportedWorld]:

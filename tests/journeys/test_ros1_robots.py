@@ -71,6 +71,7 @@ def test_the_robot_of_the_page_turns_scout_in_a_generated_flat(
     (job,) = record.jobs
 
     assert (job.status, job.verdict, ended.code) == ("Completed", "FAIL", 1), ended.err
+    assert job.runs_free, "paced time depends on the machine's"
     outputs = Path(unquote(urlsplit(job.output_uri or "").path))
     result = RunResult.model_validate_json((outputs / "result.json").read_bytes())
     assert result.sim_time_s == pytest.approx(15.0)

@@ -75,7 +75,7 @@ def test_a_node_drives_by_a_specification_and_is_repeated_to_the_bit(
     folders = []
     for record in records:
         (job,) = record.jobs
-        assert (job.status, job.verdict) == ("Completed", "PASS")
+        assert (job.status, job.verdict, job.runs_free) == ("Completed", "PASS", False)
         folders.append(Path(unquote(urlsplit(job.output_uri or "").path)))
     result = RunResult.model_validate_json((folders[0] / "result.json").read_bytes())
     ros = result.extra["ros"]
