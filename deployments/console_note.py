@@ -14,20 +14,20 @@ _PATIENCE_S = 0.3
 
 
 def note_console(home: Path, url: str) -> None:
-    """Notes that a server of this process shows the resources of a data home."""
+    """Records the URL of this process's web console in the data home."""
     part = home / f".{_NOTE}.{os.getpid()}.part"
     part.write_text(json.dumps({"url": url, "pid": os.getpid()}))
     part.replace(home / _NOTE)
 
 
 def forget_console(home: Path) -> None:
-    """Removes the note, unless it is that of another server."""
+    """Deletes the record of the web console's URL, unless it is another server's."""
     if _read(home).get("pid") == os.getpid():
         (home / _NOTE).unlink(missing_ok=True)
 
 
 def console_of(home: Path) -> str:
-    """The address of the console of a data home; empty while no server answers there."""
+    """Returns the URL of a data home's web console; empty while no server answers there."""
     url = _read(home).get("url")
     place = urlsplit(url) if isinstance(url, str) else None
     if place is None or place.hostname is None or place.port is None:

@@ -48,7 +48,7 @@ _logger = logging.getLogger(__name__)
 
 
 def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
-    """Lists the limits of batches that have ended, by the catalog; batches of other homes are not known there.
+    """Lists Prefect concurrency limits that belong to finished batches.
 
     Args:
         batches: their ids.
@@ -62,7 +62,7 @@ def leftover_limits(batches: Collection[str], service: Service) -> list[str]:
 
 
 def remove_leftover_limits(client: SyncPrefectClient, settings: Settings) -> list[str]:
-    """Deletes the limits of batches that have ended; returns their names."""
+    """Deletes Prefect concurrency limits of finished batches; returns their names."""
     if not (batches := batches_with_limits(client)):
         return []
     with Service.opened(settings) as service:
@@ -83,7 +83,7 @@ _FRESH_S = 60.0
 
 
 class RecordedEnds:
-    """Ends of flow runs as one data home has recorded them; used from one thread.
+    """Looks up in a data home how flow runs really ended, to correct Prefect's states.
 
     Args:
         settings: the data home's.
@@ -96,7 +96,7 @@ class RecordedEnds:
         self._answers: dict[UUID, tuple[float, State[Any] | None]] = {}
 
     def end_of(self, run: FlowRun) -> State[Any] | None:
-        """Says how a flow run ended; `None`: it is not known here. Answers are up to a minute old."""
+        """Returns the state in which a flow run ended; `None` if unknown here."""
         now_s = time.monotonic()
         self._answers = {each: (at_s, end) for each, (at_s, end) in self._answers.items() if now_s - at_s < _FRESH_S}
         if run.id not in self._answers:
@@ -168,7 +168,7 @@ _CLOCKS_S = 10.0
 
 
 def close_dead_runs(settings: Settings) -> None:
-    """Starts a thread that sweeps again and again, on the server that Prefect's settings name.
+    """Starts a thread that regularly closes flow runs whose process died, on the Prefect server.
 
     Args:
         settings: of the home that knows how its runs ended.
@@ -178,7 +178,7 @@ def close_dead_runs(settings: Settings) -> None:
 
 
 async def close_dead_runs_beside(client: PrefectClient) -> None:
-    """Makes the automation that finds dead runs, and starts the thread, on our own server; see `server_process.beside`.
+    """Starts the closing of dead flow runs inside this program's own Prefect server.
 
     Args:
         client: a client of the server in this process.
@@ -193,7 +193,7 @@ async def close_dead_runs_beside(client: PrefectClient) -> None:
 
 
 def close_dead_runs_once(settings: Settings) -> None:
-    """Starts a thread that sweeps once; Python waits for it at its end, see `run_watch`.
+    """Starts a thread that closes dead flow runs once.
 
     Args:
         settings: of the home that knows how its runs ended.
@@ -210,16 +210,16 @@ class _Pace:
 
     @property
     def pause_s(self) -> float:
-        """How long to wait before the next look for open flow runs."""
+        """Seconds to wait until the next look for open flow runs."""
         return SWEEP_S if time.monotonic() - self._open_at_s < IDLE_SWEEP_S else IDLE_LOOK_S
 
     @property
     def last_look(self) -> datetime:
-        """The time of the last look for open flow runs, or somewhat before it."""
+        """Time of the last look for open flow runs, or slightly before it."""
         return datetime.fromtimestamp(self._looked_at_s - _CLOCKS_S, UTC)
 
     def is_due(self, is_open: bool) -> bool:
-        """Whether to sweep now, which is noted; by whether a flow run is open, or was since the last look."""
+        """Returns whether to clean up now, and records that."""
         now_s = time.monotonic()
         if time.time() - self._looked_at_s > UNHEARD_S - SILENCE_S:
             self._answers_since_s = now_s  # it slept, and may have slept together with those it judges
@@ -232,7 +232,7 @@ class _Pace:
         return True
 
     def has_heard_all(self) -> bool:
-        """Whether the server has answered for as long as a flow run may be silent."""
+        """Whether the server has been up for as long as a flow run may be silent."""
         return time.monotonic() - self._answers_since_s > UNHEARD_S
 
 
@@ -271,7 +271,7 @@ def _close_until_end(
 
 
 def tell_of_broken_off(client: SyncPrefectClient, settings: Settings, told: set[tuple[str, int]]) -> None:
-    """Says at flow runs of a home whose process died, before the run had ended, what finishes the run.
+    """Writes into dead flow runs of interrupted runs what finishes the run.
 
     Args:
         client: the server's client.

@@ -26,7 +26,7 @@ _PAGE = 50
 
 
 def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime, *, act: bool) -> GcFlowRuns:
-    """Counts the flow runs that ended before a policy's age, removes them, and has the database shrink.
+    """Deletes old flow runs from the local Prefect server's database, and shrinks it.
 
     Args:
         settings: whose local server.
@@ -49,7 +49,7 @@ def collect_flow_runs(settings: Settings, policy: RetentionPolicy, now: datetime
 
 
 def collect_limits(settings: Settings, service: Service, *, act: bool) -> list[str]:
-    """Finds concurrency limits of batches that have ended on the local server, if it runs, and removes them.
+    """Deletes concurrency limits of finished batches from the local Prefect server.
 
     Args:
         settings: whose local server.

@@ -17,7 +17,7 @@ _SHOWN = 100
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a request is refused."""
+    """Reason why an HTTP request from a foreign web page is refused."""
 
     status: int
     """Status of the answer: 400 for a wrong `Host`, else 403."""
@@ -33,7 +33,7 @@ def refusal(
     is_own_host: Callable[[str], bool],
     schemes: Collection[str] = ("http",),
 ) -> Refusal | None:
-    """Says why a request is refused; `None`: it is not.
+    """Returns why a request is refused because a foreign web page may have sent it; `None` if it is allowed.
 
     Args:
         kind: what is asked for.
@@ -56,7 +56,7 @@ def refusal(
 
 
 def foreign_site(method: str, headers: RawHeaders) -> str | None:
-    """The `Sec-Fetch-Site` of an HTTP request that a page of another site sent; `None` of every other.
+    """Returns the `Sec-Fetch-Site` header of a request that another site's page sent; `None` otherwise.
 
     A person who follows a link from another site comes to a page of ours, which that site does not see: a navigation
     of a whole tab is allowed.
@@ -69,7 +69,7 @@ def foreign_site(method: str, headers: RawHeaders) -> str | None:
 
 
 def is_loopback_host(host: str) -> bool:
-    """Whether a `Host` is `127.0.0.1` or `localhost`, with any port: pages of others cannot have it with ours."""
+    """Whether a `Host` header is `127.0.0.1` or `localhost`, with any port."""
     name, _, port = host.lower().partition(":")
     return name in ("127.0.0.1", "localhost") and (port.isdecimal() or not port)
 
@@ -110,7 +110,7 @@ _CORS = b"access-control-"
 
 
 class Guard:
-    """Refuses requests of other web pages, and takes what lets them in off the answers.
+    """ASGI application wrapper that refuses requests of foreign web pages.
 
     Args:
         application: the one that is guarded.

@@ -12,7 +12,7 @@ _FIELDS = "%(asctime)s %(levelname)s %(name)s %(message)s"
 
 
 def log_formatter(environ: Mapping[str, str], text: str, times: str | None = None) -> logging.Formatter:
-    """The formatter of a log.
+    """Makes the log formatter for text or JSON lines, as `ROBOMAKER_LOG_FORMAT` says.
 
     Args:
         environ: environment variables, of which `ROBOMAKER_LOG_FORMAT` is read.

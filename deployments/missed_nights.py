@@ -52,7 +52,7 @@ _logger = logging.getLogger(__name__)
 
 
 def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> None:
-    """Judges the nights that were due since the last look, and tells of those that did not happen, once.
+    """Checks which scheduled runs did not happen since the last check, and sends notifications.
 
     Without a server in Prefect's settings nothing is looked at.
 
@@ -77,7 +77,7 @@ def look_for_missed_nights(settings: Settings, now: datetime | None = None) -> N
 
 
 def without_worker(settings: Settings) -> list[tuple[str, str]]:
-    """The specifications that have a schedule and no Prefect worker to carry it out, with the names of the pools."""
+    """Lists specifications that are scheduled in a work pool without a Prefect worker."""
     found: list[tuple[str, str]] = []
     with asking_once() as client:
         for schedule in schedules_of(settings.home):
@@ -136,7 +136,7 @@ def _name_of_spec(deployment: DeploymentResponse) -> str:
 def looked_at(
     schedule: NightSchedule, settings: Settings, client: SyncPrefectClient, now: datetime
 ) -> NightSchedule | None:
-    """Returns a schedule as it is now; `None`: its deployment was deleted, or has no schedule any more."""
+    """Updates the record of a schedule from Prefect; `None` if the deployment or schedule was deleted."""
     try:
         deployment = client.read_deployment(UUID(schedule.deployment))
     except ObjectNotFound:

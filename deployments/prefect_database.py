@@ -31,7 +31,7 @@ WORTH_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class DatabaseSize:
-    """How large the file is."""
+    """Size of the Prefect server's database file, and its unused part, in bytes."""
 
     size_bytes: int
     free_bytes: int
@@ -39,12 +39,12 @@ class DatabaseSize:
 
 
 def database_file(settings: Settings) -> Path:
-    """Path of the Prefect server's database in a data home, unless the server's environment names another."""
+    """Returns the path of the Prefect server's database in a data home."""
     return settings.home / "prefect" / "prefect.db"
 
 
 def prepare_servers_database(settings: Settings, environ: Mapping[str, str]) -> None:
-    """Prepares the database of the server that is about to start, unless its environment names another.
+    """Prepares the Prefect server's database before the server starts.
 
     Imports Prefect, whose settings have to be there.
 
@@ -60,7 +60,7 @@ def prepare_servers_database(settings: Settings, environ: Mapping[str, str]) -> 
 
 
 def make_database(path: Path) -> None:
-    """Makes a database with the tables of the installed Prefect release; one that is there stays as it is.
+    """Creates the Prefect database quickly, with the tables of the installed release.
 
     Where Prefect's steps cannot be applied this way, as with a release that arranges them otherwise, no file is left,
     and the server makes it.
@@ -83,7 +83,7 @@ def make_database(path: Path) -> None:
 
 
 def prepare_database(path: Path) -> None:
-    """Has a database able to shrink: makes a new file so, and writes an older one anew; no server may have it open.
+    """Makes a SQLite database able to shrink (incremental vacuum).
 
     Raises:
         sqlite3.Error: the file cannot be written, or is no database; the server says what is wrong with it.
@@ -97,7 +97,7 @@ def prepare_database(path: Path) -> None:
 
 
 def measure_database(path: Path) -> DatabaseSize:
-    """How large a database is, and how much of it is free.
+    """Measures the size of a SQLite database and its unused part.
 
     Raises:
         sqlite3.Error: it cannot be read.
@@ -108,7 +108,7 @@ def measure_database(path: Path) -> DatabaseSize:
 
 
 def shrink_database(path: Path) -> None:
-    """Gives back the pages that nothing uses, step by step; a server may go on meanwhile.
+    """Returns unused pages of a SQLite database to the disk, in steps, while a server uses it.
 
     A database of an earlier version stays as it is until it is prepared.
 

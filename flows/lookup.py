@@ -22,11 +22,11 @@ _logger = logging.getLogger(__name__)
 
 
 class PrefectServerLostError(RobomakerError):
-    """The Prefect server does not answer any more, and a job was left before its end."""
+    """Raised when the Prefect server stops answering while a job is unfinished."""
 
 
 def find_flow(operation: str) -> Flow[..., Any]:
-    """The flow of an operation, whose parameters are the request's members.
+    """Returns the Prefect flow of a service operation; its parameters are the request's members.
 
     Raises:
         KeyError: there is no such operation.
@@ -35,7 +35,7 @@ def find_flow(operation: str) -> Flow[..., Any]:
 
 
 def find_perform_flow(operation: str) -> Flow[..., Any]:
-    """The flow that carries jobs of a job operation to their end; its parameter is the job's ARN.
+    """Returns the Prefect flow that runs stored jobs of an operation; its parameter is the job's ARN.
 
     Raises:
         KeyError: there is no such operation.
@@ -44,7 +44,7 @@ def find_perform_flow(operation: str) -> Flow[..., Any]:
 
 
 def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
-    """Carries a stored job to its end as a flow run, whether to a good one or not.
+    """Runs a stored job to its end as a Prefect flow run.
 
     Args:
         operation: the operation that made the job.
@@ -68,7 +68,7 @@ def perform(operation: str, arn: str) -> tuple[dict[str, Any], FlowResult]:
 
 @contextmanager
 def without_heartbeat() -> Generator[None]:
-    """Turns off Prefect's own heartbeat, with which every flow waits a second at its end; ours come from `run_watch`.
+    """Turns off Prefect's own heartbeat inside the block, because every flow waits a second for it at its end.
 
     Where it is off already, as in the steps of a pipeline, nothing is done: changing settings takes Prefect 0.1 s.
     """

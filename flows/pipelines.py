@@ -81,7 +81,7 @@ def run_spec(
     open_run: OpenRun | None = None,
     permit: Permit | None = None,
 ) -> RunRecord:
-    """Runs a checked specification as a flow in this process.
+    """Runs a checked specification as a Prefect flow in this process, and returns the run's record.
 
     Args:
         checked: the specification.
@@ -147,7 +147,7 @@ def RunPipeline(
     reuse: bool = False,
     continues: str | None = None,
 ) -> Any:
-    """Runs a specification: a file, or the text that a deployment keeps.
+    """Runs a specification (pipeline of world and simulation steps): a file, or the text that a deployment keeps.
 
     Args:
         spec: path of a YAML file, where the flow runs; it is run in place of `text`.
@@ -181,7 +181,7 @@ def RunPipeline(
 
 
 class PipelineRun:
-    """One run of one specification.
+    """One run of a specification: carries out its steps and writes its report.
 
     Args:
         checked: the specification.
@@ -238,7 +238,7 @@ class PipelineRun:
 
     @classmethod
     def of_order(cls, run: OpenRun) -> "PipelineRun":
-        """A run whose process died, which this flow run finishes."""
+        """Makes the run that continues an interrupted run whose process died."""
         service, order = once_catalog_answers(Service.current), run.order
         return cls(
             ordered_spec(order), service, _log, order.spec_path, order.command, reuse=order.reuse,
@@ -247,7 +247,7 @@ class PipelineRun:
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":
-        """A run of what the flow's parameters say, without a listener for its progress.
+        """Makes the run from the Prefect flow's parameters.
 
         Raises:
             ConfigurationError: there is no such file, or neither file nor text.
@@ -271,7 +271,7 @@ class PipelineRun:
         return cls(checked, service, _log, origin, command, reuse=reuse)
 
     def run(self) -> RunRecord:
-        """Runs all steps; a failed one keeps the later ones from starting."""
+        """Runs all steps; a failed step prevents the later ones."""
         failed = False
         self._keep_order()
         try:
@@ -293,7 +293,7 @@ class PipelineRun:
 
     @property
     def interruptions(self) -> Sequence[Interruption]:
-        """When its processes died."""
+        """Times at which the run's processes died."""
         return self._open.order.interruptions if self._open is not None else ()
 
     def _keep_order(self) -> None:
@@ -318,16 +318,16 @@ class PipelineRun:
 
     @property
     def service(self) -> Service:
-        """The service in which the operations run."""
+        """Service in which the operations run."""
         return self._service
 
     @property
     def has_ended(self) -> bool:
-        """Whether there is a record."""
+        """Whether the run has ended and has a record."""
         return self._record is not None
 
     def record(self) -> RunRecord:
-        """The record of the run, once it has ended.
+        """Returns the record of the ended run.
 
         Raises:
             RobomakerError: the flow ended before the run did.
@@ -337,7 +337,7 @@ class PipelineRun:
         return self._record
 
     def cancel(self) -> None:
-        """Has the run end soon: the job of its present step is cancelled, and no other step starts.
+        """Cancels the run: the current step's job is cancelled, and no other step starts.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer, so that it has to be called again.
@@ -350,7 +350,7 @@ class PipelineRun:
                     self._service.catalog.request_cancel(arn)
 
     def result(self) -> FlowResult:
-        """How the run ended, as its flow returns it."""
+        """Returns the run's result, as its flow returns it."""
         return result_of(self.record())
 
     def _run_step(self, name: str) -> bool:

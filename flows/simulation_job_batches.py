@@ -22,7 +22,7 @@ from ..tasks.service.service import Service
 
 @flow(name=JOB_WORKER_FLOW)
 def RunJobWorker(batch: str) -> State[Any]:
-    """Takes jobs of a batch from the catalog and runs them here, until none is left.
+    """Runs a job worker: takes jobs of a simulation job batch from the catalog and runs them, until none is left.
 
     `ROBOMAKER_BACKEND=workers:POOL` starts as many as there are machines. When a run is cancelled, the jobs that it
     runs go on with other job workers; the batch goes on.

@@ -35,7 +35,7 @@ _logger = logging.getLogger(__name__)
 
 @task(name="validate", cache_policy=NO_CACHE)
 def validate(operation: str, members: Mapping[str, Any]) -> Shape:
-    """Checks the members of a request; those that are `None` are absent.
+    """Checks the members of a request; those that are `None` count as absent.
 
     Raises:
         ServiceError: the request is refused.
@@ -45,7 +45,7 @@ def validate(operation: str, members: Mapping[str, Any]) -> Shape:
 
 @task(name="record", cache_policy=NO_CACHE)
 def record(operation: str, request: Shape) -> dict[str, Any]:
-    """Does what a checked request asks of the catalog, and answers; a job is `Pending` then.
+    """Carries out the catalog part of a checked request, and returns the response; a job is `Pending` then.
 
     Raises:
         ServiceError: the request is refused; nothing was stored.
@@ -54,7 +54,7 @@ def record(operation: str, request: Shape) -> dict[str, Any]:
 
 
 def order(operation: str, members: Mapping[str, Any]) -> Any:
-    """Orders a job and carries it out: no other process takes it meanwhile.
+    """Submits a job and runs it to its end in this flow; no other process can take it meanwhile.
 
     Returns:
         As `carry_out`.
@@ -71,7 +71,7 @@ def order(operation: str, members: Mapping[str, Any]) -> Any:
 
 
 def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
-    """Answers a request that changes nothing.
+    """Carries out a request that changes nothing, and returns the response.
 
     Raises:
         ServiceError: the request is refused.
@@ -80,7 +80,7 @@ def read(operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def carry_out(operation: str, arn: str) -> Any:
-    """Carries a stored job to its end, with its steps as tasks and its progress in Prefect's UI.
+    """Runs a stored job to its end, with its steps as Prefect tasks and its progress in Prefect's UI.
 
     Returns:
         The state in which its flow ends. In a good one the flow returns the job's final description with a
@@ -127,7 +127,7 @@ def _present(members: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def job_id() -> str:
-    """The name of a flow run that carries out a job: the id at the end of the job's ARN."""
+    """Returns the name of a flow run that carries out a job: the id at the end of the job's ARN."""
     return str(flow_run.parameters["arn"]).rsplit("/", 1)[-1]
 
 

@@ -32,7 +32,7 @@ class _WithLogo:
 
 
 class RobomakerCredentials(_WithLogo, Block):
-    """Access key of an S3 object store.
+    """Prefect block with the access key of an S3 object store.
 
     Members have the names that prefect-aws's `AwsCredentials` has, whose blocks do as well wherever a deployment takes
     settings from blocks.
@@ -54,7 +54,7 @@ class RobomakerCredentials(_WithLogo, Block):
     aws_session_token: SecretStr | None = Field(default=None, description="Token of a temporary access key.")
 
     def environment(self) -> dict[str, str]:
-        """The variables it stands for, secrets in clear."""
+        """Returns the environment variables that the block's settings become, with secrets in clear text."""
         found = {
             "AWS_ACCESS_KEY_ID": self.aws_access_key_id,
             "AWS_SECRET_ACCESS_KEY": self.aws_secret_access_key.get_secret_value(),
@@ -65,7 +65,7 @@ class RobomakerCredentials(_WithLogo, Block):
 
 
 class RobomakerObjectStore(_WithLogo, Block):
-    """Object store with worlds, application archives and outputs.
+    """Prefect block with the settings of the object store for worlds, application archives and outputs.
 
     Example:
         ```python
@@ -87,7 +87,7 @@ class RobomakerObjectStore(_WithLogo, Block):
     )
 
     def environment(self) -> dict[str, str]:
-        """The variables it stands for, secrets in clear."""
+        """Returns the environment variables that the block's settings become, with secrets in clear text."""
         given = {
             "ROBOMAKER_OBJECT_STORE": self.address,
             "ROBOMAKER_BUCKET": self.bucket,
@@ -98,7 +98,7 @@ class RobomakerObjectStore(_WithLogo, Block):
 
 
 class RobomakerCatalog(_WithLogo, Block):
-    """Catalog with the records of jobs, worlds and applications.
+    """Prefect block with the settings of the catalog, the database of jobs, worlds and applications.
 
     Example:
         ```python
@@ -115,12 +115,12 @@ class RobomakerCatalog(_WithLogo, Block):
     url: SecretStr = Field(description="SQLAlchemy URL, such as `postgresql+psycopg://user:password@host/catalog`.")
 
     def environment(self) -> dict[str, str]:
-        """The variables it stands for, secrets in clear."""
+        """Returns the environment variables that the block's settings become, with secrets in clear text."""
         return {"ROBOMAKER_CATALOG_URL": self.url.get_secret_value()}
 
 
 def open_service(*blocks: RobomakerCatalog | RobomakerObjectStore | RobomakerCredentials) -> "Service":
-    """Opens the service that blocks describe; what they leave open, the environment says.
+    """Opens the RoboMaker service with settings from Prefect blocks; environment variables give the rest.
 
     ```python
     with open_service(RobomakerObjectStore.load("lab"), RobomakerCatalog.load("lab")).activated():

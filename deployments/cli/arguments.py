@@ -4,24 +4,24 @@ import argparse
 
 
 def add_output(parser: argparse.ArgumentParser, *forms: str) -> None:
-    """Adds `--output`; the first form is the default."""
+    """Adds the option `--output` (form of a command's output) to a command's parser; the first form is the default."""
     parser.add_argument(
         "-o", "--output", choices=forms, default=forms[0], help=f"form of the answer (default: {forms[0]})"
     )
 
 
 def add_open(parser: argparse.ArgumentParser, text: str) -> None:
-    """Adds `--open` and `--no-open`; neither given is `None`."""
+    """Adds the options `--open` and `--no-open` (show the result in a browser) to a command's parser."""
     parser.add_argument("--open", action=argparse.BooleanOptionalAction, default=None, help=text)
 
 
 def add_report(parser: argparse.ArgumentParser) -> None:
-    """Adds `--report`."""
+    """Adds the option `--report` (a file for a copy of the HTML report) to a command's parser."""
     parser.add_argument("--report", metavar="PATH", help="put a copy of the report there")
 
 
 def add_backend(parser: argparse.ArgumentParser) -> None:
-    """Adds `--backend`."""
+    """Adds the option `--backend` (where jobs of batches run) to a command's parser."""
     from ...schemas.backends import BACKENDS_IN_WORDS
 
     text = f"where jobs of batches run, in place of ROBOMAKER_BACKEND: {BACKENDS_IN_WORDS}"
@@ -29,17 +29,17 @@ def add_backend(parser: argparse.ArgumentParser) -> None:
 
 
 def add_spec(parser: argparse.ArgumentParser) -> None:
-    """Adds the specification's file."""
+    """Adds the argument for a specification's file to a command's parser."""
     parser.add_argument("spec", metavar="SPEC", help="specification, a YAML file")
 
 
 def add_world(parser: argparse.ArgumentParser) -> None:
-    """Adds the world to look at."""
+    """Adds the argument for a world (its ARN or folder) to a command's parser."""
     parser.add_argument("world", metavar="WORLD", help="ARN of a world, or the folder of its bundle")
 
 
 def add_simulation(parser: argparse.ArgumentParser) -> None:
-    """Adds the simulation job to run again."""
+    """Adds the argument for a simulation job that is to be run again to a command's parser."""
     text = "ARN or id of a simulation job, s3://BUCKET/PREFIX or a folder of outputs"
     parser.add_argument("run", metavar="JOB", help=text)
     trial = "number of the trial, of a job that has trials"

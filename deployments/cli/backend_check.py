@@ -16,7 +16,7 @@ _REMEDY = "docs/machines.md says what each machine needs"
 
 
 def check_backend(settings: Settings) -> Finding:
-    """Runs one job on the backend of some settings, and says how that went.
+    """Runs a test job on the configured backend (where jobs run), and reports the result.
 
     Args:
         settings: those of a run, with the backend that is examined.

@@ -21,18 +21,21 @@ _FIRST = ("run", "validate", "plan", "report", "call")
 
 
 class CommandModule(Protocol):
-    """Interface of a command's module."""
+    """Interface of a module that implements one command of `robomaker`."""
 
     def declare(self, parser: argparse.ArgumentParser) -> None:
-        """Adds the command's arguments."""
+        """Adds the command's arguments to its parser."""
 
     def execute(self, arguments: argparse.Namespace) -> int:
-        """Does what the command is for and returns the exit code."""
+        """Runs the command, and returns the exit code."""
         ...
 
 
 class Command(NamedTuple):
-    """One command. Not a dataclass: importing those takes longer than everything else here."""
+    """A command of `robomaker`, found by its module.
+
+    Not a dataclass: importing those takes longer than everything else here.
+    """
 
     name: str
     path: Path
@@ -53,14 +56,14 @@ class Command(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Commands that stand under one heading in the help; a group is no word of the command line."""
+    """Commands listed under one heading in the help; the group's name is no part of the command line."""
 
     heading: str
     commands: list[Command]
 
 
 def find_groups() -> list[Group]:
-    """Finds the groups of commands, in the order in which help lists them; those of wings are the last."""
+    """Finds the groups of commands, in the help's order."""
     own = sorted(COMMANDS.iterdir(), key=lambda path: _place(path.name, _GROUPS))
     groups = {f"{_DEPLOYMENTS}.cli.commands.{path.name}": path for path in own}
     groups |= {f"{_DEPLOYMENTS}.{wing}.commands": Path(__file__).parents[1] / wing / "commands" for wing in WINGS}
@@ -72,7 +75,7 @@ def find_groups() -> list[Group]:
 
 
 def find_commands(folder: Path, package: str) -> list[Command]:
-    """Finds the commands in a folder, in the order in which help lists them.
+    """Finds the commands in a folder of modules, in the help's order.
 
     Args:
         folder: the folder.
@@ -127,12 +130,12 @@ first steps:
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that suggests what may have been meant."""
+    """Command line parser that suggests the nearest correct word on an error."""
 
     def parse_known_args(  # pyright: ignore[reportIncompatibleMethodOverride] - argparse overloads it
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parses words; words that are no argument of this parser are an error here, where its options are known."""
+        """Parses arguments; unknown ones are an error at once."""
         chosen, unknown = super().parse_known_args(args, namespace)
         if unknown:
             self.error(f"unrecognized arguments: {' '.join(unknown)}{self._advice(unknown[0])}")
@@ -143,7 +146,7 @@ class Parser(argparse.ArgumentParser):
         return f"; did you mean '{near[0]}'?" if near else ""
 
     def error(self, message: str) -> NoReturn:
-        """Ends the program with exit code 2 and what would be right."""
+        """Ends the program with exit code 2, and prints the error with a suggestion."""
         if match := re.fullmatch(r"argument \S+: invalid choice: '(.*)' \(choose from (.*)\)", message, re.DOTALL):
             choices = re.findall(r"[\w-]+", match[2])
             near = difflib.get_close_matches(match[1], choices, n=1)
@@ -153,7 +156,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class CommandParser(Parser):
-    """The parser of one command, whose module is imported when the command is chosen.
+    """Parser of one command, whose module is imported only when the command is chosen.
 
     Args:
         command: the command; the rest is argparse's.
@@ -181,13 +184,13 @@ class CommandParser(Parser):
             self.set_defaults(execute=module.execute)
 
     def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
-        """Declares the command's arguments and parses them; the answer's `execute` runs the command."""
+        """Parses the command's arguments; the result's `execute` runs the command."""
         self.declare()
         return super().parse_known_args(args, namespace)
 
 
 def build_parser() -> Parser:
-    """Makes the parser of the `robomaker` command."""
+    """Makes the command line parser of `robomaker`."""
     parser = Parser(
         prog="robomaker",
         description="Generate worlds, simulate robots in them, learn what broke.",
@@ -225,7 +228,7 @@ class _GroupedCommands(argparse._SubParsersAction):  # pyright: ignore[reportMis
         """The heading above a command, by the command's name."""
 
     def add_group(self, group: Group) -> None:
-        """Adds the commands of a group under its heading."""
+        """Adds the commands of a group to the help, under its heading."""
         self.headings[group.commands[0].name] = group.heading
         _add_commands(self, group.commands)
 
@@ -234,7 +237,7 @@ class _Formatter(argparse.RawDescriptionHelpFormatter):
     """Lists commands without a line for the list itself, under headings where they have some."""
 
     def add_argument(self, action: argparse.Action) -> None:
-        """Leaves room for the longest command, which argparse forgets to indent."""
+        """Reserves space in the help for the longest command name."""
         super().add_argument(action)
         if isinstance(action, argparse._SubParsersAction):
             longest = max(map(len, action.choices))

@@ -37,7 +37,7 @@ _SHOWN_PACKAGES = ("prefect", "mujoco", "dm-control", "numpy", "pydantic", "sqla
 
 @dataclass(frozen=True)
 class Finding:
-    """Result of one check."""
+    """Result of one check of `robomaker doctor`: ok, warning or broken, with text."""
 
     subject: str
     health: Health
@@ -47,7 +47,7 @@ class Finding:
 
 
 def examine(settings: Settings, *, notify: bool = False) -> list[Finding]:
-    """Runs all checks; what a check raises becomes its finding.
+    """Runs all checks of `robomaker doctor`.
 
     Args:
         settings: what is examined.
@@ -101,7 +101,7 @@ def _examined(subject: str, check: Callable[[], Finding]) -> Finding:
 
 
 def check_python() -> Finding:
-    """The interpreter."""
+    """Checks the version of Python."""
     version = ".".join(map(str, sys.version_info[:3]))
     if sys.version_info[:2] in ((3, 11), (3, 12)):
         return Finding("python", "ok", f"{version} ({sys.executable}), {os.cpu_count()} processors")
@@ -109,7 +109,7 @@ def check_python() -> Finding:
 
 
 def check_packages() -> Finding:
-    """Whether the packages that this one needs are there in versions that work."""
+    """Checks that required packages are installed in working versions."""
     from importlib.metadata import PackageNotFoundError, requires, version
 
     from packaging.requirements import Requirement
@@ -148,7 +148,7 @@ def _version_of(package: str) -> str | None:
 
 
 def check_physics() -> Finding:
-    """Whether MuJoCo runs through dm_control; in a process of its own, which may die of it."""
+    """Checks in a child process that MuJoCo and dm_control can simulate."""
     answer = subprocess.run(
         [sys.executable, "-c", _FALLING_BALL],
         env={**os.environ, "MUJOCO_GL": "off"},
@@ -164,7 +164,7 @@ def check_physics() -> Finding:
 
 
 def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
-    """Whether the data home can be written, and has space.
+    """Checks that the data home can be written to and has free space.
 
     Args:
         home: the data home.
@@ -195,7 +195,7 @@ def check_home(home: Path, least_free_bytes: int = 0) -> Finding:
 
 
 def check_catalog(settings: Settings) -> Finding:
-    """Whether the catalog opens."""
+    """Checks that the catalog's database can be opened."""
     from ...tasks.service.service import Service
 
     Service.open(settings).catalog.close()
@@ -204,7 +204,7 @@ def check_catalog(settings: Settings) -> Finding:
 
 
 def check_store(settings: Settings) -> Finding:
-    """Whether objects can be put, read back and deleted."""
+    """Checks that objects can be written, read and deleted in the object store."""
     from ...tasks.storage import open_store
 
     store = open_store(settings, os.environ)
@@ -221,7 +221,7 @@ def check_store(settings: Settings) -> Finding:
 
 
 def check_roles(settings: Settings) -> Finding:
-    """Checks the roles file, which gives jobs the rights of the role that they name."""
+    """Checks the roles file, which gives simulation jobs their access rights."""
     from ...tasks.storage.roles import read_roles_file
 
     if settings.roles_file is None:
@@ -248,7 +248,7 @@ def check_server(settings: Settings) -> Finding:
 
 
 def check_video() -> Finding:
-    """Checks the backends that render pictures for video."""
+    """Checks which backends can render videos."""
     from ...tasks.runtime.rendering.backends import available_video_backends
 
     backends = available_video_backends()
@@ -263,7 +263,7 @@ def check_video() -> Finding:
 
 
 def check_extras() -> Finding:
-    """Lists facilities that only some jobs need: container images, ROS launch files, a GPU."""
+    """Checks facilities that only some jobs need: container engine, ROS, GPU."""
     from ...tasks.simulations.containers.engines import find_engine
     from ...tasks.simulations.environment.run_environment import has_gpu
 
@@ -278,7 +278,7 @@ def check_extras() -> Finding:
 
 
 def check_containers(settings: Settings) -> Finding:
-    """Whether runs whose job worker has died left containers."""
+    """Checks for containers left behind by job workers that died."""
     from ...tasks.jobs.job_folders import abandoned_runs
     from ...tasks.service.service import Service
 
@@ -291,7 +291,7 @@ def check_containers(settings: Settings) -> Finding:
 
 
 def check_sandbox(settings: Settings) -> Finding:
-    """Checks the sandbox of simulation jobs on this machine, tried in a process of its own."""
+    """Checks whether simulation jobs can be sandboxed on this machine."""
     from ...tasks.runtime.sandbox.levels import Confinement
     from ...tasks.runtime.supervision.run_requests import plan_box
 
@@ -319,7 +319,7 @@ def check_sandbox(settings: Settings) -> Finding:
 
 
 def check_left_behind(settings: Settings) -> Finding:
-    """Whether processes that died or lost their jobs left folders, or limits on the local Prefect server."""
+    """Checks for folders and limits left behind by processes that died."""
     from ...tasks.jobs.job_folders import overtaken_runs
     from ...tasks.runtime.process.rehearsal_rooms import left_rooms
     from ...tasks.service.service import Service
@@ -340,7 +340,7 @@ def check_left_behind(settings: Settings) -> Finding:
 
 
 def check_kept_outputs(settings: Settings) -> Finding:
-    """Whether outputs of jobs that have ended are on this machine only, because they could not be stored."""
+    """Checks for outputs on this machine that could not be uploaded."""
     from ...tasks.jobs.job_folders import find_kept
     from ...tasks.service.service import Service
 
@@ -353,7 +353,7 @@ def check_kept_outputs(settings: Settings) -> Finding:
 
 
 def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
-    """Whether no process carries out a job any more, as the process that ordered it for itself died or left it.
+    """Checks for unfinished jobs that no process will continue by itself.
 
     Args:
         settings: what the jobs' needs are compared with.
@@ -372,7 +372,7 @@ def check_left_jobs(settings: Settings, opened_with: Settings) -> Finding:
 
 
 def check_broken_off(settings: Settings) -> Finding:
-    """Whether processes of runs died before their runs had ended, and what finishes these."""
+    """Checks for interrupted runs, and says what finishes them."""
     from ...tasks.nights.broken_off import broken_off_runs
 
     found = broken_off_runs(settings)
@@ -386,7 +386,7 @@ def check_broken_off(settings: Settings) -> Finding:
 
 
 def check_nights(settings: Settings) -> Finding:
-    """Whether the nights of the last week happened, and whether the next ones can."""
+    """Checks whether the scheduled runs of the last week happened, and whether the next ones can."""
     from ...tasks.nights.missed import schedules_of
 
     status = server_status(settings)
@@ -416,7 +416,7 @@ def check_nights(settings: Settings) -> Finding:
 
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:
-    """Whether those who are told how runs ended can be; a test message is the only way to be sure."""
+    """Checks the notification channels, by a test message if asked."""
     from ...tasks.notifications.messages import Message
     from ...tasks.notifications.sending import send, unknown_channels
 

@@ -19,7 +19,7 @@ _logger = logging.getLogger(__name__)
 
 
 def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
-    """Carries the job that an operation made to its end and prints its final description.
+    """Runs a stored job to its end, prints its final description, and returns the exit code.
 
     Returns:
         0 all well, 1 a simulation's verdict is fail, 3 something broke, 4 cancelled, 5 timed out.
@@ -94,7 +94,7 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
 
 
 def order(operation: str, request: Mapping[str, Any], settings: Settings, form: str) -> int:
-    """Orders a job, carries it to its end and prints its final description.
+    """Submits a job, runs it to its end, prints its final description, and returns the exit code.
 
     Returns:
         As `perform`.

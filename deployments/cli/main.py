@@ -12,7 +12,7 @@ from .grammar import build_parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the command line.
+    """Runs the `robomaker` command line, and returns the exit code.
 
     Args:
         arguments: words after the program's name; absent: those the program was started with.

@@ -33,7 +33,7 @@ def carry_out(
     rerun_of: RerunOf | None = None,
     open_run: "OpenRun | None" = None,
 ) -> int:
-    """Runs a specification, shows how it goes, and prints what came of it.
+    """Runs a specification, shows its progress, prints the results, and returns the exit code.
 
     Args:
         spec: the specification.
@@ -115,7 +115,7 @@ def _tell(record: RunRecord, command: Sequence[str], api_url: str | None, home: 
 
 
 def settings_of(arguments: argparse.Namespace) -> Settings:
-    """The settings of a run, with the backend that the command line names.
+    """Returns the settings of a run, with the backend from the command line.
 
     Raises:
         ConfigurationError: one of them cannot be used; nothing has been started.

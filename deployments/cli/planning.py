@@ -16,7 +16,7 @@ _COUNTS = ("floorplanCount", "interiorCountPerFloorplan")
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """One step, before it runs."""
+    """A step of a specification in the output of `robomaker plan`."""
 
     step: str
     operation: str
@@ -39,7 +39,7 @@ class PlannedStep:
 
 
 def planned(spec: CheckedSpec) -> list[PlannedStep]:
-    """The steps in the order they would run."""
+    """Returns the steps of a specification in the order they would run."""
     outputs: dict[str, dict[str, Any]] = {}
     steps = []
     for name in spec.order:
@@ -139,10 +139,10 @@ def _limit(limits_s: Sequence[int]) -> str:
 
 
 def counted(count: int, noun: str) -> str:
-    """A number of things in words."""
+    """Formats a count with its noun: `1 world`, `3 worlds`."""
     return f"{count} {noun}{'s' if count != 1 else ''}"
 
 
 def after(step: PlannedStep) -> str:
-    """Lists the steps that a step needs, in words; empty: it needs none."""
+    """Lists the steps that a step depends on, as text; empty if there are none."""
     return f"after {', '.join(step.needs)}" if step.needs else ""

@@ -25,7 +25,7 @@ SHELL_SETUP = 'eval "$(robomaker server env)"'
 
 
 def use_server(settings: Settings, *, for_runs: bool = False) -> str:
-    """Finds or starts the Prefect server; must come before Prefect is imported.
+    """Finds or starts the Prefect server; has to be called before Prefect is imported.
 
     Args:
         settings: the data home's.
@@ -69,7 +69,7 @@ def _import_runs(url: str, settings: Settings) -> None:
 
 
 def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str], None]) -> "Outage":
-    """Has all requests to the Prefect server share one patience, until this process has ended; imports Prefect.
+    """Makes all requests to the Prefect server wait together while it is unreachable.
 
     Args:
         api_url: what `use_server` returned.
@@ -92,7 +92,7 @@ def wait_for_server_once(api_url: str, settings: Settings, tell: Callable[[str],
 
 
 def tell_after_outage(outage: "Outage", settings: Settings) -> None:
-    """Has the server told at the end of a run what it did not hear while it was away, if it is back.
+    """Reports to the Prefect server, at a run's end, what it missed during an outage.
 
     Args:
         outage: what `wait_for_server_once` returned.
@@ -109,12 +109,12 @@ _FOR_EVER: list[object] = []
 
 
 def uses_local_server(settings: Settings) -> bool:
-    """Whether `use_server`, which has not been called yet, will use this home's own server."""
+    """Whether `use_server` will use the data home's own Prefect server."""
     return not server_status(settings).configured_elsewhere
 
 
 def pages(api_url: str, secret: str | None) -> str:
-    """The address of a server's pages: a link that logs a browser in once, where the server gives one.
+    """Returns the URL of the Prefect server's web pages, with a one-time login if needed.
 
     Args:
         api_url: what `use_server` returned.
@@ -126,7 +126,7 @@ def pages(api_url: str, secret: str | None) -> str:
 
 
 def described(status: ServerStatus) -> str:
-    """A server's state in a line."""
+    """Describes a Prefect server's state in a line."""
     where = "the one PREFECT_API_URL or the Prefect profile names" if status.configured_elsewhere else "local"
     if status.busy:
         return f"busy: it has not answered within some seconds, at {str(status.api_url).removesuffix('/api')} ({where})"

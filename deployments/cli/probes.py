@@ -25,14 +25,14 @@ from ...tasks.service.service import Service
 
 @dataclass(frozen=True)
 class Machines:
-    """The machines that a forecast is for."""
+    """Number of machines that a forecast is for, and their price per hour."""
 
     count: int = 1
     price_per_hour: float | None = None
     """Price of one machine per hour, in any currency; None: no cost is forecast."""
 
     def check(self, settings: Settings) -> None:
-        """Refuses what cannot be.
+        """Raises an error for an impossible number of machines or price.
 
         Args:
             settings: those of the probe, with its backend.
@@ -60,7 +60,7 @@ _DELETED_AFTERWARDS = {
 
 
 class ProbeFailedError(RobomakerError):
-    """A probe did not come to its end, so that nothing can be forecast.
+    """Raised when a probe (small trial run) failed, so that there can be no forecast.
 
     Args:
         record: the pass that failed.
@@ -75,7 +75,7 @@ class ProbeFailedError(RobomakerError):
 
 @dataclass
 class CpuTimes:
-    """Listens to a run, and measures the CPU time of the processes that each step started and that have ended."""
+    """Progress listener that measures the CPU time of each step's processes."""
 
     listener: ProgressListener
     by_step: dict[str, float] = field(default_factory=dict[str, float])
@@ -99,7 +99,7 @@ def _of_children_s() -> float:
 def run_pass(
     spec: CheckedSpec, settings: Settings, size: ProbeSize, listener: ProgressListener, spec_path: str
 ) -> RunRecord:
-    """Runs one pass, and deletes what the whole run is to make itself.
+    """Runs one pass of a probe (small trial run), and deletes resources that the whole run creates itself.
 
     Args:
         spec: the specification.
@@ -136,7 +136,7 @@ def run_pass(
 
 
 def delete_made(record: RunRecord, since: datetime, service: Service) -> None:
-    """Deletes the applications and templates that a run has made; those that were there before stay.
+    """Deletes the applications and templates that a probe run has created.
 
     Args:
         record: the run.
@@ -170,7 +170,7 @@ _WORLDS_PER_CPU = 3
 def probe(
     spec: CheckedSpec, settings: Settings, machines: Machines, listener: ProgressListener, spec_path: str
 ) -> Forecast:
-    """Runs a probe, and keeps the forecast for the next run of the specification.
+    """Runs a probe (small trial run) of a specification, and forecasts the whole run from it.
 
     Worlds, jobs and reports of the probe are kept like those of any run; the applications and templates that it made
     are deleted, as the run itself is to make them.
@@ -217,7 +217,7 @@ def probe(
 
 
 def trials_within(seconds: float, first: RunRecord) -> int:
-    """How many trials a job may have, by those of the first pass, of which the start of the run is a part.
+    """Computes how many trials a probe's job can run in a given time.
 
     Args:
         seconds: wall-clock time that they may take.

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def serve(arguments: argparse.Namespace) -> int:
-    """Serves until it is told to stop."""
+    """Runs the API server, web console and job worker until stopped."""
     settings = Settings.from_environment(os.environ)
     max_jobs = _max_jobs(arguments.max_jobs, settings)
     _log_to_stderr()

@@ -11,7 +11,7 @@ _NUMBERS = (signal.SIGTERM, signal.SIGHUP)
 
 
 class Terminated(KeyboardInterrupt):
-    """A signal asked this process to end.
+    """Raised when a signal (SIGTERM, SIGHUP) asks this process to end.
 
     Args:
         signal_number: the signal.
@@ -24,7 +24,7 @@ class Terminated(KeyboardInterrupt):
 
 @contextmanager
 def interrupted_by_signals() -> Iterator[None]:
-    """Raises `Terminated` in the block when SIGTERM or SIGHUP comes; what is ignored, as below `nohup`, stays so."""
+    """Raises `Terminated` inside the `with` block on SIGTERM or SIGHUP, unless they are ignored."""
     before = {number: signal.getsignal(number) for number in _NUMBERS}
     for number, handler in before.items():
         if handler is not signal.SIG_IGN:
@@ -37,7 +37,7 @@ def interrupted_by_signals() -> Iterator[None]:
 
 
 def die_of(number: int) -> NoReturn:
-    """Ends this process by a signal, so that its parent sees what ended it."""
+    """Ends this process by a signal, so that its parent sees the cause."""
     signal.signal(number, signal.SIG_DFL)
     os.kill(os.getpid(), number)
     os._exit(128 + number)  # where the signal is blocked

@@ -12,7 +12,7 @@ from packaging.requirements import Requirement
 
 @dataclass(frozen=True)
 class Conflict:
-    """Two ranges of versions that do not work together."""
+    """Version ranges of two packages that do not work together."""
 
     first: str
     second: str
@@ -47,14 +47,14 @@ CONFLICTS = (
 
 @dataclass(frozen=True)
 class Found:
-    """A conflict in an environment."""
+    """Two installed packages whose versions do not work together."""
 
     text: str
     remedy: str
 
 
 def conflicts_among(version_of: Callable[[str], str | None]) -> Iterator[Found]:
-    """Finds the conflicts of an environment.
+    """Finds installed packages whose versions do not work together.
 
     Args:
         version_of: version of a package there; `None` if it is missing.

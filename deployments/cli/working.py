@@ -16,7 +16,7 @@ from .signals import interrupted_by_signals
 
 
 def work(batch: str, *, end_with_input: bool) -> int:
-    """Runs jobs of a batch until none is left.
+    """Runs a job worker for a batch until no jobs are left; implements `robomaker work`.
 
     Args:
         batch: its ARN.

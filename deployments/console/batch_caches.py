@@ -11,7 +11,7 @@ _MOST_BRIEFS = 5_000
 
 
 class BatchBriefs:
-    """Briefs of batches by ARN, good until the batch changes.
+    """Cache of batch summaries for the web console, each valid until its batch changes.
 
     Args:
         catalog: where the batches are.
@@ -22,7 +22,7 @@ class BatchBriefs:
         self._kept: dict[str, tuple[int, BatchInBrief]] = {}
 
     def of(self, batches: Iterable[Resource]) -> Sequence[tuple[Resource, BatchInBrief]]:
-        """Each batch, of whose document nothing has to be read, with its brief; one that is gone is left out."""
+        """Returns the summaries of batches; deleted ones are left out."""
         listed = list(batches)
         unknown = [each.arn for each in listed if self._kept.get(each.arn, (0,))[0] != each.revision]
         if unknown:
@@ -47,7 +47,7 @@ Known = Mapping[str, tuple[Resource, JobLine]]
 
 
 class JobLines:
-    """Lines of the jobs of the batches that were looked at last, each good until its job changes.
+    """Cache of a batch's job rows for the web console, each valid until its job changes.
 
     Args:
         catalog: where the jobs are.
@@ -58,7 +58,7 @@ class JobLines:
         self._kept: dict[str, Known] = {}
 
     def of(self, batch: str) -> Known:
-        """The jobs of a batch; the same object again while none has changed."""
+        """Returns the job rows of a batch; the same object if none has changed."""
         revisions = self._catalog.child_revisions(batch, JOB)
         kept = self._kept.get(batch, {})
         changed = [arn for arn, revision in revisions.items() if arn not in kept or kept[arn][0].revision != revision]
@@ -81,7 +81,7 @@ _MOST_POSTERS = 10_000
 
 
 class Posters:
-    """Remembers outputs with a picture: what is published does not change.
+    """Cache of which jobs have a poster picture in their outputs.
 
     Args:
         published: finds the names of the files of outputs.
@@ -92,7 +92,7 @@ class Posters:
         self._known: dict[tuple[str, str], None] = {}
 
     def of(self, jobs: Iterable[JobLine]) -> set[str]:
-        """Ids of the jobs that have one."""
+        """Returns the ids of the jobs that have a poster picture."""
         return {job.id for job in jobs if job.outputs is not None and self._has_one(job.outputs)}
 
     def _has_one(self, place: StoredPlace) -> bool:

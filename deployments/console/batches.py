@@ -41,7 +41,7 @@ _BROKEN = Look("broken", "not created")
 
 @dataclass(frozen=True)
 class BatchLine:
-    """One batch in a list."""
+    """A row of the web console's list of batches."""
 
     id: str
     status: str
@@ -57,7 +57,7 @@ class BatchLine:
 
 @dataclass(frozen=True)
 class Tile:
-    """One request of a batch in its grid."""
+    """A tile for one request in the grid of a batch's web page."""
 
     number: int
     look: Look
@@ -65,12 +65,12 @@ class Tile:
 
     @property
     def title(self) -> str:
-        """Tooltip of the tile: the job's id or the request's number, and the state."""
+        """Tooltip of the tile: job id or request number, and state."""
         return f"{self.job.id if self.job else f'request {self.number}'}: {self.look.value}"
 
     @property
     def html(self) -> str:
-        """HTML of the tile. No template: with one, a thousand tiles take ten times as long."""
+        """HTML of the tile."""
         title = escape(self.title)
         inside = f"{icon(self.look.icon)}<span>{self.number}</span>"
         if self.job is None:
@@ -82,7 +82,7 @@ class Tile:
 
 @dataclass(frozen=True)
 class BatchView:
-    """A batch's page."""
+    """All values of a batch's web page."""
 
     batch: Resource
     look: Look
@@ -98,18 +98,18 @@ class BatchView:
 
     @property
     def grid(self) -> Markup:
-        """All tiles, each an item of a list."""
+        """HTML of all tiles, as list items."""
         items = (f'<li id="tile-{tile.number}">{tile.html}</li>' for tile in self.tiles)
         return Markup("".join(items))  # noqa: S704 - each text in it is escaped
 
     @cached_property
     def counts(self) -> dict[Look, int]:
-        """How many requests stand how, the most first."""
+        """Numbers of requests by state, most frequent first."""
         return dict(Counter(tile.look for tile in self.tiles).most_common())
 
     @property
     def times(self) -> str:
-        """Durations of all jobs by part, in words."""
+        """Total time of all jobs by activity, as text."""
         parts_s: Counter[str] = Counter()
         for tile in self.tiles:
             parts_s.update(tile.job.parts_s if tile.job is not None else {})
@@ -117,33 +117,33 @@ class BatchView:
 
     @property
     def shares(self) -> list[tuple[str, int]]:
-        """The same by classes of style."""
+        """Numbers of requests by CSS class, for the progress bar."""
         return [(look.key, count) for look, count in self.counts.items()]
 
     @property
     def ended(self) -> int:
-        """How many requests are done with."""
+        """Number of requests that are finished."""
         return sum(count for look, count in self.counts.items() if look not in UNFINISHED)
 
     @cached_property
     def failures(self) -> list[JobLine]:
-        """The jobs that failed or broke, latest first."""
+        """Jobs that failed or broke, latest first."""
         found = [tile.job for tile in self.tiles if tile.job is not None and tile.job.is_failure]
         return sorted(found, key=lambda job: job.updated_at, reverse=True)
 
     @property
     def may_run_again(self) -> bool:
-        """Whether the batch has ended and some of its jobs have no good result."""
+        """Whether the batch has ended and has failed jobs, which can be run again."""
         return self.has_ended and any(tile.look.key not in ("passed", "unjudged") for tile in self.tiles)
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing changes any more."""
+        """Whether the batch has ended, so that the page no longer changes."""
         return is_terminal(BATCH, self.batch.status)
 
 
 def show_all(visit: Visit) -> Response:
-    """The list of batches."""
+    """Web page with the list of batches."""
     filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
     page = visit.listed(BATCH, filters, _PAGE_LENGTH, ())
     lines = batch_lines(visit.seen(page.resources), visit)
@@ -151,14 +151,14 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The page of one batch."""
+    """Web page of one batch."""
     batch = visit.find(BATCH, visit.request.path_params["id"], ())
     view = _view(batch, visit)
     return visit.page("batch.html.j2", **_parts_of(view, visit))
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a batch's page: only jobs that changed are read and sent."""
+    """Streams changes of a batch's web page to the browser."""
     batch_id = visit.request.path_params["id"]
     visit.find(BATCH, batch_id, ())
     shown: dict[int, str] = {}
@@ -188,13 +188,13 @@ def follow(visit: Visit) -> Response:
 
 
 def batch_lines(batches: Iterable[Resource], visit: Visit) -> list[BatchLine]:
-    """Batches for lists; each that goes on costs a count of its jobs."""
+    """Makes rows of batches for lists in the web console."""
     briefs = visit.context.briefs.of(batches)
     return [_line(batch, brief, {} if _has_ended(batch) else _count(batch, visit)) for batch, brief in briefs]
 
 
 def batches_of_run(run_id: str, visit: Visit) -> list[BatchLine]:
-    """The batches that a run ordered, of the newest; a step of more than 1,000 requests has several."""
+    """Makes rows of the batches that a run has started."""
     page = visit.service.catalog.list(BATCH, limit=_LOOKED_AT, members=())
     briefs = visit.context.briefs.of(visit.seen(page.resources))
     return batch_lines((batch for batch, brief in briefs if brief.spec_run == run_id), visit)

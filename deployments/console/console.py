@@ -65,7 +65,7 @@ _OTHERS: Mapping[tuple[str, str], Callable[[Visit], Response]] = {
 
 
 def carry_out(visit: Visit) -> Response:
-    """Does what a form asks for, and shows the resource again.
+    """Handles a form of the web console (cancel, restart, ...), and shows the resource again.
 
     Raises:
         ResourceNotFoundException: there is no such act, or no such resource.
@@ -134,7 +134,7 @@ _SAMPLES = {"int": "1", "float": "1.5", "uuid": str(uuid.UUID(int=1))}
 
 
 def add_page(module: str, path: str, page: Page) -> None:
-    """Adds a page of a module.
+    """Adds a user's own page to the web console.
 
     Args:
         module: The module's name.
@@ -182,7 +182,7 @@ _FORMS: Mapping[str, Page] = {
 
 
 class Console:
-    """Serves pages below `/console`, and passes everything else on.
+    """Web console: serves pages below `/console`, and passes all other requests to the API server.
 
     Args:
         endpoint: the application of all other paths; it makes the calls of operations, and counts requests.
@@ -230,7 +230,7 @@ class Console:
         self._pages = Starlette(routes=routes, exception_handlers={HTTPException: _told})
 
     def end_streams(self) -> None:
-        """Ends what is sent to browsers, so that the server can stop."""
+        """Ends all streams to browsers, so that the server can stop."""
         self._context.streams.end()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -299,7 +299,7 @@ class Console:
 
 
 def answered(visit: Visit, page: Page) -> Response:
-    """The answer of a page, or a page that says what is wrong."""
+    """Returns a page's response, or an error page."""
     try:
         return page(visit)
     except Exception as error:

@@ -29,7 +29,7 @@ _HEADERS = {
 
 
 def published(place: StoredPlace | None, service: Service) -> dict[str, int]:
-    """Names and sizes of the files that a manifest names; none where there is no manifest."""
+    """Returns names and sizes of a job's uploaded output files; empty without a manifest."""
     if place is None:
         return {}
     try:
@@ -39,7 +39,7 @@ def published(place: StoredPlace | None, service: Service) -> dict[str, int]:
 
 
 def send_file(place: StoredPlace | None, name: str, service: Service) -> FileResponse:
-    """The answer with a published file.
+    """Makes the HTTP response with one of a job's output files.
 
     Args:
         place: where the outputs are that it is one of.
@@ -66,7 +66,7 @@ def send_file(place: StoredPlace | None, name: str, service: Service) -> FileRes
 
 
 def tail_of(place: StoredPlace, name: str, service: Service, most_bytes: int) -> str:
-    """How a published text ends; empty if it cannot be read."""
+    """Returns the end of an uploaded text file; empty if it cannot be read."""
     try:
         path, is_copy = _local(place.bucket, join_key(place.prefix, name), service)
         with path.open("rb") as file:

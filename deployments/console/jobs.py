@@ -39,14 +39,14 @@ _VIDEOS = ("last-10s.mp4", "video.mp4")
 
 @dataclass(frozen=True)
 class Log:
-    """How a log ends."""
+    """The end of a log file, for a job's web page."""
 
     name: str
     text: str
 
 
 def show_all(visit: Visit) -> Response:
-    """The list of jobs."""
+    """Web page with the list of simulation jobs."""
     filters = {name: [value] for name in ("status", "tag") if (value := visit.parameter(name))}
     page = visit.listed(JOB, filters, _PAGE_LENGTH, JobInBrief.members())
     lines = [job_line(job) for job in visit.seen(page.resources)]
@@ -54,7 +54,7 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The page of one job."""
+    """Web page of one simulation job."""
     job = visit.find(JOB, visit.request.path_params["id"])
     document = SimulationJobDocument.of(job)
     has_ended = is_terminal(JOB, job.status)
@@ -89,7 +89,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """The status, the path and the log of a job that has not ended."""
+    """Streams status, path and log of a running job to the browser."""
     found = visit.find(JOB, visit.request.path_params["id"])
     arn = found.arn
     world = world_of(SimulationJobDocument.of(found), visit.service)
@@ -122,7 +122,7 @@ def follow(visit: Visit) -> Response:
 
 
 def send(visit: Visit) -> Response:
-    """One of a job's published files."""
+    """Sends one of a job's output files to the browser."""
     job = visit.find(JOB, visit.request.path_params["id"])
     return send_file(SimulationJobDocument.of(job).outputs, visit.request.path_params["name"], visit.service)
 

@@ -22,7 +22,7 @@ _APPLICATION_FOLDER = "work"  # below that of the run
 
 
 def note_of(run: Path | None, name: str, most_bytes: int) -> bytes:
-    """Reads a note from the application's own files. No link is followed, and the content is not trusted.
+    """Reads a small file that a running application has written; links are not followed.
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.
@@ -51,7 +51,7 @@ _ADDRESS = re.compile(r"http://127\.0\.0\.1:[0-9]{1,5}/")
 
 
 def live_view_of(run: Path | None) -> str:
-    """The address of a run's live view; empty: it has none. No other address is taken.
+    """Returns the URL of a run's live view; empty if it has none.
 
     Args:
         run: the folder of the run; `None`: it is not on this machine.
@@ -71,7 +71,7 @@ _MOST_POINTS = 500
 
 
 def world_of(document: SimulationJobDocument, service: Service) -> WorldView | None:
-    """The world in which a job drives; `None`: in none, or in one that is not there any more."""
+    """Returns the drawing of the world that a job drives in; `None` if there is none."""
     arn = world_arn(document.request)
     if arn is None:
         return None
@@ -83,7 +83,7 @@ def world_of(document: SimulationJobDocument, service: Service) -> WorldView | N
 
 
 def open_plan(view: WorldView | None, job_id: str) -> Markup | None:
-    """The plan on which a page shows the path."""
+    """Draws the floor plan on which a job's web page shows the robot's path."""
     if view is None or view.content is None or view.frame is None:
         return None
     title = f"Plan of {view.world.label} with the path of {job_id} so far"
@@ -91,7 +91,7 @@ def open_plan(view: WorldView | None, job_id: str) -> Markup | None:
 
 
 def drive_in(view: WorldView | None, run: Path | None) -> str:
-    """The path that the robot has driven so far, drawn; empty: none is noted on this machine."""
+    """Draws the robot's path so far in a running job; empty if unknown on this machine."""
     path = points_of(note_of(run, PATH_FILE, _MOST_BYTES).decode(errors="replace"))
     if view is None or view.frame is None or not path:
         return ""

@@ -19,7 +19,7 @@ _MOST_BYTES = 16_384
 
 
 def visit_of(request: Request, context: Context) -> Visit | None:
-    """The visit that a request is; `None`: its visitor has to log in first."""
+    """Returns the logged-in visit of a request; `None` if the visitor has to log in first."""
     if context.sessions is None:
         return Visit(request, context, None)
     session = context.sessions.find(request.cookies.get(cookie_name(request)))
@@ -27,7 +27,7 @@ def visit_of(request: Request, context: Context) -> Visit | None:
 
 
 def ask(request: Request) -> Response:
-    """Sends a visitor to the login, and from there back."""
+    """Redirects a visitor to the login page of the web console."""
     if request.method != "GET" or request.url.path.endswith("/live"):
         return Response("log in first\n", 403, media_type="text/plain")
     wanted = request.url.path + (f"?{request.url.query}" if request.url.query else "")
@@ -35,7 +35,7 @@ def ask(request: Request) -> Response:
 
 
 def show_form(context: Context) -> Callable[[Request], Response]:
-    """The page of the login."""
+    """Makes the web console's login page."""
 
     def show(request: Request) -> Response:
         to = own_address(request.query_params.get("to", ""))
@@ -47,7 +47,7 @@ def show_form(context: Context) -> Callable[[Request], Response]:
 
 
 def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
-    """Takes the form of the login."""
+    """Makes the handler of the web console's login form, which checks the access key and starts a session."""
 
     async def take(request: Request) -> Response:
         try:
@@ -77,7 +77,7 @@ def log_in(context: Context) -> Callable[[Request], Awaitable[Response]]:
 
 
 def log_out(visit: Visit) -> Response:
-    """Ends the session."""
+    """Ends the visitor's session in the web console."""
     if visit.context.sessions is not None:
         visit.context.sessions.log_out(visit.request.cookies.get(cookie_name(visit.request)))
     response = RedirectResponse(f"{HOME}/login", 303)
@@ -86,6 +86,6 @@ def log_out(visit: Visit) -> Response:
 
 
 def own_address(address: str) -> str:
-    """An address of the console; any other one leads to its first page."""
+    """Returns a URL if it belongs to the console, else that of the console's first page."""
     is_own = address == HOME or address.startswith((f"{HOME}/", f"{HOME}?"))
     return address if is_own and "\\" not in address and address.isprintable() else HOME

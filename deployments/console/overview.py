@@ -36,14 +36,14 @@ _EVERY_S = 2.0
 
 @dataclass(frozen=True)
 class OtherLine:
-    """A job of another kind that has not ended."""
+    """A row for an unfinished job that is neither simulation job nor batch."""
 
     resource: Resource
     look: Look
 
 
 def show(visit: Visit) -> Response:
-    """The page."""
+    """Web page with the overview of current jobs and runs."""
     runs = latest_runs(visit)
     since = since_before(runs[0], visit) if runs else None
     return visit.page("overview.html.j2", **_now(visit), **_failures(visit), runs=runs, since=since)
@@ -97,7 +97,7 @@ _NAMED = (
 
 
 def find(visit: Visit) -> Response:
-    """Leads to what was searched for, or shows what has that name."""
+    """Handles the search field: redirects to the match, or lists matches."""
     wanted = visit.parameter("q").strip()[:_MOST_CHARACTERS]
     catalog, service = visit.service.catalog, visit.service
     arns = [wanted] if wanted.startswith("arn:") else [service.arn(kind, wanted) for kind in (*FOLDERS, *_NAMED)]

@@ -19,14 +19,14 @@ HOME = "/console"
 
 
 def render(template: str, /, **values: Any) -> str:
-    """Fills a template, which is a file or the text of one; all values are escaped."""
+    """Renders an HTML template of the web console; all values are escaped."""
     found = _environment().from_string if template.startswith("{%") else _environment().get_template
     return found(template).render(values)
 
 
 @cache
 def asset(name: str) -> str:
-    """The style sheet `console.css` or the script `console.js`, with that of reports before it.
+    """Returns the content of the console's style sheet or script.
 
     Raises:
         KeyError: it is neither.
@@ -37,12 +37,12 @@ def asset(name: str) -> str:
 
 @cache
 def asset_address(name: str) -> str:
-    """Path of an asset for browsers; it contains a hash of the content, so that a changed asset has another path."""
+    """Returns the URL path of a style sheet or script, with a content hash for caching."""
     return f"{HOME}/assets/{hashlib.sha256(asset(name).encode()).hexdigest()[:12]}/{name}"
 
 
 def address(kind: str, resource_id: str) -> str:
-    """The page of a resource; empty for kinds that have none."""
+    """Returns the URL path of a resource's web page; empty for kinds that have none."""
     if kind == "world-template":
         return f"{HOME}/worlds?template={quote(resource_id)}"
     folder = FOLDERS.get(kind)
@@ -51,7 +51,7 @@ def address(kind: str, resource_id: str) -> str:
 
 @cache
 def icon(key: str) -> str:
-    """The symbol of how something stands, as the macro `icon` of the templates draws it."""
+    """Returns the HTML of the icon for a state, such as passed or failed."""
     return f'<svg class="icon" viewBox="0 0 16 16" aria-hidden="true"><use href="#icon-{key}"/></svg>'
 
 
@@ -70,7 +70,7 @@ MENU = [(1, "runs", "Runs"), (2, "batches", "Batches"), (3, "jobs", "Jobs"), (4,
 
 
 def ago(moment: datetime) -> str:
-    """`3 min ago`; the whole moment from the day before on."""
+    """Formats how long ago a time was: `3 min ago`; older times in full."""
     seconds = (datetime.now(UTC) - moment).total_seconds()
     if seconds >= 86_400:
         return outcomes.minute(moment)

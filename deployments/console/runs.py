@@ -31,12 +31,12 @@ _OPEN_PAGE = {"content-security-policy": "sandbox allow-scripts; frame-ancestors
 
 
 def show_all(visit: Visit, going: Mapping[str, Standing]) -> Response:
-    """The latest runs, below those that go on, by id."""
+    """Web page with the list of latest runs, current ones first."""
     return visit.page("runs.html.j2", runs=_latest(visit, _MOST_SHOWN), going=going)
 
 
 def show(visit: Visit) -> Response:
-    """The page of one run: what changed, its batches, and its jobs, failures first; of one that goes on its batches."""
+    """Web page of one run: changes, batches, and jobs, failures first."""
     run_id = visit.request.path_params["id"]
     batches = batches_of_run(run_id, visit)
     if batches and not is_known(run_id, visit):
@@ -54,14 +54,14 @@ def show(visit: Visit) -> Response:
 
 
 def since_before(record: RunRecord, visit: Visit) -> SinceLastRun | None:
-    """Compares a run with the one before it; `None`: it is a rerun, or the visitor may not see all runs."""
+    """Compares a run with the one before it; `None` for reruns and confined visitors."""
     if not visit.sees_all:
         return None
     return _since(_place(record.run_id, visit), visit.service.settings.home / "runs")
 
 
 def send_report(visit: Visit) -> Response:
-    """The run's report, in a box of its own: it holds what applications printed."""
+    """Sends the run's HTML report to the browser, isolated because it contains untrusted output."""
     path = _path(visit).with_name("report.html")
     if not path.is_file():
         raise ResourceNotFoundException("the run has no report; `robomaker report` writes it")
@@ -84,12 +84,12 @@ def _with_own_links(report: str, record: RunRecord) -> str:
 
 
 def latest_runs(visit: Visit) -> list[RunRecord]:
-    """The newest runs, for the first page."""
+    """Returns the records of the newest runs that the visitor may see."""
     return _latest(visit, _MOST_LATEST)
 
 
 def names_of_seen(visit: Visit) -> list[str]:
-    """The specifications of the newest runs that the visitor may see."""
+    """Returns the names of specifications with runs that the visitor may see."""
     return sorted({record.name for record in _latest(visit, _MOST_LOOKED_AT)})
 
 
@@ -102,7 +102,7 @@ def _latest(visit: Visit, most: int) -> list[RunRecord]:
 
 
 def sees_run(visit: Visit, record: RunRecord) -> bool:
-    """Whether a visitor may see a run: it is the visitor's own, or so is each resource that its record names."""
+    """Whether a visitor may see a run."""
     if visit.sees_all:
         return True
     standing = read_standing(_place(record.run_id, visit).parent)
@@ -121,7 +121,7 @@ def _place(run_id: str, visit: Visit) -> Path:
 
 
 def is_known(name: str, visit: Visit) -> bool:
-    """Whether there is a run of that name that the visitor may see."""
+    """Whether the visitor may see some run of that specification."""
     # Longer names are none: the file system would refuse them with an error of its own.
     is_name = "/" not in name and name not in ("", ".", "..") and len(name.encode()) <= 255
     path = _place(name, visit)
@@ -138,7 +138,7 @@ def _path(visit: Visit) -> Path:
 
 
 def find_record(visit: Visit) -> RunRecord:
-    """The record of the run that a visitor asks for.
+    """Returns the record of the run that the visitor asks for.
 
     Raises:
         ResourceNotFoundException: there is none that the visitor may see.

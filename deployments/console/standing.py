@@ -19,7 +19,7 @@ _ICONS = {"running": "unfinished", "waiting": "unjudged"}
 
 @dataclass(frozen=True)
 class Look:
-    """A state as pages show it."""
+    """Display of a state in the web console: text, CSS class and icon."""
 
     key: str
     """Class of style."""
@@ -28,7 +28,7 @@ class Look:
 
     @property
     def icon(self) -> str:
-        """Its symbol."""
+        """HTML of the state's icon."""
         return _ICONS.get(self.key, self.key)
 
 
@@ -39,7 +39,7 @@ UNFINISHED = (WAITING, RUNNING, DRAWING, STORING)
 
 @dataclass(frozen=True)
 class JobLine:
-    """One job in a list or a grid."""
+    """A simulation job in a list or grid of the web console."""
 
     id: str
     status: str
@@ -57,12 +57,12 @@ class JobLine:
 
     @property
     def is_failure(self) -> bool:
-        """Whether someone has to look at it."""
+        """Whether the job failed or broke, so that someone has to look at it."""
         return self.look.key in ("broken", "failed")
 
 
 def look_of_status(kind: str, status: str) -> Look:
-    """How a resource that has no verdict stands."""
+    """Returns the display of the status of a resource without verdict."""
     if not is_terminal(kind, status):
         return WAITING if status == "Pending" else RUNNING
     if status in ("Failed", "PartialFailed"):
@@ -71,7 +71,7 @@ def look_of_status(kind: str, status: str) -> Look:
 
 
 def job_line(job: Resource) -> JobLine:
-    """A job of a list; of its document it takes the members of `JobInBrief` or all."""
+    """Makes the web console's row of a simulation job."""
     document = JobInBrief.of(job)
     if is_terminal(JOB, job.status):
         outcome = classify(job.status, document.failure_code, document.verdict)
@@ -112,7 +112,7 @@ def _look_of_unfinished(status: str, *, draws: bool) -> Look:
 
 
 def rate_of(lines: Iterable[JobLine]) -> Share | None:
-    """The success rate of jobs; `None` while none is judged."""
+    """Returns the pass rate of jobs; `None` while none is judged."""
     counts = Counter(line.look.key for line in lines)
     share = share_of("", counts["passed"], counts["failed"])
     return None if share.rate is None else share

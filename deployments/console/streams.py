@@ -24,18 +24,18 @@ Look = Callable[[], Iterator[tuple[str, Any]]]
 
 
 class Streams:
-    """The streams of one server, which end with it."""
+    """Live update streams from a server to browsers."""
 
     def __init__(self) -> None:
         self._open = 0
         self._ended = asyncio.Event()
 
     def end(self) -> None:
-        """Ends all streams, so that the server does not wait for them."""
+        """Ends all streams, so that the server can stop."""
         self._ended.set()
 
     def follow(self, look: Look, every_s: float) -> StreamingResponse:
-        """The answer that sends what changes.
+        """Makes the HTTP response that streams changes to the browser (server-sent events).
 
         Args:
             look: looks for news, in a thread of its own.
@@ -46,7 +46,7 @@ class Streams:
 
     @asynccontextmanager
     async def admitted(self) -> AsyncIterator[bool]:
-        """Counts a stream while it goes on; says whether there is room for it."""
+        """Counts a stream while it is open; yields whether there is room for it."""
         has_room = self._open < MOST_STREAMS
         self._open += has_room
         try:
@@ -107,12 +107,12 @@ def _looked(look: Look) -> list[tuple[str, Any]] | None:
 
 
 def event(name: str, data: Any) -> bytes:
-    """One event as it is sent; JSON has no line breaks of its own."""
+    """Formats a server-sent event."""
     return f"event: {name}\ndata: {json.dumps(data)}\n\n".encode()
 
 
 class Parts:
-    """Parts of a page by the ids of their elements, of which only those are news that changed."""
+    """Detects which parts of a web page (by element id) changed since they were last sent."""
 
     def __init__(self) -> None:
         self._sent: dict[str, str] = {}

@@ -35,7 +35,7 @@ _MOST_SESSIONS = 10_000
 
 @dataclass(frozen=True)
 class Session:
-    """One browser that is logged in."""
+    """A logged-in browser session of the web console."""
 
     key: AccessKey
     form_token: str
@@ -45,7 +45,7 @@ class Session:
 
 
 class Sessions:
-    """The sessions of one server.
+    """All login sessions of a web console server.
 
     Args:
         access_keys: those that may log in, by id.
@@ -68,7 +68,7 @@ class Sessions:
         self._lock = threading.Lock()
 
     def log_in(self, key_id: str, secret: str, client: str = "") -> str:
-        """Begins a session, and returns the token that the browser's cookie holds.
+        """Checks an access key, starts a session, and returns its cookie token.
 
         Args:
             key_id: the id of an access key.
@@ -95,7 +95,7 @@ class Sessions:
         return token
 
     def find(self, token: str | None) -> Session | None:
-        """The session of a cookie; `None`: there is none, or it is over."""
+        """Returns the session of a cookie token; `None` if there is none or it has expired."""
         with self._lock:
             session = self._sessions.get(token or "")
         return session if session is not None and session.ends_at_s > self._clock() else None
@@ -121,7 +121,7 @@ class Sessions:
 
 @dataclass(frozen=True)
 class Context:
-    """Objects that all pages share."""
+    """Objects shared by all pages of the web console: service, sessions, settings."""
 
     service: Service
     calls: Calls
@@ -144,7 +144,7 @@ class Context:
 
 @dataclass(frozen=True)
 class Visit:
-    """A request of a visitor who may see the console."""
+    """A request of a logged-in visitor to the web console."""
 
     request: Request
     context: Context
@@ -154,54 +154,54 @@ class Visit:
 
     @property
     def service(self) -> Service:
-        """The service whose resources the console shows."""
+        """RoboMaker service whose resources (jobs, worlds, ...) the web console shows to the visitor."""
         return self.context.service
 
     @property
     def key(self) -> AccessKey | None:
-        """The visitor's access key; `None`: none is asked for."""
+        """The visitor's access key; `None` if no login is required."""
         return self.session and self.session.key
 
     @property
     def address(self) -> str | None:
-        """Network address of the visitor; `None`: it is not known."""
+        """Network address of the visitor; `None` if unknown."""
         return self.request.client.host if self.request.client else None
 
     @property
     def form_token(self) -> str:
-        """Secret token of this visitor's forms."""
+        """Secret token in this visitor's forms, against forged requests (CSRF)."""
         return self.session.form_token if self.session else self.context.form_token
 
     @property
     def sees_all(self) -> bool:
-        """Whether the visitor sees all resources."""
+        """Whether the visitor may see all resources."""
         return self.key is None or not self.key.is_confined
 
     @property
     def may_order_runs(self) -> bool:
-        """Whether the visitor's key is good for runs of specifications at all, and this server performs them."""
+        """Whether the visitor may order runs of specifications on this server."""
         return self.context.spec_runs is not None and self.may("StartSimulationJobBatch")
 
     def may(self, operation: str) -> bool:
-        """Whether the scope of the visitor's key holds an operation."""
+        """Whether the visitor's access key allows an API operation."""
         return self.key is None or SCOPES.index(self.key.scope) >= SCOPES.index(needed_scope(operation))
 
     def seen(self, resources: Iterable[Resource]) -> list[Resource]:
-        """Those of some resources that the visitor may see."""
+        """Returns the resources that the visitor may see, of those given."""
         key = self.key
         if key is None or not key.is_confined:
             return list(resources)
         return [each for each in resources if is_visible(key, each, self.service.catalog)]
 
     def listed(self, kind: str, filters: Mapping[str, Sequence[str]], limit: int, members: Sequence[str]) -> Page:
-        """The page of a list that the visitor asks for, the newest first; it may have what the visitor may not see."""
+        """Returns the requested page of a list of resources, newest first, without checking visibility."""
         after = self.parameter("after") or None
         return self.service.catalog.list(
             kind, filters=filters, limit=limit, after=after, scope="console", members=members
         )
 
     def find(self, kind: str, resource_id: str, members: Sequence[str] | None = None) -> Resource:
-        """A resource that the visitor may see.
+        """Returns a resource that the visitor may see.
 
         Args:
             kind: what it is.
@@ -218,13 +218,13 @@ class Visit:
         return found[0]
 
     def sees(self, arn: str | None) -> bool:
-        """Whether there is a resource of an ARN that the visitor may see: else no link leads to it."""
+        """Whether a resource exists that the visitor may see, so that a page may link to it."""
         if not arn or self.sees_all:
             return bool(arn)
         return bool(self.seen(self.service.catalog.get_many([arn], ()).values()))
 
     def call(self, operation: str, members: Mapping[str, Any]) -> dict[str, Any]:
-        """Calls an operation for the visitor.
+        """Calls an API operation with the visitor's rights.
 
         Raises:
             AccessDeniedException: the visitor's key is not good for it.
@@ -235,7 +235,7 @@ class Visit:
 
     @contextmanager
     def noted(self, name: str, *resources: str, if_refused: bool = False) -> Iterator[Call]:
-        """Writes what is done for the visitor, and how it ends, into the audit log: for what is no operation's call.
+        """Writes an action of the visitor that is no API call to the audit log.
 
         Args:
             name: what is done.
@@ -256,11 +256,11 @@ class Visit:
                 self.context.calls.write(call)
 
     def parameter(self, name: str) -> str:
-        """A parameter of the query; empty if it is not there."""
+        """Returns a query parameter of the URL; empty if missing."""
         return self.request.query_params.get(name, "")
 
     def follow(self, look: Look, every_s: float) -> Response:
-        """Sends what a look finds, again and again, until it says that this is the end or the session is over."""
+        """Streams updates to the browser until `look` ends or the session expires."""
 
         def allowed() -> Iterator[tuple[str, Any]]:
             sessions = self.context.sessions
@@ -272,11 +272,11 @@ class Visit:
         return self.context.streams.follow(allowed, every_s)
 
     def page(self, template: str, /, *, status: int = 200, **values: Any) -> Response:
-        """A page of the console."""
+        """Renders a page of the console as HTTP response."""
         return HTMLResponse(render(template, visit=self, **values), status)
 
 
 def cookie_name(request: Request) -> str:
-    """The name of the cookie of a session: by the server's port, since cookies of one host are for all its ports."""
+    """Returns the name of the session cookie, which contains the server's port."""
     _, port = request.scope.get("server") or ("", None)
     return f"robomaker_console_{port or 'default'}"

@@ -33,7 +33,7 @@ _OPEN_PAGE = {**_KEPT, "content-security-policy": "sandbox allow-scripts; frame-
 
 
 def show_all(visit: Visit) -> Response:
-    """The gallery."""
+    """Web page with the gallery of worlds."""
     template = visit.parameter("template")
     templates = visit.service.catalog.list(_TEMPLATE, limit=_MOST_TEMPLATES, members=())
     seen = visit.seen(templates.resources)
@@ -71,7 +71,7 @@ def _indented(body: str) -> str:
 
 
 def show_of_job(visit: Visit) -> Response:
-    """The gallery of a world generation job."""
+    """Web page with the gallery of a world generation job."""
     job = visit.find(GENERATION, visit.request.path_params["id"])
     worlds, next_token = _listed(visit, {"generationJobId": [job.id]})
     return visit.page(
@@ -87,7 +87,7 @@ def show_of_job(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The page of one world."""
+    """Web page of one world."""
     world = visit.find(WORLD, visit.request.path_params["id"])
     view = view_report(report_of_world(world.arn, visit.service)).worlds[0]
     content = view.content
@@ -104,7 +104,7 @@ def show(visit: Visit) -> Response:
 
 
 def show_in_3d(visit: Visit) -> Response:
-    """The world's 3D page, as `robomaker world view` makes it."""
+    """Web page with a 3D view of a world."""
     # Imports MuJoCo and what makes meshes, 25 MB that `serve` does not need otherwise.
     from ...tasks.worldforge.viewer.viewer_page import viewer_page
 
@@ -113,7 +113,7 @@ def show_in_3d(visit: Visit) -> Response:
 
 
 def send_preview(visit: Visit) -> Response:
-    """The world from above."""
+    """Sends the picture of a world from above to the browser."""
     world = visit.find(WORLD, visit.request.path_params["id"])
     picture = preview_of(world, visit.service)
     if not picture:

@@ -19,7 +19,7 @@ _PACKAGE = "python://"
 
 @dataclass(frozen=True)
 class Need:
-    """One thing that has to be there when a step runs."""
+    """Something that has to exist when a specification's step runs, such as an archive."""
 
     step: str
     uri: str
@@ -27,7 +27,7 @@ class Need:
 
     @property
     def sentence(self) -> str:
-        """Description of the need, in words."""
+        """Description of the need, as a sentence."""
         if self.uri.startswith("s3://"):
             return f"{self.uri} in the object store (step {self.step})"
         if self.uri.startswith(_PACKAGE):
@@ -36,13 +36,13 @@ class Need:
 
 
 def needs_of(spec: CheckedSpec) -> list[Need]:
-    """Lists the needs that the steps name literally; references are known only in a run."""
+    """Lists the needs of a specification's steps, as far as known before the run."""
     found = [Need(name, uri) for name in spec.order for uri in _uris(plain(spec.steps[name].input))]
     return list({need.uri: need for need in reversed(found)}.values())[::-1]
 
 
 def missing_objects(needs: list[Need], store: ObjectStore) -> list[Need]:
-    """Those whose object a store does not have.
+    """Returns the needs whose object does not exist in the object store.
 
     Raises:
         StorageError: the store does not answer.
@@ -88,7 +88,7 @@ _MOST_BYTES = 400_000  # Prefect takes 512 kB of parameters, as JSON
 
 @dataclass(frozen=True)
 class Deployable:
-    """A flow with what a deployment of it is called, says and keeps."""
+    """A Prefect flow with the name, description and parameters of its deployment."""
 
     flow: str
     entrypoint: str
@@ -102,17 +102,17 @@ class Deployable:
 
     @property
     def full_name(self) -> str:
-        """Full name for `prefect deployment run`: the flow's name and the deployment's."""
+        """Full name for `prefect deployment run`: flow name and deployment name."""
         return f"{self.flow}/{self.name}"
 
 
 def deployment_name(flow: str) -> str:
-    """The name of the deployment of an operation's flow, as the AWS CLI writes the operation."""
+    """Returns the deployment's name for an operation's flow, spelled as in the AWS CLI."""
     return re.sub(r"(?<!^)(?=[A-Z])", "-", flow).lower()
 
 
 def operation_deployables() -> list[Deployable]:
-    """The flows of all operations, and those that carry stored jobs to their end, by module and name."""
+    """Returns the flows of all API operations, and those that run stored jobs, for deployment."""
     entries = registry().values()
     made = [_of_operation(entry, entry.name, OPERATIONS[entry.name].description, "operation") for entry in entries]
     makers: dict[str, list[Operation]] = {}  # a deployment job has two
@@ -126,7 +126,10 @@ def operation_deployables() -> list[Deployable]:
 
 
 def job_worker_deployable(pool: str) -> Deployable:
-    """The flow that takes jobs of batches, in a work pool: `ROBOMAKER_BACKEND=workers:POOL` finds it by its name."""
+    """Returns the job worker's flow for deployment in a work pool.
+
+    `ROBOMAKER_BACKEND=workers:POOL` finds it by its name.
+    """
     return Deployable(
         flow=JOB_WORKER_FLOW,
         entrypoint=f"{_FLOWS}.simulation_job_batches.{JOB_WORKER_FLOW}",
@@ -140,7 +143,7 @@ def job_worker_deployable(pool: str) -> Deployable:
 
 
 def spec_deployable(spec: CheckedSpec, *, origin: str, name: str | None = None, tags: Sequence[str] = ()) -> Deployable:
-    """A specification, kept with its deployment.
+    """Returns a specification for deployment as a Prefect flow.
 
     Args:
         spec: the specification, checked.

@@ -34,7 +34,7 @@ ReadBlock = Callable[[str, str], Mapping[str, Any] | None]
 
 
 def environment_of_words(words: Sequence[str]) -> dict[str, str]:
-    """Variables given as `NAME=VALUE`.
+    """Parses environment variables given as `NAME=VALUE`.
 
     Raises:
         ConfigurationError: a word is none.
@@ -49,7 +49,7 @@ def environment_of_words(words: Sequence[str]) -> dict[str, str]:
 
 
 def block_of_word(word: str) -> tuple[str, str]:
-    """The type's slug and the name of a block given as `TYPE/NAME`.
+    """Parses a Prefect block given as `TYPE/NAME`.
 
     Raises:
         ConfigurationError: it is none of a type that settings can be taken from.
@@ -62,7 +62,7 @@ def block_of_word(word: str) -> tuple[str, str]:
 
 
 def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, str]:
-    """Variables whose values the worker takes from blocks.
+    """Returns environment variables whose values a Prefect worker takes from blocks.
 
     Args:
         blocks: each `TYPE/NAME`, as `prefect block ls` shows them.
@@ -86,7 +86,7 @@ def environment_of_blocks(blocks: Sequence[str], read: ReadBlock) -> dict[str, s
 
 
 def check_image(kind: str, image: str | None) -> None:
-    """Checks the container image that runs of a work pool start from.
+    """Checks the container image for runs of a Prefect work pool.
 
     Args:
         kind: the type of the pool: `process`, `docker` or `kubernetes`.
@@ -123,7 +123,7 @@ _ENVIRONMENT = {
 def pool_template(
     kind: str, *, image: str | None = None, environment: Mapping[str, str] | None = None
 ) -> dict[str, Any]:
-    """A template for `prefect work-pool create --base-job-template`.
+    """Makes a job template for `prefect work-pool create --base-job-template`.
 
     Args:
         kind: the type of the pool, one of `TYPES`.

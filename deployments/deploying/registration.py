@@ -34,7 +34,7 @@ _DEFAULT = re.compile(r"`?([\w.-]+)`? \(the default\)")
 
 
 def form_schema(flow: Flow[..., Any]) -> dict[str, Any]:
-    """The schema of a flow's parameters, from which a form shows choices, defaults and names as users know them.
+    """Makes the JSON schema of a flow's parameters for Prefect's run form.
 
     Of an optional type, a form makes one tab for the type and one for nothing, and opens that of nothing. So an
     optional text, number, choice or list is given as its type alone: what is left empty is not sent. The default of
@@ -72,12 +72,12 @@ _PAGE = 200  # the most that the server gives at once
 
 
 class NoSuchPoolError(ConfigurationError):
-    """The Prefect server has no work pool of that name; the message says how to make one."""
+    """Raised when the Prefect server has no work pool of that name; says how to create one."""
 
 
 @dataclass(frozen=True)
 class Target:
-    """Work pool and schedule of deployments, and the image and environment of their runs."""
+    """Target of deployments: work pool, schedule, image and environment."""
 
     pool: str
     schedule: CronSchedule | None = None
@@ -94,7 +94,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Registered:
-    """A deployment that the server has now."""
+    """A deployment that was created or updated on the Prefect server."""
 
     name: str
     """Full name for `prefect deployment run`: the flow's name and the deployment's."""
@@ -107,7 +107,7 @@ class Registered:
 
 
 def register(deployables: Sequence[Deployable], target: Target) -> list[Registered]:
-    """Makes or changes deployments on the server that Prefect's settings name.
+    """Creates or updates deployments on the Prefect server.
 
     Raises:
         NoSuchPoolError: there is no such work pool.
@@ -121,7 +121,7 @@ def register(deployables: Sequence[Deployable], target: Target) -> list[Register
 
 
 def close_dead_runs() -> None:
-    """Has the server close runs whose machine has died; our own server does so by itself, others have to be told.
+    """Sets up a remote Prefect server to close runs whose machine has died.
 
     Raises:
         ConfigurationError: the server does not answer or refuses.
@@ -131,7 +131,7 @@ def close_dead_runs() -> None:
 
 
 def read_block(client: SyncPrefectClient, slug: str, name: str) -> Mapping[str, Any] | None:
-    """The content of a block, without secrets; `None` if there is none of that name."""
+    """Reads a Prefect block's content without secrets; `None` if it does not exist."""
     try:
         return client.read_block_document_by_name(name=name, block_type_slug=slug, include_secrets=False).data
     except ObjectNotFound:
@@ -249,7 +249,7 @@ _FIELDS = 5
 
 
 def cron_schedule(cron: str, timezone: str = "UTC") -> CronSchedule:
-    """The schedule of a cron expression.
+    """Makes a Prefect schedule from a cron expression.
 
     Args:
         cron: five fields: minute, hour, day of the month, month, day of the week; or `@daily` and the like.

@@ -37,7 +37,7 @@ LOGGER.propagate = False  # nothing is written, and nothing costs time, until `w
 
 
 def write_access_log(path: Path | None = None) -> logging.Handler:
-    """Begins to log requests.
+    """Starts the HTTP access log of the API server.
 
     Args:
         path: file that lines are added to; `None`: standard error.
@@ -58,7 +58,7 @@ def write_access_log(path: Path | None = None) -> logging.Handler:
 
 
 def log_access(request: ServiceRequest, status: int, error: str, duration_s: float) -> None:
-    """Logs one request, if the access log is on.
+    """Logs one HTTP request, if the access log is on.
 
     Args:
         request: what was asked.
@@ -95,11 +95,11 @@ RETRY_AFTER_S = 1
 
 
 def ignore(arn: str) -> None:
-    """Hears of a job and does nothing."""
+    """Does nothing: the default listener for submitted jobs."""
 
 
 class Endpoint:
-    """The application that serves every operation over HTTP.
+    """API server: the ASGI application that serves every RoboMaker operation over HTTP.
 
     Args:
         service: where the operations happen.
@@ -171,7 +171,7 @@ class Endpoint:
         self.note(request, response.status_code, time.perf_counter() - began, error)
 
     def note(self, request: ServiceRequest, status: int, duration_s: float, error: str = "-") -> None:
-        """Counts and logs a request that was answered; the console notes those of its pages, too.
+        """Counts and logs an answered request.
 
         Args:
             request: what was asked.

@@ -22,14 +22,14 @@ _OTHER_FILES = 128
 
 
 def most_connections() -> int:
-    """How many connections leave this process files to open for everything else."""
+    """Returns how many connections the server can have while leaving files for everything else."""
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return _MOST_CONNECTIONS if soft < 0 else max(_OTHER_FILES, min(_MOST_CONNECTIONS, soft - _OTHER_FILES))
 
 
 @dataclass(frozen=True)
 class ConnectionLimits:
-    """Limits on a client's connections and times, so that slow clients do not block others."""
+    """Limits on a client's connections and times, against slow or greedy clients."""
 
     connections: int = field(default_factory=most_connections)
     """How many there may be; a new one takes the place of the one that has waited longest without asking anything."""
@@ -42,14 +42,14 @@ class ConnectionLimits:
 
 
 def limited_protocol(limits: ConnectionLimits) -> type[asyncio.Protocol]:
-    """The protocol of uvicorn's connections, within limits.
+    """Makes the uvicorn protocol class that enforces connection limits.
 
     Args:
         limits: what each client is given.
     """
 
     class Limited(_LimitedProtocol):
-        """Connections within these limits."""
+        """HTTP connection with limits."""
 
         def __init__(self, *arguments: Any, **named: Any) -> None:
             super().__init__(*arguments, **named)
@@ -106,12 +106,12 @@ class _LimitedProtocol(H11Protocol):
 
     @property
     def is_quiet(self) -> bool:
-        """Whether nothing that was asked is being answered."""
+        """Whether no request is being answered on the connection."""
         return self.cycle is None or self.cycle.response_complete
 
     @property
     def quiet_since(self) -> float:
-        """When that began."""
+        """Time since when no request is being answered."""
         return self._quiet_since
 
     def _end(self) -> None:
@@ -146,14 +146,14 @@ LARGE_BODY_TIMEOUT_S = 60.0
 
 
 class Arrivals:
-    """Counts the bodies that are on their way."""
+    """Counts request bodies that are being received."""
 
     def __init__(self) -> None:
         self._arriving = {True: 0, False: 0}
 
     @contextmanager
     def admitted(self, declared: str | None) -> Iterator[float]:
-        """Lets one body arrive.
+        """Admits a request body, or raises an error if too many are being received; yields its time limit in seconds.
 
         Args:
             declared: the header `Content-Length`; `None` without that header, which counts as large.
@@ -175,7 +175,7 @@ class Arrivals:
 
 
 async def read_body(request: ServiceRequest, declared: str | None, max_bytes: int, timeout_s: float) -> bytes:
-    """Reads a request's body.
+    """Reads a request's body, with limits on size and time.
 
     Args:
         request: whose body has not been read.

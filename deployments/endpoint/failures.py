@@ -23,7 +23,7 @@ LOGGER = logging.getLogger("robomaker.endpoint")
 
 
 class Failures:
-    """Turns every failure into an answer.
+    """Converts exceptions of the API server to HTTP responses.
 
     Args:
         settings: what they say of places on this machine is hidden from clients.
@@ -33,7 +33,7 @@ class Failures:
         self._hidden = tuple(_hidden(settings))
 
     def answer(self, error: Exception, operation: OperationShape | None, request_id: str) -> Response:
-        """Tells the client what it can mend, and the log the rest.
+        """Makes the error response for the client, and logs details.
 
         Args:
             error: what went wrong.
@@ -49,7 +49,7 @@ class Failures:
         return response
 
     def told(self, error: Exception) -> str:
-        """Returns the message of an error, without places on this machine."""
+        """Returns an error's message with paths of this machine removed."""
         message = str(error)
         for place, name in self._hidden:
             message = place.sub(name, message)

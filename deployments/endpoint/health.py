@@ -34,7 +34,7 @@ _HEADERS = {
 
 
 class HealthPages:
-    """Says how the service is.
+    """Health and status pages of the API server.
 
     Args:
         service: what is looked at.
@@ -57,7 +57,7 @@ class HealthPages:
         self._console = console
 
     def answer(self, request: ServiceRequest, *, is_of_job: bool = False) -> Response | None:
-        """The page at a path; `None` if there is none.
+        """Returns the health page at a path; `None` if there is none.
 
         Args:
             request: what is asked.
@@ -110,7 +110,7 @@ _BUCKETS_S = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 0.5, 1.0, 2.5,
 
 
 class Metrics:
-    """Counts requests, and shows them with what the catalog holds.
+    """Prometheus metrics of the API server: requests and resources.
 
     Args:
         service: whose resources are counted when somebody asks.
@@ -142,7 +142,7 @@ class Metrics:
         ProcessCollector(registry=self._registry)
 
     def count(self, operation: str | None, status: int, duration_s: float) -> None:
-        """Counts one request.
+        """Counts one API request.
 
         Args:
             operation: the operation that it asked for; `None`: none.
@@ -154,7 +154,7 @@ class Metrics:
         self._duration_s.labels(name).observe(duration_s)
 
     def answer(self, request: ServiceRequest) -> Response | None:
-        """The metrics, if the request is for them.
+        """Returns the metrics page if the request asks for it.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -210,5 +210,5 @@ class _Resources(Collector):
         yield build
 
     def describe(self) -> list[Metric]:
-        """Nothing: the registry asks for names when a collector is added, and the catalog may be away then."""
+        """Returns nothing: metric names are not known before the catalog answers."""
         return []

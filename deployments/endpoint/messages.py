@@ -14,7 +14,7 @@ _CHANCE = random.Random()  # noqa: S311 - request ids are no secrets
 
 
 class ServiceRequest(Request):
-    """One request; signatures and ARNs in paths need both parts of its target as they were sent."""
+    """An HTTP request to the API server, with path and query in undecoded form."""
 
     content = b""
     """The body, once it is read."""
@@ -29,17 +29,17 @@ class ServiceRequest(Request):
 
     @property
     def raw_path(self) -> str:
-        """The path, percent-encoded."""
+        """Path of the URL, percent-encoded."""
         return self.scope["raw_path"].decode("latin-1")
 
     @property
     def raw_query(self) -> str:
-        """Query string of the URL: all after the question mark."""
+        """Query string of the URL, undecoded."""
         return self.scope["query_string"].decode("latin-1")
 
 
 class ProtocolError(RobomakerError):
-    """A request that no operation sees; class name and `status` are those of the wire."""
+    """Base class of errors in requests that no operation sees; class name and HTTP `status` are AWS's."""
 
     status = 400
     exit_code = 2
@@ -47,40 +47,40 @@ class ProtocolError(RobomakerError):
 
     @property
     def code(self) -> str:
-        """The error's name, as SDKs read it."""
+        """Error code in the response, by which AWS SDKs choose the exception."""
         return type(self).__name__
 
 
 class SerializationException(ProtocolError):
-    """The body, the path or the query cannot be read."""
+    """Request error: body, path or query cannot be parsed."""
 
 
 class RequestTimeoutException(ProtocolError):
-    """The body did not arrive in time."""
+    """Request error: the body did not arrive in time."""
 
     status = 408
 
 
 class RequestEntityTooLargeException(ProtocolError):
-    """The body is longer than anything the service takes."""
+    """Request error: the body is too long."""
 
     status = 413
 
 
 class UnsupportedMediaTypeException(ProtocolError):
-    """The body says that it is something else than JSON."""
+    """Request error: the body's content type is not JSON."""
 
     status = 415
 
 
 class UnknownOperationException(ProtocolError):
-    """There is nothing at the path."""
+    """Request error: no operation has this path."""
 
     status = 404
 
 
 class MethodNotAllowedException(UnknownOperationException):
-    """There is something at the path, but not with this method; on the wire an unknown operation."""
+    """Request error: the path exists, but not with this HTTP method."""
 
     status = 405
 
@@ -90,35 +90,35 @@ class MethodNotAllowedException(UnknownOperationException):
 
     @property
     def code(self) -> str:
-        """The error's name, as SDKs read it."""
+        """Error code in the response, by which AWS SDKs choose the exception."""
         return UnknownOperationException.__name__
 
 
 class AccessDeniedException(ProtocolError):
-    """The request comes from a web page, or its access key is not good for it."""
+    """Request error: it comes from a web page, or its access key lacks the right."""
 
     status = 403
 
 
 class MissingAuthenticationTokenException(ProtocolError):
-    """The request is not signed."""
+    """Request error: the request is not signed."""
 
     status = 403
 
 
 class IncompleteSignatureException(ProtocolError):
-    """The signature lacks a part, or signs too little."""
+    """Request error: the signature lacks a part, or covers too little."""
 
     status = 403
 
 
 class UnrecognizedClientException(ProtocolError):
-    """There is no such access key."""
+    """Request error: the access key does not exist."""
 
     status = 403
 
 
 class InvalidSignatureException(ProtocolError):
-    """The signature is not that of the request, or too old."""
+    """Request error: the signature is wrong or too old."""
 
     status = 403

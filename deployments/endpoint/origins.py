@@ -21,7 +21,7 @@ _ONE_LABEL = re.compile(r"[a-z0-9_-]+")
 
 
 def check_origin(request: ServiceRequest) -> None:
-    """Refuses what only a web page would send.
+    """Raises an error for requests that web pages of other sites could send.
 
     Raises:
         AccessDeniedException: the request has an `Origin`, a `Host` that may be any site's name, or comes from a page
@@ -43,7 +43,7 @@ def check_origin(request: ServiceRequest) -> None:
 
 
 def is_local_host(host: str) -> bool:
-    """Whether no web site can have this `Host`: an address, `localhost`, or a name without dots."""
+    """Whether a `Host` header cannot belong to a web site: an address, `localhost`, or a name without dots."""
     if (match := _HOST.fullmatch(host.strip().lower())) is None:
         return False
     name = match["name"].rstrip(".")
@@ -51,7 +51,7 @@ def is_local_host(host: str) -> bool:
 
 
 def is_address(name: str) -> bool:
-    """Whether a host is an IP address; one of version 6 may be in brackets."""
+    """Whether a host is an IP address."""
     try:
         ipaddress.ip_address(name.removeprefix("[").removesuffix("]"))
     except ValueError:
@@ -60,5 +60,5 @@ def is_address(name: str) -> bool:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only programs of this machine can reach what listens there."""
+    """Whether a host is a loopback address, reachable only from this machine."""
     return host == "localhost" or (is_address(host) and ipaddress.ip_address(host.strip("[]")).is_loopback)

@@ -28,7 +28,7 @@ _XML = {
 
 
 def refused(request: ServiceRequest) -> Response | None:
-    """The refusal of a service that is not served here; `None`: RoboMaker is asked for.
+    """Returns the error response if a request is meant for another AWS service; `None` for RoboMaker.
 
     Args:
         request: what was asked, by whomever: nothing is told that is not in the documentation.

@@ -22,14 +22,14 @@ from .origins import is_address, is_loopback
 
 @dataclass(frozen=True)
 class TlsFiles:
-    """A certificate chain and its private key, both as PEM."""
+    """TLS certificate chain and private key of the server, as PEM files."""
 
     certificate: Path
     key: Path
 
     @classmethod
     def checked(cls, certificate: str | None, key: str | None) -> Self | None:
-        """The files, once a server could use them; `None`: neither is given.
+        """Checks the TLS files; `None` if none are given.
 
         Raises:
             ConfigurationError: one is not given, cannot be read or used, or they do not belong together.
@@ -84,7 +84,7 @@ def run_server(
     limits: ConnectionLimits | None = None,
     proxies: Sequence[str] = (),
 ) -> None:
-    """Serves until SIGTERM or SIGINT, or without end outside the main thread; then ends the requests in progress.
+    """Runs the HTTP server until SIGTERM or SIGINT.
 
     Args:
         application: the application to serve.
@@ -131,7 +131,7 @@ def run_server(
 
 @contextlib.contextmanager
 def listening(host: str, port: int) -> Iterator[socket.socket]:
-    """A socket that listens, until the block ends.
+    """Opens a listening socket inside the `with` block.
 
     Raises:
         ConfigurationError: nothing can listen there.
@@ -165,18 +165,18 @@ class _Server(uvicorn.Server):
         self._stopping = stopping
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer."""
+        """Starts to answer requests."""
         await super().startup(sockets)
         self._ready(self._listener.getsockname()[1])
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends answers that would have no end by themselves, then waits for the others."""
+        """Ends endless streams, then waits for other responses."""
         self._stopping()
         await super().shutdown(sockets)
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
-        """Stops at signals. uvicorn's own sends them again afterwards, and so ends the caller too."""
+        """Stops the server on signals, without passing them on to the caller as uvicorn does."""
         if threading.current_thread() is not threading.main_thread():
             yield
             return

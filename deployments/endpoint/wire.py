@@ -31,14 +31,14 @@ ByMethod = dict[str, OperationShape]
 
 @dataclass(frozen=True)
 class Route:
-    """An operation, and the members of its request that the path holds."""
+    """An API operation found for a request, with the members in its path."""
 
     operation: OperationShape
     members: Mapping[str, str] = field(default_factory=dict)
 
 
 class Router:
-    """Finds operations by method and path.
+    """Finds the API operation of a request by HTTP method and path.
 
     A member takes all the rest of its path: an ARN arrives with its slashes encoded, or, in requests written by hand,
     without.
@@ -54,7 +54,7 @@ class Router:
         self._patterns = [(re.compile(_MEMBER.sub(r"(?P<\1>.+)", path)), ops) for path, ops in patterns.items()]
 
     def find(self, method: str, raw_path: str) -> Route:
-        """Finds the operation that a request asks for.
+        """Finds the API operation that a request asks for.
 
         Args:
             method: HTTP method.
@@ -98,7 +98,7 @@ _JSON_TYPES = frozenset({"application/json", "application/x-amz-json-1.0", "appl
 
 
 def request_members(route: Route, request: ServiceRequest) -> dict[str, Any]:
-    """Gathers the members of an operation's request from where they travel.
+    """Collects the members of an operation's request from path, query and body.
 
     Args:
         route: the operation, with the members in the path.
@@ -178,17 +178,17 @@ def _kind(document: Any) -> str:
 
 
 class WireResponse(Response):
-    """An operation's answer, or an error, in the service's JSON."""
+    """HTTP response with the service's JSON."""
 
     media_type = "application/json"
 
     def render(self, content: Mapping[str, Any]) -> bytes:
-        """The members as JSON, in ASCII as the service writes it."""
+        """Serialises the members to JSON, in ASCII as AWS does."""
         return json.dumps(content, separators=(",", ":"), default=_seconds, allow_nan=False).encode()
 
 
 def error_response(code: str, status: int, message: str) -> WireResponse:
-    """Writes an error in the form SDKs read: its name in a header and in the body.
+    """Makes an error response in the form that AWS SDKs read.
 
     Args:
         code: the error's name.

@@ -7,7 +7,7 @@ from ..cli.health import Finding
 
 
 def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:
-    """Returns the checks by subject; none where no agent has been enrolled from this data home."""
+    """Returns the checks of robot agents for `robomaker doctor`; empty if no agent was enrolled from here."""
     if not (settings.home / "robots" / "trust" / "root.json").exists():
         return {}
     return {"robots' keys": lambda: _check_keys(settings)}

@@ -33,7 +33,7 @@ _SHORT_STEPS = {
 
 
 def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything: bool, now: datetime) -> None:
-    """Prints fleets: each with its latest deployment and a table of its robots.
+    """Prints fleets, each with its latest deployment and a table of its robots.
 
     Args:
         fleets: what to show.
@@ -55,13 +55,13 @@ def print_fleets(fleets: Sequence[FleetStanding], stream: TextIO, *, everything:
 
 
 def console_for(stream: TextIO) -> Console:
-    """A console as wide as the terminal; elsewhere as wide as needed, so that nothing is cut for other programs."""
+    """Makes a text console as wide as the terminal, or unlimited elsewhere."""
     width = shutil.get_terminal_size().columns if stream.isatty() else 10_000
     return Console(file=stream, width=width, highlight=False, soft_wrap=False)
 
 
 def fleet_lines(fleet: FleetStanding) -> Iterator[Text]:
-    """A fleet and its latest deployment, in a few lines."""
+    """Formats a fleet and its latest deployment as text lines."""
     robots = f"{len(fleet.robots):,} {'robot' if len(fleet.robots) == 1 else 'robots'}"
     yield Text.assemble((fleet.fleet, "bold"), f": {robots}")
     if fleet.deployment is None:
@@ -71,7 +71,7 @@ def fleet_lines(fleet: FleetStanding) -> Iterator[Text]:
 
 
 def deployment_lines(deployment: DeploymentStanding) -> Iterator[Text]:
-    """A deployment in a few lines: what, how it stands, how many robots stand how, and why it failed."""
+    """Formats a deployment as text lines: application, status, robot counts and failure."""
     name = deployment.job.rpartition("/")[2]
     state = "paused" if deployment.paused and deployment.status == "InProgress" else deployment.status
     style = {"Succeeded": "green", "Failed": "red", "Canceled": "yellow"}.get(state, "cyan")
@@ -87,14 +87,14 @@ def deployment_lines(deployment: DeploymentStanding) -> Iterator[Text]:
 
 
 def wave_text(deployment: DeploymentStanding) -> str:
-    """`, wave 2 of 5` while it goes on."""
+    """Formats the current wave of a deployment: `, wave 2 of 5`; empty after the end."""
     if deployment.waves is None or deployment.status != "InProgress":
         return ""
     return f", wave {deployment.wave} of {deployment.waves}"
 
 
 def counts_text(deployment: DeploymentStanding) -> str:
-    """`2 succeeded, 1 deploying; 0 % failed of 20 %`; empty where it has not begun."""
+    """Formats robot counts of a deployment: `2 succeeded, 1 deploying; 0 % failed of 20 %`."""
     if not deployment.counts:
         return ""
     told = ", ".join(f"{count:,} {word}" for word, count in deployment.counts.items() if count)
@@ -102,7 +102,7 @@ def counts_text(deployment: DeploymentStanding) -> str:
 
 
 def order_text(order: OrderStanding | None) -> str:
-    """`#7 Downloading 40 %`; `#7 offered` before the robot has fetched it."""
+    """Formats a robot's open order: `#7 Downloading 40 %`, `#7 offered`."""
     if order is None:
         return ""
     if order.state in ("canceling", "refused"):
@@ -178,7 +178,7 @@ HEARTBEAT_S = 60.0
 
 
 class LineWatcher:
-    """Writes a line for each change.
+    """Progress display of a deployment that prints a line for each change.
 
     Args:
         stream: where to.
@@ -205,7 +205,7 @@ class LineWatcher:
 
 
 def changes(before: Look | None, after: Look) -> list[str]:
-    """Describes the changes between two looks, a line each.
+    """Describes the changes of a deployment between two snapshots, a line each.
 
     Args:
         before: the earlier look; nothing: there was none.
@@ -258,7 +258,7 @@ def _of_robots(before: Look | None, after: Look, rollout: Rollout) -> list[str]:
 
 
 def robot_line(state: RobotDeploymentState, *, active: bool) -> str | None:
-    """How a robot stands in one line; nothing while its turn has not come.
+    """Formats a robot's state in a deployment in one line; `None` before its turn.
 
     Args:
         state: the robot.

@@ -7,7 +7,7 @@ from ...schemas.wire.errors import ConfigurationError
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the options."""
+    """Adds the options for robot deployments to the parser of `robomaker gc`."""
     parser.add_argument(
         "--keep-deployments",
         metavar="N",
@@ -17,7 +17,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def rules(arguments: argparse.Namespace) -> dict[str, Any]:
-    """Returns the members of `RetentionPolicy` that the options ask for.
+    """Returns the members of `RetentionPolicy` from the options.
 
     Raises:
         ConfigurationError: a number is below 0.

@@ -28,7 +28,7 @@ Show = Callable[[Look], None]
 
 @contextmanager
 def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
-    """Chooses how looks are shown: as lines, or on a terminal as a block that stays at the end.
+    """Chooses the progress display of a deployment: animated on a terminal, else plain lines.
 
     Args:
         stream: where to write.
@@ -43,14 +43,14 @@ def fleet_watcher(stream: TextIO, environ: Mapping[str, str]) -> Iterator[Show]:
 
 @contextmanager
 def live_block(stream: TextIO) -> Iterator[Show]:
-    """Draws looks onto a terminal while it is entered."""
+    """Draws a deployment's progress on a terminal inside the `with` block."""
     console = Console(file=stream, highlight=False)
     with Live(console=console, auto_refresh=False, transient=False) as live:
         yield lambda look: live.update(render(look), refresh=True)
 
 
 def render(look: Look) -> Group:
-    """The block: the deployment, a bar, the robots that deploy, the latest failures."""
+    """Renders a deployment's progress: bar, deploying robots, latest failures."""
     standing = deployment_standing(look.job, look.rollout, look.at_s)
     fleet = ResourceArn.parse(str(look.job.parent)).name
     lines = [Text.assemble((fleet, "bold"), f", for {duration(look.at_s - look.job.created_at.timestamp())}")]

@@ -26,7 +26,7 @@ from .robot_door.downloads import ServedFile, reader_of_files
 
 
 class ServedAgents:
-    """Answers the door, from any thread.
+    """Connects the update server with enrolment and update repository; usable from any thread.
 
     Args:
         service: where robots and repository are stored.
@@ -39,7 +39,7 @@ class ServedAgents:
         self._reader = RepositoryReader(service)
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
-        """Lets an agent in; see `enrolment.take`."""
+        """Enrols an agent; see `enrolment.take`."""
         from ...tasks.fleet.trust.enrolment import take  # it needs the extra `fleet`
 
         root = take(robot, secret, token_sha256, self._service)
@@ -48,11 +48,11 @@ class ServedAgents:
         return root
 
     def metadata(self, name: str) -> bytes:
-        """A file of the repository's metadata; see `RepositoryReader.metadata`."""
+        """Returns a TUF metadata file; see `RepositoryReader.metadata`."""
         return self._reader.metadata(name)
 
     def target(self, path: str) -> ServedFile:
-        """A target; see `RepositoryReader.target`."""
+        """Returns an update file; see `RepositoryReader.target`."""
         here = self._reader.target(path)
         try:
             size_bytes = here.stat().st_size
@@ -79,7 +79,7 @@ PAUSE_S = 600.0
 
 
 class TrustUpkeep:
-    """Looks, in a thread of its own.
+    """Thread that regularly renews expiring signatures of the update repository.
 
     Args:
         service: where the repository is stored.
@@ -94,11 +94,11 @@ class TrustUpkeep:
         self._thread = threading.Thread(target=self._keep_up, name="trust-upkeep", daemon=True)
 
     def start(self) -> None:
-        """Begins to look."""
+        """Starts the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends; returns when the last look is over."""
+        """Stops the thread, after its current look."""
         self._stopped.set()
         self._thread.join()
 
@@ -129,7 +129,7 @@ class TrustUpkeep:
 
 
 class RobotsBeside:
-    """Serves robots, and passes everything else on.
+    """ASGI application that serves robots, and passes all other requests on.
 
     Args:
         endpoint: the application of all other paths.
@@ -164,7 +164,7 @@ class RobotsBeside:
         self._upkeep = TrustUpkeep(service)
 
     def wake(self) -> None:
-        """Has orders looked for at once."""
+        """Makes the server look for new orders at once."""
         self._watch.wake()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -202,5 +202,5 @@ class RobotsBeside:
 
 
 def beside(application: ASGIApp, service: Service) -> RobotsBeside:
-    """Puts the doors of robots beside the application of all other paths; called once, by `robomaker serve`."""
+    """Adds the update server for robots to the API server's application."""
     return RobotsBeside(application, service)

@@ -15,7 +15,7 @@ from .secret import auth_string, server_folder
 
 
 def main() -> None:
-    """Serves until SIGTERM or SIGINT."""
+    """Entry point of the local Prefect server's process."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--port", type=int, required=True)
     parser.add_argument("--socket", type=int, required=True)

@@ -36,12 +36,12 @@ _PORTS = range(20_000, 32_768)
 
 
 class LocalServerError(RobomakerError):
-    """The local Prefect server did not start; the message ends with its last log lines."""
+    """Raised when the local Prefect server did not start; contains its last log lines."""
 
 
 @dataclass(frozen=True)
 class ServerStatus:
-    """A local server, running or not."""
+    """Status of the Prefect server of a data home."""
 
     running: bool
     """Whether it answers."""
@@ -59,7 +59,7 @@ class ServerStatus:
 def ensure_server(
     settings: Settings, environ: Mapping[str, str] | None = None, meanwhile: Callable[[str], None] = lambda _: None
 ) -> str:
-    """Returns the API URL of the Prefect server to use, starting a local one if none is configured.
+    """Returns the API URL of the Prefect server, starting a local one if none is configured.
 
     One that is busy is waited for, and a local one that stays so is started again.
 
@@ -91,7 +91,7 @@ def ensure_server(
 
 
 def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str] | None = None) -> dict[str, str]:
-    """The environment variables with which Prefect's client, command and workers use a server.
+    """Returns the environment variables with which Prefect's client uses a server.
 
     Args:
         api_url: what `ensure_server` returned.
@@ -111,12 +111,12 @@ def client_variables(api_url: str, settings: Settings, environ: Mapping[str, str
 
 
 def is_own_server(api_url: str, settings: Settings) -> bool:
-    """Whether a URL is that of the server that was started for this home, whether it runs or not."""
+    """Whether a URL is that of the data home's own Prefect server."""
     return _known_server(settings).api_url == api_url
 
 
 def server_status(settings: Settings, environ: Mapping[str, str] | None = None) -> ServerStatus:
-    """Says which server would be used and whether it answers."""
+    """Returns which Prefect server would be used, and whether it answers."""
     if url := configured_api_url(os.environ if environ is None else environ):
         status = ServerStatus(running=False, api_url=url, configured_elsewhere=True)
     else:
@@ -128,13 +128,13 @@ def server_status(settings: Settings, environ: Mapping[str, str] | None = None) 
 
 
 def stop_server(settings: Settings) -> bool:
-    """Stops the local server; answers whether one was running."""
+    """Stops the local Prefect server; returns whether one was running."""
     with _locked(settings):
         return _stop(settings)
 
 
 def configured_api_url(environ: Mapping[str, str]) -> str | None:
-    """The API URL that the environment or the active Prefect profile names, if any."""
+    """Returns the Prefect API URL that environment or profile configure, if any."""
     if url := environ.get("PREFECT_API_URL"):
         return url
     home = Path(environ.get("PREFECT_HOME") or Path.home() / ".prefect")

@@ -24,7 +24,7 @@ _TOKEN_BYTES = 24
 
 
 class OneTimeTokens:
-    """Issues tokens and redeems each of them once.
+    """One-time tokens for login links to the local Prefect server.
 
     Args:
         life_s: how long a token works.
@@ -45,7 +45,7 @@ class OneTimeTokens:
         self._lock = threading.Lock()
 
     def issue(self) -> str:
-        """Makes a token; beyond a hundred unused ones the oldest stops working."""
+        """Makes a new token; the oldest becomes invalid beyond a hundred."""
         with self._lock:
             while len(self._expiries) >= _MOST:
                 del self._expiries[next(iter(self._expiries))]
@@ -54,7 +54,7 @@ class OneTimeTokens:
             return token
 
     def redeem(self, token: str) -> bool:
-        """Says whether a token works, and makes it stop working."""
+        """Returns whether a token is valid, and makes it invalid."""
         with self._lock:
             expiry = self._expiries.pop(token, None)
             return expiry is not None and self._clock() < expiry
@@ -73,7 +73,7 @@ _NO_STORE = {"cache-control": "no-store"}
 
 
 class LoginPage:
-    """An application in front of Prefect's, with the pages about logging in.
+    """ASGI application in front of Prefect's server with pages for logging in.
 
     Args:
         application: Prefect's.

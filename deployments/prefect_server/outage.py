@@ -17,7 +17,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Health(Enum):
-    """How a server does."""
+    """Health of the Prefect server: it answers, is busy, or is away."""
 
     HEALTHY = auto()
     BUSY = auto()
@@ -28,7 +28,7 @@ class Health(Enum):
 
 
 def health_of(api_url: str) -> Health:
-    """Asks a server once; takes 5 seconds at most.
+    """Checks the health of a Prefect server once; takes 5 seconds at most.
 
     Args:
         api_url: URL of its API.
@@ -52,7 +52,7 @@ def wait_while_busy(
     patience_s: float = BUSY_PATIENCE_S,
     clock: Callable[[], float] = time.monotonic,
 ) -> Health:
-    """Waits for a server that is busy, and says so.
+    """Waits while a Prefect server is busy.
 
     Args:
         ask: asks the server; takes its time where it is busy.
@@ -81,7 +81,7 @@ _LOOK_S = 1.0
 
 
 class Outage:
-    """Whether the server is away, and for how long requests still wait for it.
+    """Tracks whether the Prefect server is away, and how long requests wait for it.
 
     Args:
         api_url: URL of its API.
@@ -118,7 +118,7 @@ class Outage:
 
     @contextmanager
     def watched(self) -> Generator[None]:
-        """Looks, inside the block, after requests that get no answer and at a server that is away, in a thread."""
+        """Watches the Prefect server in a thread, inside the `with` block."""
         watch = threading.Thread(target=self._watch, name="prefect outage", daemon=True)
         watch.start()
         try:
@@ -133,11 +133,11 @@ class Outage:
 
     @property
     def is_waited_for(self) -> bool:
-        """Whether the server is away, and patience has not run out."""
+        """Whether the server is away and requests still wait for it."""
         return self.is_on and self._clock() < self._since + self._patience_s()
 
     def wait(self) -> bool:
-        """Waits until the server answers or patience has run out.
+        """Waits until the server answers, or waiting time is over.
 
         Returns:
             Whether it answers.
@@ -150,7 +150,7 @@ class Outage:
 
     @contextmanager
     def asking(self) -> Generator[float]:
-        """Counts a request as open inside the block, and yields when it began."""
+        """Counts a request as open inside the `with` block."""
         request, began = object(), self._clock()
         self._open_requests[request] = began
         try:
@@ -159,7 +159,7 @@ class Outage:
             del self._open_requests[request]
 
     def look(self, since: float) -> bool:
-        """Asks the server how it does, after a request that got no answer.
+        """Checks the server's health after an unanswered request.
 
         Args:
             since: when that request began.

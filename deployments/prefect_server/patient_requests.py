@@ -33,12 +33,12 @@ _SendAsync = Callable[[httpx.AsyncHTTPTransport, httpx.Request], Awaitable[httpx
 
 
 class PrefectServerAwayError(httpx.NetworkError):
-    """The Prefect server is away and is not waited for; Prefect's client does not try this one again."""
+    """Raised when the Prefect server is away and waiting is over; Prefect's client does not retry it."""
 
 
 @contextmanager
 def patient_requests(outage: Outage, api_url: str) -> Generator[None]:
-    """Has the requests and events of this process to a Prefect server share one patience inside the block.
+    """Makes all of Prefect's requests and events wait during an outage, inside the `with` block.
 
     Args:
         outage: what knows whether the server is away.
@@ -73,7 +73,7 @@ class _Patience:
         self._server = urlsplit(api_url)
 
     def send(self, send: _Send, transport: httpx.HTTPTransport, request: httpx.Request) -> httpx.Response:
-        """Sends a request, and again once the server is back; one that only informs is not waited for."""
+        """Sends a request to the Prefect server, again after an outage."""
         outage = self._outage
         if not self._is_ours(request):
             return send(transport, request)
@@ -90,7 +90,7 @@ class _Patience:
     async def send_async(
         self, send: _SendAsync, transport: httpx.AsyncHTTPTransport, request: httpx.Request
     ) -> httpx.Response:
-        """Sends a request from the background, and again once the server is back."""
+        """Sends a background request to the Prefect server, again after an outage."""
         if not self._is_ours(request):
             return await send(transport, request)
         while await self._answers():
@@ -108,7 +108,7 @@ class _Patience:
         raise PrefectServerAwayError("the Prefect server does not answer", request=request)
 
     async def emit(self, emit: Callable[..., Awaitable[None]], client: PrefectEventsClient, event: Any) -> None:
-        """Sends an event, unless the server is away for too long: the queue of events is emptied before we end."""
+        """Sends a Prefect event, unless the server has been away for too long."""
         if not await self._answers():
             return
         async with anyio.create_task_group() as tasks:

@@ -19,7 +19,7 @@ _SECRET_BYTES = 32
 
 
 def server_folder(settings: Settings) -> Path:
-    """The folder of the home's server: its database, its log, its secret; for its owner alone.
+    """Returns the folder of the data home's Prefect server, private to its owner.
 
     Raises:
         ConfigurationError: the data home cannot be used.
@@ -33,7 +33,7 @@ def server_folder(settings: Settings) -> Path:
 
 
 def auth_string(settings: Settings) -> str:
-    """The auth string of the home's server, `user:secret`; the first call makes it.
+    """Returns the login secret (`user:secret`) of the home's Prefect server, created on first use.
 
     Raises:
         ConfigurationError: the file cannot be read, or others could read it.
@@ -76,7 +76,7 @@ _LEASE_STORAGE = "prefect.server.concurrency.lease_storage.filesystem"
 
 
 def server_variables(folder: Path, port: int, auth_string: str) -> dict[str, str]:
-    """The environment variables of the server's process.
+    """Returns the environment variables for the Prefect server's process.
 
     Args:
         folder: where the server keeps its database.
@@ -113,7 +113,7 @@ _OPENER = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
 
 def login_link(api_url: str, auth_string: str) -> str | None:
-    """A link that logs one browser in, within ten minutes; `None`: the server gives none.
+    """Returns a link that logs one browser in to the Prefect server, within ten minutes.
 
     Args:
         api_url: API of the server.

@@ -42,7 +42,7 @@ _logger = logging.getLogger(__name__)
 
 @asynccontextmanager
 async def beside(jobs: "Sequence[Job]", api_url: str, auth_string: str) -> "AsyncIterator[None]":
-    """Runs jobs until the block ends. One that fails is logged; the others and the server go on.
+    """Runs background jobs beside the Prefect server, until the block ends.
 
     Args:
         jobs: what to run.
@@ -75,7 +75,7 @@ _TICK_S = 3.0
 
 
 async def tell_when_stuck(_: "PrefectClient") -> None:
-    """Runs until it is cancelled; the stacks are written by a thread that needs nothing of Python's."""
+    """Background job that logs stack traces when the server hangs."""
     try:
         while True:
             faulthandler.dump_traceback_later(_SILENT_S)
@@ -88,7 +88,7 @@ _PATH = "/events/in"
 
 
 class RepeatedLogins:
-    """An ASGI application that passes on the first login of each socket of events, and drops others."""
+    """ASGI application that removes repeated logins on Prefect's event sockets."""
 
     def __init__(self, application: ASGIApp) -> None:
         self._application = application
@@ -141,7 +141,7 @@ _CALLS = frozenset({"execute", "executemany", "commit"})
 
 
 def wait_in_the_event_loop() -> None:
-    """Changes how Prefect uses SQLite in this process; called before Prefect's application is made."""
+    """Changes how Prefect uses SQLite: waiting for locks happens in the event loop and not in threads."""
     set_up, begin = AioSqliteConfiguration.setup_sqlite, AioSqliteConfiguration.begin_transaction
     execute = aiosqlite.Connection._execute  # pyright: ignore[reportPrivateUsage]
 
@@ -199,17 +199,17 @@ class _SeldomLooking(Worker):
 
     @property
     def minimum_check_interval(self) -> timedelta:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """How long it waits for what it has none of now."""
+        """Time between checks of Prefect's background worker."""
         is_full = len(self._tasks_by_key) >= self.concurrency
         return _LOOK_FOR_SLOTS if is_full else _LOOK_FOR_WORK
 
     @minimum_check_interval.setter
     def minimum_check_interval(self, value: timedelta) -> None:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Docket sets its default, which is not used."""
+        """Ignores Docket's default check interval."""
 
 
 def look_seldom() -> None:
-    """Has Prefect's background worker look less often, and without threads; what is to be done at once wakes it."""
+    """Makes Prefect's background worker check less often, to save CPU."""
     background_workers.Worker = partial(  # pyright: ignore[reportPrivateImportUsage]
         _SeldomLooking, scheduling_resolution=_LOOK_FOR_DUE
     )  # fmt: skip
@@ -233,7 +233,7 @@ _HOST = "127.0.0.1"
 
 
 def make_application(port: int, auth_string: str) -> ASGIApp:
-    """Makes the application that answers at a port of 127.0.0.1.
+    """Makes the Prefect server's ASGI application for a local port.
 
     Args:
         port: the port.
@@ -243,7 +243,7 @@ def make_application(port: int, auth_string: str) -> ASGIApp:
 
 
 def run(listener: socket.socket, auth_string: str) -> None:
-    """Serves until SIGTERM or SIGINT.
+    """Runs the Prefect server until SIGTERM or SIGINT.
 
     Args:
         listener: a socket that listens at a port of 127.0.0.1.
@@ -276,7 +276,7 @@ class _Server(uvicorn.Server):
         self._beside = AsyncExitStack()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Starts to answer, then starts the jobs."""
+        """Starts to answer requests, then starts the background jobs."""
         await super().startup(sockets)
         if self.started:
             # Its modules take a second to import, which who waits for the server need not wait for.
@@ -285,6 +285,6 @@ class _Server(uvicorn.Server):
             await self._beside.enter_async_context(beside(jobs, self._api_url, self._auth_string))
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Ends the jobs, then the server."""
+        """Ends the background jobs, then the server."""
         await self._beside.aclose()
         await super().shutdown(sockets)

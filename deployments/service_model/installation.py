@@ -31,7 +31,7 @@ FULL_NAME = "RoboMaker on Prefect"
 
 @dataclass(frozen=True)
 class Installation:
-    """Result of installing or removing the model, file by file."""
+    """Result of installing or removing the API model for AWS SDKs, file by file."""
 
     folder: Path
     """Folder in which SDKs find the model."""
@@ -47,24 +47,24 @@ class Installation:
 
     @property
     def changed(self) -> bool:
-        """Whether anything is different now."""
+        """Whether any file was changed."""
         return bool(self.written or self.replaced or self.removed)
 
 
 def data_path(environment: Mapping[str, str]) -> str:
-    """The value that `AWS_DATA_PATH` has to have: our folder, and those that are in it already."""
+    """Returns the value for `AWS_DATA_PATH` with which AWS SDKs find the API model."""
     folders = [each for each in environment.get("AWS_DATA_PATH", "").split(os.pathsep) if each]
     ours = str(DATA_PATH)
     return os.pathsep.join([ours, *(each for each in folders if each != ours)])
 
 
 def installed_folder() -> Path:
-    """Folder in which SDKs of this user look for the model without any setting."""
+    """Returns the folder in which AWS SDKs of this user find the API model without settings."""
     return Path.home() / ".aws" / "models" / _INSIDE
 
 
 def install(*, force: bool = False) -> Installation:
-    """Puts the model where every SDK of this user finds it; changes nothing when it is there.
+    """Installs the API model for this user's AWS SDKs.
 
     Args:
         force: whether a model from elsewhere is replaced.
@@ -90,7 +90,7 @@ def install(*, force: bool = False) -> Installation:
 
 
 def uninstall() -> Installation:
-    """Removes what `install` put there, whatever version of ours it was; nothing there is fine.
+    """Removes the installed API model.
 
     Raises:
         ConfigurationError: a model from elsewhere is there.

@@ -46,7 +46,7 @@ NO_ENDPOINT = (
 
 
 def service_model() -> dict[str, Any]:
-    """Makes the content of `service-2.json`.
+    """Generates `service-2.json`, the API model for AWS SDKs.
 
     Raises:
         ValueError: two different types claim one shape's name, or a type has none.
@@ -85,7 +85,7 @@ def _operation(operation: OperationShape, shapes: Shapes) -> Definition:
 
 
 def paginators_model() -> dict[str, Any]:
-    """Makes the content of `paginators-1.json`: every operation that lists is one."""
+    """Generates `paginators-1.json`, which tells AWS SDKs how to page through lists."""
     return {
         "pagination": {
             name: {
@@ -101,7 +101,7 @@ def paginators_model() -> dict[str, Any]:
 
 
 def endpoint_rules() -> dict[str, Any]:
-    """Makes the content of `endpoint-rule-set-1.json`: the endpoint that was given, and no other.
+    """Generates `endpoint-rule-set-1.json`, by which AWS SDKs use only the given endpoint.
 
     Without it SDKs would guess an address at AWS and send signed requests there.
     """
@@ -134,7 +134,7 @@ def endpoint_rules() -> dict[str, Any]:
 
 
 def model_files() -> dict[str, str]:
-    """The files by name, as they are committed."""
+    """Returns all files of the API model for AWS SDKs, as committed."""
     models = {
         SERVICE: service_model(),
         PAGINATORS: paginators_model(),

@@ -26,7 +26,7 @@ _BOUNDS = {
 
 
 class Shapes:
-    """The shapes of a service model, gathered from Python types.
+    """Shapes of the API model, collected from Python types.
 
     A structure has the name of its class, everything else that of its `ShapeName`.
     """
@@ -35,7 +35,7 @@ class Shapes:
         self.definitions: dict[str, Definition] = {}
 
     def add_structure(self, model: type[Shape]) -> str:
-        """Adds a structure with all it refers to; answers its name.
+        """Adds a structure with everything it refers to; returns its name.
 
         Raises:
             ValueError: two different types claim one name, or a type has none.
@@ -47,7 +47,7 @@ class Shapes:
         return name
 
     def add_error(self, error: type[ServiceError]) -> str:
-        """Adds one of the service's errors; answers its name."""
+        """Adds an error of the service; returns its name."""
         self._add(ERROR_MESSAGE, {"type": "string"})
         definition: Definition = {
             "type": "structure",
@@ -171,7 +171,7 @@ def _limits(annotation: Any, shape_name: ShapeName) -> Definition:
 
 
 def as_html(text: str) -> str:
-    """Our documentation as service models have it: paragraphs, and code in backticks."""
+    """Converts a docstring to HTML, as API models have it."""
     paragraphs = re.split(r"\n\s*\n", html.escape(inspect.cleandoc(text), quote=False))
     marked = (re.sub(r"`([^`]*)`", r"<code>\1</code>", " ".join(each.split())) for each in paragraphs)
     return "".join(f"<p>{each}</p>" for each in marked if each)

@@ -10,7 +10,7 @@ from ...schemas.state_machines import Lifecycle
 
 @dataclass(frozen=True)
 class Waiter:
-    """Asks for a job again and again until it is where it should be, or cannot get there any more."""
+    """Definition of an SDK waiter, which polls a job until it reaches a state."""
 
     name: str
     """Name of the waiter in SDKs."""
@@ -35,11 +35,11 @@ class Waiter:
 
     @property
     def failed(self) -> list[str]:
-        """States in which waiting makes no sense any more."""
+        """States in which the waiter gives up."""
         return sorted({*self.lifecycle.terminal, *self.also_failed} - {*self.wanted})
 
     def as_model(self) -> dict[str, Any]:
-        """The waiter as botocore reads it."""
+        """Returns the waiter in botocore's format."""
         ends = [("success", state) for state in self.wanted] + [("failure", state) for state in self.failed]
         return {
             "operation": self.operation,
@@ -88,5 +88,5 @@ WAITERS = (
 
 
 def waiters_model() -> dict[str, Any]:
-    """The content of `waiters-2.json`."""
+    """Generates `waiters-2.json`, the waiters for AWS SDKs."""
     return {"version": 2, "waiters": {each.name: each.as_model() for each in WAITERS}}

@@ -19,7 +19,7 @@ _REFERENCE = "${{"
 
 
 def problems_of_rights(key: AccessKey | None, spec: CheckedSpec, catalog: Catalog) -> list[Problem]:
-    """Lists the rights that a key lacks for a specification, as far as they are known before it runs.
+    """Lists the rights that a visitor's access key lacks for running a specification.
 
     Args:
         key: the visitor's; `None`: none is asked for.
@@ -53,7 +53,7 @@ def _check_written(key: AccessKey, step: CheckedStep, made: set[str], catalog: C
 
 
 class Permits:
-    """Has each step of a run carried out only if its visitor's key is good for it, and writes it down.
+    """Checks for each step of an ordered run whether its visitor has the right, and logs it.
 
     Args:
         key: the visitor's; `None`: none is asked for.

@@ -24,7 +24,7 @@ _EVERY_S = 0.3
 
 
 class StepStanding(Model):
-    """One step of the run."""
+    """State of one step of a run ordered in the web console."""
 
     name: str = Field(description="The step's name in the specification.")
     operation: str = Field(description="The operation it calls.")
@@ -35,7 +35,7 @@ class StepStanding(Model):
 
 
 class Standing(Model):
-    """The run."""
+    """State of a run ordered in the web console."""
 
     name: str = Field(description="Name of the specification.")
     key_id: str | None = Field(default=None, description="The access key that ordered it; absent: none was asked for.")
@@ -46,21 +46,21 @@ class Standing(Model):
 
 
 def read_standing(folder: Path) -> Standing | None:
-    """How the run of a folder stands; `None`: it is none that was ordered here."""
+    """Reads the state of an ordered run from its folder; `None` if it was not ordered here."""
     with suppress(OSError, ValidationError):
         return Standing.model_validate_json((folder / STANDING).read_bytes())
     return None
 
 
 def write_standing(folder: Path, standing: Standing) -> None:
-    """Writes how a run stands; readers find the old or the new, whole."""
+    """Writes the state of an ordered run, atomically."""
     part = folder / f".{STANDING}.part"
     part.write_text(standing.model_dump_json(), encoding="utf-8")
     part.replace(folder / STANDING)
 
 
 class StandingFile:
-    """Notes the progress of a run in its folder; called from any thread.
+    """Progress listener that writes the state of an ordered run to its folder.
 
     Args:
         folder: the run's.
@@ -86,7 +86,7 @@ class StandingFile:
                 self._progress(event)
 
     def broke(self, problem: str) -> None:
-        """Notes why the run did not begin or broke off."""
+        """Records why the run did not start or was interrupted."""
         with self._lock:
             self._change(problem=problem)
 
@@ -109,7 +109,7 @@ class StandingFile:
             timer.start()
 
     def write(self) -> None:
-        """Writes what is known now."""
+        """Writes the current state."""
         with self._lock:
             self._is_due = False
             write_standing(self._folder, self._standing)
@@ -122,7 +122,7 @@ MOST_AT_ONCE = 4
 
 
 class SpecRuns:
-    """Runs that are ordered of one server.
+    """Runs of specifications that are ordered through one server.
 
     Args:
         home: the data home.
@@ -137,7 +137,7 @@ class SpecRuns:
         self._lock = threading.Lock()
 
     def begin(self, order: Order, standing: Standing) -> None:
-        """Begins a run, in a process that outlives this one.
+        """Starts a run in a process that outlives this one.
 
         Raises:
             ThrottlingException: too many run already.
@@ -156,11 +156,11 @@ class SpecRuns:
                 start_process(OpenRun(folder, order, os.dup(lock)), self._variables)
 
     def has_broken_off(self, run_id: str) -> bool:
-        """Whether the process of a run died before the run had ended."""
+        """Whether a run was interrupted because its process died."""
         return has_broken_off(self._runs / run_id)
 
     def take_up(self, run_id: str) -> bool:
-        """Has a run that broke off go on: what it had made stays, and jobs that did not end are carried on.
+        """Resumes an interrupted run.
 
         Returns:
             Whether it goes on; False: it has ended or goes on already.
@@ -184,23 +184,23 @@ class SpecRuns:
             raise ThrottlingException(f"{MOST_AT_ONCE} runs that were ordered here go on; wait until one has ended")
 
     def standing(self, run_id: str) -> Standing | None:
-        """How a run stands; `None`: none of this id was ordered."""
+        """Returns the state of a run; `None` if it was not ordered here."""
         return read_standing(self._runs / run_id)
 
     def going(self) -> list[str]:
-        """The runs whose processes are there, the newest first; those of other servers of the data home, too."""
+        """Returns the ids of running runs, newest first."""
         return sorted(filter(self.is_going, self._open()), key=lambda name: name.rpartition("-")[2], reverse=True)
 
     def is_going(self, run_id: str) -> bool:
-        """Whether the process of a run is there."""
+        """Whether the process of a run is alive."""
         return is_going(self._runs / run_id)
 
     def cancel(self, run_id: str) -> None:
-        """Has a run end soon: its jobs are cancelled, and its report is written."""
+        """Cancels a run: its jobs are cancelled, and its report is written."""
         (self._runs / run_id / CANCEL).touch()
 
     def last_words(self, run_id: str) -> str:
-        """Returns the end of the log of a run's process; empty: it has none."""
+        """Returns the last log lines of a run's process; empty if there are none."""
         try:
             with (self._runs / run_id / LOG).open("rb") as log:
                 log.seek(max(0, log.seek(0, os.SEEK_END) - _MOST_LOG_BYTES))

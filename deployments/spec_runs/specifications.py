@@ -14,7 +14,7 @@ SHIPPED = Path(__file__).parents[1] / "specs"
 
 
 def checked(text: str, filename: str) -> CheckedSpec:
-    """Checks the text of a specification, and that it makes no more worlds than the settings allow.
+    """Checks the text of a specification, including the limit on worlds.
 
     Args:
         text: YAML or JSON.
@@ -30,5 +30,5 @@ def checked(text: str, filename: str) -> CheckedSpec:
 
 @cache
 def shipped_specs() -> dict[str, str]:
-    """The texts of the specifications that come with this package, by name."""
+    """Returns the texts of the example specifications in this package, by name."""
     return {path.stem: path.read_text(encoding="utf-8") for path in sorted(SHIPPED.glob("*.yaml"))}

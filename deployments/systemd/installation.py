@@ -12,7 +12,7 @@ _UNSAFE = " \t\n\"'`\\%$&;|<>()*?["
 
 
 def units(programs: Path) -> dict[str, str]:
-    """The units by their files' names.
+    """Returns the texts of the systemd units by file name.
 
     Args:
         programs: folder of `robomaker` and `prefect`.
@@ -27,13 +27,13 @@ def units(programs: Path) -> dict[str, str]:
 
 
 def places(environ: Mapping[str, str]) -> tuple[Path, Path]:
-    """The folder of a user's units, and the file of their settings."""
+    """Returns the folder of the user's systemd units, and the path of their settings file."""
     configuration = Path(environ.get("XDG_CONFIG_HOME") or Path.home() / ".config")
     return configuration / "systemd" / "user", configuration / "robomaker" / _SETTINGS
 
 
 def install(programs: Path, environ: Mapping[str, str]) -> list[Path]:
-    """Writes the units, and the file of settings unless there is one.
+    """Writes the systemd units, and their settings file unless it exists.
 
     Args:
         programs: folder of `robomaker` and `prefect`.

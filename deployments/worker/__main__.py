@@ -41,7 +41,7 @@ _STATUS_S = 1.0
 
 
 def main() -> None:
-    """Runs stored jobs until told to stop."""
+    """Entry point of the job worker's process: runs stored jobs until told to stop."""
     channel = Channel.inherited(int(sys.argv[1]))
     os.nice(NICENESS)
     _log_to_stderr()

@@ -19,7 +19,7 @@ _logger = logging.getLogger(__name__)
 
 
 def is_prefect_worker(words: Sequence[str]) -> bool:
-    """Whether a command line is that of a Prefect worker.
+    """Whether a command line starts a Prefect worker.
 
     Args:
         words: `sys.argv`.
@@ -30,13 +30,13 @@ def is_prefect_worker(words: Sequence[str]) -> bool:
 
 
 def pools_of(words: Sequence[str]) -> list[str]:
-    """The work pools that a Prefect worker's command line names."""
+    """Returns the work pools on a Prefect worker's command line."""
     after = [second for first, second in pairwise(words) if first in _POOL]
     return after + [word.partition("=")[2] for word in words if word.startswith("--pool=")]
 
 
 def finish_runs_beside(words: Sequence[str]) -> None:
-    """Looks for runs that broke off, in a thread, if this process is a Prefect worker.
+    """Starts a thread that resumes interrupted runs, if this process is a Prefect worker.
 
     Args:
         words: `sys.argv`.

@@ -16,30 +16,30 @@ _MAX_BYTES = 64 * 1024
 
 
 class Channel:
-    """One end of the pipe."""
+    """One end of a message pipe between a server and its job worker process."""
 
     def __init__(self, end: socket.socket) -> None:
         self._end = end
 
     @classmethod
     def pair(cls) -> tuple["Channel", "Channel"]:
-        """Both ends of a new one."""
+        """Creates a new pipe, and returns both ends."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         return cls(ours), cls(theirs)
 
     @classmethod
     def inherited(cls, descriptor: int) -> "Channel":
-        """The end that the parent process left open for this one."""
+        """Opens the end of the pipe that the parent process has passed on."""
         end = socket.socket(fileno=descriptor)
         end.set_inheritable(False)
         return cls(end)
 
     def fileno(self) -> int:
-        """The file descriptor."""
+        """Returns the file descriptor."""
         return self._end.fileno()
 
     def send(self, message: Mapping[str, Any]) -> None:
-        """Sends a message without waiting; it is dropped when the other side does not read."""
+        """Sends a message without waiting; it is dropped if the other side does not read."""
         # A side that does not read has died, or has unread messages that tell it enough.
         with suppress(OSError):
             self._end.send(json.dumps(message, default=str).encode()[:_MAX_BYTES], socket.MSG_DONTWAIT)
@@ -53,5 +53,5 @@ class Channel:
         return json.loads(data) if data else None
 
     def close(self) -> None:
-        """Closes this end; once no process has it open any more, the other side's wait ends."""
+        """Closes this end of the pipe."""
         self._end.close()

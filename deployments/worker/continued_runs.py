@@ -15,7 +15,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Continuing:
-    """Orders flow runs on the server that Prefect's settings name.
+    """Orders flow runs by which Prefect workers resume interrupted runs.
 
     Args:
         pools: the work pools whose Prefect workers are known to be there.
@@ -25,7 +25,7 @@ class Continuing:
         self._pools = pools
 
     def order(self, order: Order) -> bool:
-        """Orders a flow run, once for each death of the run's processes, however many ask.
+        """Orders a flow run that resumes an interrupted run, once for each interruption.
 
         Args:
             order: the run.

@@ -19,7 +19,7 @@ _logger = logging.getLogger(__name__)
 
 
 def mark_crashed(job_ids: Iterable[str], message: str) -> None:
-    """Tells Prefect that the runs of some jobs have ended; a failure to do so is only logged.
+    """Marks the flow runs of some jobs as crashed in Prefect; a failure to do so is only logged.
 
     Args:
         job_ids: ids of the jobs, which are the names of their flow runs.

@@ -44,7 +44,7 @@ class _Trouble:
 
 @dataclass
 class Jobs:
-    """Runs jobs in this process, each as a flow run in a thread.
+    """Runs jobs in this process, each as a Prefect flow run in a thread.
 
     Args:
         service: where they are stored.
@@ -68,11 +68,11 @@ class Jobs:
     _troubles: dict[str, _Trouble] = field(default_factory=dict)
 
     def counts(self) -> Counter[str]:
-        """Returns how many jobs are running, by kind."""
+        """Returns the numbers of running jobs, by kind."""
         return Counter(pool.kind for pool in list(self._running.values()))
 
     def begin_some(self, pool: JobPool) -> None:
-        """Begins the oldest waiting jobs of a pool, as many as may run.
+        """Starts the oldest waiting jobs of a pool, as many as may run.
 
         Raises:
             ServiceUnavailableException: the catalog does not answer.
@@ -90,12 +90,12 @@ class Jobs:
                     free -= 1
 
     def renew_reservations(self) -> None:
-        """Renews the leases of jobs whose flow runs have not begun to renew them."""
+        """Renews the leases of jobs whose flow runs have not started yet."""
         for arn in list(self._running):
             self.held.renew_reservation(arn, self.service.catalog, self.service.timing.lease_s)
 
     def look_again(self) -> None:
-        """Looks again, once a minute, at the jobs that were left: they may have ended, or a package been installed."""
+        """Checks once a minute whether jobs that could not run here can run now."""
         if time.monotonic() - self._left_since_s > _LOOK_AGAIN_S:
             self._left_since_s = time.monotonic()
             self.left.clear()

@@ -11,7 +11,7 @@ _EXPORTS_AT_ONCE = 2
 
 @dataclass(frozen=True)
 class JobPool:
-    """One kind of job, and how many of it run at once."""
+    """A kind of job with the number of such jobs that may run at once."""
 
     kind: str
     """Its kind of resource, as in its ARN."""
@@ -24,7 +24,7 @@ class JobPool:
 
 
 def job_pools(max_jobs: int) -> tuple[JobPool, ...]:
-    """Returns the pools of all kinds of jobs, those of wings included.
+    """Returns the pools of all kinds of jobs.
 
     Args:
         max_jobs: simulation jobs at once; those of batches share the machine with them.

@@ -14,7 +14,7 @@ _logger = logging.getLogger(__name__)
 
 
 class PrefectWatch:
-    """Checks regularly whether the server answers, in a thread of its own."""
+    """Thread that checks regularly whether the Prefect server answers."""
 
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
@@ -23,16 +23,16 @@ class PrefectWatch:
         self.url = os.environ.get("PREFECT_API_URL", "").removesuffix("/api")
 
     def start(self) -> None:
-        """Begins to watch."""
+        """Starts the thread."""
         threading.Thread(target=self._watch, name="prefect watch", daemon=True).start()
 
     @property
     def answers(self) -> bool:
-        """Whether the server answered when it was last looked at."""
+        """Whether the Prefect server answered at the last check."""
         return self._answers
 
     def look_now(self) -> None:
-        """Has the server checked at once, after a request to it has failed."""
+        """Makes the thread check the server at once, after a failed request."""
         self._look.set()
 
     def looked_at_now(self) -> bool:

@@ -43,7 +43,7 @@ _logger = logging.getLogger(__name__)
 
 
 class WarmWorker:
-    """Finds jobs without a lease and runs them.
+    """Job worker that is kept warm: finds waiting jobs and runs them.
 
     Args:
         service: where the jobs are.
@@ -64,7 +64,7 @@ class WarmWorker:
         self._renewed_at = time.monotonic()
 
     def prepare(self) -> None:
-        """Imports modules and starts processes, so that the first job need not wait for them."""
+        """Imports modules and starts processes, so that the first job starts quickly."""
         from ...flows.lookup import find_perform_flow
         from ...tasks.jobs.job_folders import remove_overtaken_runs
         from ...tasks.jobs.job_runs import launcher
@@ -80,11 +80,11 @@ class WarmWorker:
 
     @property
     def settings(self) -> Settings:
-        """Those of the home whose jobs it runs."""
+        """Settings of the data home whose jobs the worker runs."""
         return self._service.settings
 
     def look(self) -> None:
-        """Begins the jobs that can begin; called several times a second."""
+        """Starts the jobs that can run; called several times a second."""
         try:
             if time.monotonic() - self._renewed_at > _RENEW_S:
                 self._renewed_at = time.monotonic()
@@ -102,11 +102,11 @@ class WarmWorker:
 
     @property
     def has_jobs(self) -> bool:
-        """Whether it has begun jobs that have not ended."""
+        """Whether the worker has running jobs."""
         return bool(self._jobs.counts())
 
     def status(self) -> dict[str, Any]:
-        """Returns the status for the health page."""
+        """Returns the worker's status for the health page."""
         counts, waits = self._jobs.counts(), self._waits()
         waiting = sum(record.batch is None for record in waits)
         state = "ready" if self._catalog_answers else "waiting for the catalog"

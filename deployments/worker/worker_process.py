@@ -24,7 +24,7 @@ _logger = logging.getLogger(__name__)
 
 
 class WorkerProcess:
-    """A job worker in a process of its own, which always ends with this one.
+    """Job worker in a child process, which always ends with this one.
 
     Args:
         settings: where the jobs are.
@@ -43,11 +43,11 @@ class WorkerProcess:
         self._watcher = threading.Thread(target=self._watch, name="job worker", daemon=True)
 
     def start(self) -> None:
-        """Starts the worker, and restarts it whenever it dies."""
+        """Starts the worker process, and restarts it whenever it dies."""
         self._watcher.start()
 
     def wake(self, arn: str = "") -> None:
-        """Tells the worker that there is a new job; quick, and safe to call from any thread."""
+        """Tells the worker that there is a new job; fast, from any thread."""
         del arn  # it finds the job in the catalog
         if (channel := self._channel) is not None:
             channel.send(WAKE)
@@ -59,7 +59,7 @@ class WorkerProcess:
             return {**self._status, "pid": pid, "restarts": self._restarts}
 
     def stop(self) -> Mapping[str, int]:
-        """Ends the worker.
+        """Stops the worker process.
 
         Returns:
             How many jobs of each kind it had to leave unfinished.
@@ -73,7 +73,7 @@ class WorkerProcess:
         return self.status().get("interrupted", {})
 
     def kill(self) -> None:
-        """Kills the worker; its jobs stay claimed until their leases run out."""
+        """Kills the worker process; its jobs stay claimed until their leases expire."""
         self._stopping.set()
         if (process := self._process) is not None:
             process.kill()

@@ -66,7 +66,7 @@ _OF_JOB = (
 
 
 class EarlierRun(Part):
-    """An earlier run of a simulation job which was restarted: when it ran, and how it ended."""
+    """An earlier run of a simulation job that ran more than once: when it began, how it ended, and its outputs."""
 
     run_id: str = Field(description="Id of the run.")
     started_at: str | None = optional("When it began.")

@@ -19,7 +19,7 @@ class StoredPlace(Part):
 
 
 class WorldDocument(Document):
-    """Catalog document of a generated world: its files in the object store, its template and its seed."""
+    """Catalog document of a world: its files in the object store, and the template it was generated from."""
 
     template: str | None = optional("ARN of the template it was generated from.")
     bundle: StoredPlace | None = optional("Place of its bundle.")

@@ -220,7 +220,7 @@ _WENT_ON_WITHOUT = {"video_error": "no video", "camera_error": "no camera in the
 
 
 class RunResult(Model):
-    """Content of a simulation run's `result.json`: verdict, metrics, requirements and failure."""
+    """Content of a simulation run's `result.json`: verdict, requirements, metrics, rooms and collisions."""
 
     schema_version: Literal[1] = Field(default=1, description="Version of this document's form.")
     verdict: Verdict = Field(

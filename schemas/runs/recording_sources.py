@@ -20,7 +20,7 @@ RECORDED_RUN = "recorded-run"
 
 
 class RecordingSources(Model):
-    """Topics that a recording is judged by, and how they are understood."""
+    """Topics of a ROS recording by which a robot's run is judged (pose, contacts, scan), and their frames."""
 
     pose: TopicName | None = optional(
         "Topic with the robot's pose: `Odometry`, `PoseStamped`, `PoseWithCovarianceStamped`, `TransformStamped`, or "
@@ -76,7 +76,7 @@ class _Holder(Model):
 
 
 def parse_sources(data: object, what: str) -> RecordingSources:
-    """Makes sources from plain values.
+    """Parses the topics by which a recording is judged from plain values.
 
     Args:
         data: The values.
@@ -89,7 +89,7 @@ def parse_sources(data: object, what: str) -> RecordingSources:
 
 
 def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> RecordingSources:
-    """Reads the launch variable; without it every source is the usual one.
+    """Reads the topics by which a recording is judged from a launch variable; the usual topics without it.
 
     Args:
         variables: Variables of a launch configuration.
@@ -105,7 +105,7 @@ def sources_in(variables: Mapping[str, str], place: str = SOURCES_VARIABLE) -> R
 
 
 def check_sources(request: JobRequest) -> None:
-    """Finds out whether the launch variables with sources can be understood.
+    """Raises an error if a request's launch variables with recording topics are invalid.
 
     Raises:
         ValueError: One cannot.

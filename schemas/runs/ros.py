@@ -130,7 +130,7 @@ NOT_OF_ROBOTS = ("suite", "peers", "interface")
 
 
 class RosPlan(Model):
-    """Plan of a run's ROS bridge: distribution, topics and rates."""
+    """Plan of a run's ROS bridge: ROS version, domain and options."""
 
     suite: Suite = Field(description="ROS that the nodes speak, 1 or 2.")
     domain: int = Field(ge=0, le=232, description="Domain of ROS 2 that the nodes are in.")

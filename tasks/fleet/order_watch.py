@@ -123,7 +123,7 @@ class OrderWatch:
         self._thread = threading.Thread(target=self._watch, name="robot-orders", daemon=True)
 
     def start(self) -> None:
-        """Starts the thread."""
+        """Starts the thread that watches robots and rollouts."""
         self._thread.start()
 
     def wake(self) -> None:
@@ -137,7 +137,7 @@ class OrderWatch:
         self._woken.set()
 
     def stop(self) -> None:
-        """Stops the thread, after its current look."""
+        """Stops the thread that watches robots and rollouts, after its current look."""
         self._is_stopped = True
         self._woken.set()
         self._thread.join()

@@ -26,7 +26,7 @@ _MEMBERS = ("requirements", "sources")
 
 
 def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], RecordingSources]:
-    """Reads requirements, and the sources that they are measured by.
+    """Parses a file with requirements, and the recording topics that they are measured by.
 
     Args:
         data: What a file says: a list of requirements, or a mapping with `requirements` and perhaps `sources`.
@@ -48,7 +48,7 @@ def asked_of(data: object, place: str) -> tuple[Sequence[RequirementKind], Recor
 
 
 def check_recording(place: Path, sources: RecordingSources) -> Path:
-    """Finds a recording, and whether it can be judged, as far as its index says it.
+    """Finds a ROS recording, and checks by its index whether it can be judged.
 
     Args:
         place: A file or a folder.
@@ -90,7 +90,7 @@ def check_world(requirements: Sequence[RequirementKind], world: str | None) -> N
 
 
 def store_recording(recording: Path, service: Service) -> list[str]:
-    """Stores a recording in the service's bucket, unless it is there; returns its keys.
+    """Uploads a recording to the service's bucket, unless it is there; returns its keys.
 
     Args:
         recording: From `check_recording`.
@@ -123,7 +123,7 @@ def judging_spec(
     bucket: str,
     world: str | None,
 ) -> str:
-    """Returns the specification of a run with one job, which judges a stored recording.
+    """Makes the specification of a run that judges an uploaded recording.
 
     Args:
         name: Name of the run.

@@ -50,7 +50,7 @@ class DueRun:
 
 
 def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
-    """Whether a run of a specification began in a data home between two times.
+    """Whether a run folder of a specification, in a data home, was begun between two times.
 
     It looks at the names of the run folders. A flow run whose process dies in its first moments has none: nothing
     finishes it.

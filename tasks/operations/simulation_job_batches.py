@@ -79,7 +79,7 @@ def list_simulation_job_batches(request: ListSimulationJobBatchesRequest, servic
 
 @operation("CancelSimulationJobBatch")
 def cancel_simulation_job_batch(request: CancelSimulationJobBatchRequest, service: Service) -> Answer:
-    """Handles `CancelSimulationJobBatch`: cancels a batch and its jobs.
+    """Handles `CancelSimulationJobBatch`: cancels a batch and its jobs, at once or through its job worker.
 
     A running batch is cancelled as soon as its job worker notices. Cancelling one that has ended changes nothing.
 

@@ -99,7 +99,7 @@ def list_simulation_jobs(request: ListSimulationJobsRequest, service: Service) -
 
 @operation("CancelSimulationJob")
 def cancel_simulation_job(request: CancelSimulationJobRequest, service: Service) -> Answer:
-    """Handles `CancelSimulationJob`: cancels a simulation job.
+    """Handles `CancelSimulationJob`: cancels a simulation job, at once or through its job worker.
 
     A running job is cancelled as soon as its worker notices, and stores its outputs; cancelled again, it ends with what
     is stored by then. Cancelling one that has ended changes nothing.

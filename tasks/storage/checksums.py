@@ -20,7 +20,7 @@ _ZEROS = memoryview(bytes(_PIECE_BYTES))
 
 
 class Piece(NamedTuple):
-    """A piece of a file's content: its offset and data, or a hole."""
+    """A piece of a file's content: its data, and whether it is a hole of a sparse file (zeros)."""
 
     data: memoryview
     is_hole: bool

@@ -53,7 +53,7 @@ def generate_world(
     settle: bool = True,
     clock: Callable[[], float] = time.process_time,
 ) -> World:
-    """Makes one world and checks it.
+    """Generates one world (floor plan, furniture, materials) from a template and seeds, and checks it.
 
     An interior that breaks a guarantee is made again from the next sub-seed; the floor plan stays,
     since other worlds share it.
@@ -84,7 +84,7 @@ def furnish_and_prove(
     begun: float | None = None,
     finish: Callable[[World], World] = lambda world: world,
 ) -> World:
-    """Makes a world of a floor plan and checks it, again and again until it keeps all guarantees.
+    """Furnishes a floor plan and checks the world, repeatedly until it meets all guarantees.
 
     Args:
         body: whose interior is wished.
@@ -130,7 +130,7 @@ def furnish_and_prove(
 
 
 def measured(world: World, *, settle: bool = True) -> World:
-    """The world with its checks taken anew.
+    """Returns the world with its checks measured anew.
 
     Args:
         world: the world.
@@ -157,7 +157,7 @@ class Move(NamedTuple):
 
 
 class Wanted(NamedTuple):
-    """Requested differences from the world."""
+    """Requested changes for a variation of a world: doors, furniture and light."""
 
     doors: Mapping[str, float] = {}
     """How far doors are open, in percent; a door is named by its id, or by its two rooms: `Hall/Bedroom`."""
@@ -167,7 +167,7 @@ class Wanted(NamedTuple):
 
 
 def vary(world: World, wanted: Wanted, content: str, arn: str | None = None) -> World:
-    """Makes a world that differs in what is wanted and in nothing else, and measures it.
+    """Makes a variation of a world, which differs only in the requested changes, and measures it.
 
     It may break guarantees that the other world keeps; its checks say so.
 

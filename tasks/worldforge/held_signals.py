@@ -10,7 +10,7 @@ _STOPS = (signal.SIGINT, signal.SIGTERM)
 
 @contextmanager
 def held_signals() -> Iterator[None]:
-    """Ctrl-C and SIGTERM count when the block has ended.
+    """Delays Ctrl-C and SIGTERM until the end of the `with` block.
 
     For imports of packages that try for others with `except BaseException`, as trimesh does: an interruption that falls
     into such a line is taken for a package that is missing, and the program goes on. Only the main thread gets signals;

@@ -7,7 +7,7 @@ GENERATOR_VERSION = "3.2.0"
 
 
 def seeds_for(job_seed: int, floorplan_index: int, interior_index: int) -> tuple[int, int]:
-    """Seeds of one world of a generation job; interiors of one floor plan share its seed.
+    """Computes the random seeds of one world of a generation job; interiors of one floor plan share its seed.
 
     Args:
         job_seed: the job's seed, not negative.

@@ -6,6 +6,6 @@ from ..worldforge.exports.export_key import export_key
 
 
 def archive_place(job: Resource) -> tuple[str, str]:
-    """Bucket and key of an export job's archive."""
+    """Returns bucket and key of a world export job's archive."""
     location = WorldExportJobDocument.of(job).request.output_location
     return location.s3_bucket, export_key(location.s3_prefix or "", job.id)

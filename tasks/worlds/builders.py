@@ -28,7 +28,7 @@ class _BuilderDiedError(WorldGenerationError):
 
 
 class WorldBuilders:
-    """A fixed number of builders; use as a context manager. Safe to use from several threads.
+    """Pool of processes that generate worlds. Context manager; safe to use from several threads.
 
     A builder that dies is replaced, and its world is begun once more: the machine may have been short of memory for a
     moment.
@@ -67,14 +67,14 @@ class WorldBuilders:
                 process.stdout.close()
 
     def stop(self) -> None:
-        """Ends all builders in the midst of what they do; builds fail from then on."""
+        """Kills all processes of the pool; calls of `build` fail from then on."""
         with self._lock:
             self._stopped = True
             for process in self._all:
                 process.kill()
 
     def build(self, body: str, floorplan_seed: int, interior_seed: int, folder: Path) -> str:
-        """Builds a world bundle; waits for an idle builder.
+        """Generates the files of a world in an idle process of the pool; waits for one.
 
         Returns:
             The bundle's content hash.

@@ -23,7 +23,7 @@ _WAIT_S = 0.05
 
 
 def bundle_label(bundle: StoredPlace) -> str:
-    """Label by which the worlds of one stored bundle are found.
+    """Returns the catalog label by which all worlds with the same stored files are found.
 
     Args:
         bundle: where it is.
@@ -33,7 +33,7 @@ def bundle_label(bundle: StoredPlace) -> str:
 
 @contextmanager
 def bundle_held(bundle: StoredPlace, service: Service) -> Iterator[None]:
-    """Keeps others from adding or taking away worlds of a bundle; waits for those who do."""
+    """Locks a world's stored files inside the `with` block: no world that shares them is added or deleted."""
     arn = service.arn("world", f"bundle/{bundle_label(bundle)}")
     owner = uuid.uuid4().hex
     while not _taken(arn, owner, service):
@@ -46,7 +46,7 @@ def bundle_held(bundle: StoredPlace, service: Service) -> Iterator[None]:
 
 
 def delete_world(world: Resource, service: Service) -> None:
-    """Removes a world from the catalog, and its stored bundle unless another world shares it.
+    """Deletes a world from the catalog, and its stored files unless another world shares them.
 
     A copy on a machine that runs something in the world stays: it is a cache, kept by content.
 

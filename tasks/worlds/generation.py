@@ -31,7 +31,7 @@ ORIGIN_LABEL = "origin"
 
 @dataclass(frozen=True)
 class WorldFailure:
-    """Why there is no world."""
+    """Reason why a world could not be generated: code and text."""
 
     code: str
     reason: str
@@ -40,7 +40,7 @@ class WorldFailure:
 def generate_world(
     service: Service, job: Resource, index: int, world_arn: str, builders: WorldBuilders, run_step: RunStep
 ) -> WorldFailure | None:
-    """Generates the world of one place in a job, stores its bundle and adds it to the catalog.
+    """Generates one world of a generation job, stores its files, and adds it to the catalog.
 
     Args:
         service: where it is stored.
@@ -81,7 +81,7 @@ def _store(service: Service, job: Resource, index: int, world_arn: str, folder: 
 
 
 def publish_bundle(service: Service, prefix: str, folder: Path, created_at: datetime) -> None:
-    """Stores a world bundle under its content's own prefix; equal bundles are stored once."""
+    """Uploads a world's files under the prefix of their content hash; equal files are stored once."""
     prepare_bucket(service, service.settings.bucket)
     publish(
         service.store,
@@ -94,17 +94,17 @@ def publish_bundle(service: Service, prefix: str, folder: Path, created_at: date
 
 
 def world_seeds(job: WorldGenerationJobDocument, index: int) -> tuple[int, int]:
-    """Floor plan seed and interior seed of one world of a job."""
+    """Returns floor plan seed and interior seed of one world of a generation job."""
     return world_seeds_of(job.seed, job.request.world_count.interior_count_per_floorplan, index)
 
 
 def world_seeds_of(job_seed: int, interiors: int, index: int) -> tuple[int, int]:
-    """The same, by the job's seed and how many interiors each of its floor plans gets."""
+    """Returns floor plan seed and interior seed of a world, from the job's seed and the world's index."""
     return seeds_for(job_seed, index // interiors, index % interiors)
 
 
 def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
-    """Names what a world is made of: worlds of the same origin are the same, byte for byte.
+    """Returns a hash of a world's template and seeds: worlds with equal hashes are identical.
 
     Args:
         template_body: the body of its template.
@@ -117,7 +117,7 @@ def origin_of(template_body: str, seeds: tuple[int, int]) -> str:
 def add_world(
     service: Service, job: Resource, index: int, arn: str, bundle: StoredPlace, reused_from: str | None = None
 ) -> None:
-    """Adds a world of a job to the catalog, unless it is there; its bundle is stored, and held meanwhile."""
+    """Adds a generated world to the catalog, unless it exists."""
     document = WorldGenerationJobDocument.of(job)
     request, origin = document.request, origin_of(document.template_body, world_seeds(document, index))
     world = Resource.new(

@@ -20,7 +20,7 @@ from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
 def keep_world(
     world: World, prefix: IdPrefix, tags: dict[str, str], service: Service, *, origin: str | None = None
 ) -> Resource:
-    """Stores a world's bundle and adds the world to the catalog.
+    """Stores the files of an imported or varied world, and adds it to the catalog.
 
     Args:
         world: the world.

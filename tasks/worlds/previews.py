@@ -12,7 +12,7 @@ from .bundles import bundle_held
 
 
 def preview_of(world: Resource, service: Service) -> bytes:
-    """A world from above as a PNG: the picture that was kept, or a new one, which is kept from now on.
+    """Returns a picture of a world from above (PNG); a new one is rendered and stored if missing.
 
     Args:
         world: the world.

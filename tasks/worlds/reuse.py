@@ -13,7 +13,7 @@ from .generation import ORIGIN_LABEL, add_world, origin_of, world_seeds
 
 
 def find_world_again(template_body: str, seeds: tuple[int, int], service: Service) -> Resource | None:
-    """Finds a world that was made of a template's body with these seeds, by the generator there is now.
+    """Finds a stored world that this generator version made from the same template and seeds.
 
     Args:
         template_body: the template's body, to the letter.
@@ -27,7 +27,7 @@ def find_world_again(template_body: str, seeds: tuple[int, int], service: Servic
 
 
 def find_by_origin(origin: str, service: Service) -> Resource | None:
-    """The newest world that was made of this and whose bundle is stored; `None`: there is none."""
+    """Finds the newest stored world with the same origin (hash of template and seeds)."""
     filters = {ORIGIN_LABEL: [origin]}
     world = next(iter(service.catalog.list("world", filters=filters, limit=1).resources), None)
     bundle = WorldDocument.of(world).bundle if world is not None else None
@@ -35,7 +35,7 @@ def find_by_origin(origin: str, service: Service) -> Resource | None:
 
 
 def reuse_world(service: Service, job: Resource, index: int, arn: str) -> bool:
-    """Adds a world to the catalog whose bundle is stored already, of an earlier world of the same origin.
+    """Adds a world to a generation job with the stored files of an identical earlier world.
 
     Args:
         service: where worlds are stored.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def who(given: str | None) -> str:
-    """The name of the person who decides.
+    """Returns the name of the person who decides: as given, else the operating system's user.
 
     Args:
         given: as the command line says; nothing: as the operating system does.
@@ -34,7 +34,7 @@ _LONGEST = timedelta(days=36500)
 
 
 def time_span(text: str, option: str) -> timedelta:
-    """Reads a span of time.
+    """Parses a time span such as `2w 3d`.
 
     Args:
         text: numbers with units, the largest first: w, d, h, m, s.
@@ -51,7 +51,7 @@ def time_span(text: str, option: str) -> timedelta:
 
 
 def output_file(path: str | None, option: str) -> Path | None:
-    """Returns the absolute path of an output file.
+    """Checks an output file's path, and makes it absolute.
 
     Args:
         path: what was given; None: nothing.
@@ -69,7 +69,7 @@ def output_file(path: str | None, option: str) -> Path | None:
 
 
 def open_service() -> "Service":
-    """Opens the service that the environment variables describe; only commands that need one wait for its imports.
+    """Opens the RoboMaker service that the environment variables describe.
 
     Raises:
         ConfigurationError: a setting leads nowhere.
@@ -82,7 +82,7 @@ def open_service() -> "Service":
 
 
 def find_record(runs: Path, run: str) -> Path:
-    """Finds the record of a run.
+    """Finds the record file of a run.
 
     Args:
         runs: folder of all runs.

@@ -11,11 +11,11 @@ from ...spec_runs.specifications import SHIPPED, checked
 
 
 class InputFileError(ConfigurationError):
-    """A file that the user named cannot be read."""
+    """Raised for a file named by the user that cannot be read."""
 
 
 def read_text(path: str) -> str:
-    """Reads a text file.
+    """Reads a text file that the user named.
 
     Raises:
         InputFileError: it cannot be opened.
@@ -31,7 +31,7 @@ def read_text(path: str) -> str:
 
 
 def read_spec(path: str) -> CheckedSpec:
-    """Reads and checks a specification.
+    """Reads and checks a specification file.
 
     Args:
         path: a file; or `quickstart` or `nightly`, if there is no such file: they come with this package.
@@ -46,7 +46,7 @@ def read_spec(path: str) -> CheckedSpec:
 
 
 def read_request(given: str, operation: str) -> dict[str, Any]:
-    """The members of a request.
+    """Reads the members of an API request from a file, JSON or YAML text, or standard input.
 
     Args:
         given: a file's path or `file://` address, JSON or YAML text that begins with `{`, or `-` for standard input.
@@ -74,7 +74,7 @@ def _text(given: str) -> tuple[str, str]:
 
 
 def operation_name(word: str) -> str:
-    """The service's name of an operation, also from the AWS CLI's spelling: `describe-world`.
+    """Converts an operation's name from the AWS CLI's spelling (`describe-world`) to the service's.
 
     A word that names none comes back as it is; the check of the request says what is near.
     """

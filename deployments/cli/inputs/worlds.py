@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FoundWorld:
-    """A world with its bundle on this machine, and where both come from."""
+    """A world whose files are on this machine, with its origin."""
 
     name: str
     """The world's id, or the folder's name."""
@@ -47,7 +47,7 @@ class FoundWorld:
 
 
 def find_world(wanted: str) -> FoundWorld:
-    """Finds a world.
+    """Finds a world by ARN or folder, and downloads its files if necessary.
 
     Args:
         wanted: a world's ARN, or the folder of a bundle.
@@ -67,7 +67,7 @@ def find_world(wanted: str) -> FoundWorld:
 
 
 def output_file(name: str, folder: str, suffix: str) -> Path:
-    """Returns the default place for a page or picture of a world or job.
+    """Returns the default path for a page or picture of a world or job.
 
     Args:
         name: the world's or the job's.

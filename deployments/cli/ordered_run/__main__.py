@@ -31,7 +31,7 @@ _logger = logging.getLogger("prefect_robomaker.deployments.cli.ordered_run")
 
 
 def main() -> None:
-    """Carries out the order."""
+    """Entry point of a child process that carries out an ordered run."""
     lock = int(sys.argv[1])
     os.set_inheritable(lock, False)
     os.nice(NICENESS)

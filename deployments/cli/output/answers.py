@@ -19,12 +19,12 @@ Cell = tuple[str, str]
 
 
 def print_answer(answer: dict[str, Any], form: str) -> None:
-    """Prints a response as JSON or YAML."""
+    """Prints an API response as JSON or YAML."""
     sys.stdout.write(_as_yaml(answer) if form == "yaml" else _as_json(answer))
 
 
 def print_either(form: str, document: "BaseModel | dict[str, Any]", lines: Iterable[str]) -> None:
-    """Prints an answer as JSON, or as lines for people.
+    """Prints a command's result as JSON for programs, or as lines for people.
 
     Args:
         form: `json`, or anything else for lines.
@@ -40,7 +40,7 @@ def print_either(form: str, document: "BaseModel | dict[str, Any]", lines: Itera
 
 
 def in_columns(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> list[str]:
-    """Lines of a table, whose columns are as wide as need be.
+    """Formats rows of cells as an aligned text table.
 
     Args:
         rows: the cells, those of the titles first.
@@ -57,7 +57,7 @@ def in_columns(rows: Sequence[Sequence[str]], right: Collection[int] = ()) -> li
 
 
 def print_lines(lines: Iterable[Sequence[Cell]], stream: TextIO) -> None:
-    """Prints lines of styled cells; paths and ARNs stay in one piece, however narrow the window: people copy them.
+    """Prints lines of styled text; paths and ARNs are not broken, so that they can be copied.
 
     Raises:
         BrokenPipeError: who reads the stream has gone away; a console would end the process with 1.
@@ -95,7 +95,7 @@ def _time_text(value: object) -> str:
 
 
 def print_problems(problems: Sequence[Problem]) -> None:
-    """Prints problems to standard error; in GitHub's workflows also as annotations of the file."""
+    """Prints a specification's problems to standard error, in GitHub workflows also as annotations."""
     for problem in problems:
         sys.stderr.write(f"{problem}\n")
     files = {problem.place.file for problem in problems}
@@ -107,7 +107,7 @@ def print_problems(problems: Sequence[Problem]) -> None:
 
 
 def annotation(problem: Problem) -> str:
-    """A problem as a GitHub workflow command."""
+    """Formats a specification's problem as a GitHub workflow annotation."""
     text = f"{problem.path}: {problem.message}" if problem.path else problem.message
     escaped = text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
     place = problem.place
@@ -115,7 +115,7 @@ def annotation(problem: Problem) -> str:
 
 
 def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> bool:
-    """Whether to open a browser: as the user chose, otherwise only for a person at a desktop's terminal."""
+    """Whether to open a browser: as the user chose, otherwise only at a desktop's terminal."""
     if choice is not None:
         return choice
     environ = os.environ if environ is None else environ
@@ -125,12 +125,12 @@ def wanted(choice: bool | None, environ: Mapping[str, str] | None = None) -> boo
 
 
 def open_file(path: Path) -> None:
-    """Shows a file in the browser; says so when there is none."""
+    """Opens a file in the browser; prints a message if there is none."""
     _open(path.resolve().as_uri(), str(path))
 
 
 def open_address(address: str) -> None:
-    """Shows a page of a server in the browser; says so when there is none."""
+    """Opens a URL in the browser; prints a message if there is none."""
     _open(address, address)
 
 
@@ -142,7 +142,7 @@ def _open(address: str, name: str) -> None:
 
 
 def duration(seconds: float) -> str:
-    """A duration as short text: `0.4 s`, `12 s`, `3 min 05 s`, `5 min`, `2 h 10 min`."""
+    """Formats a duration in seconds: `0.4 s`, `12 s`, `3 min 05 s`, `5 min`, `2 h 10 min`."""
     if seconds < 9.95:
         return f"{seconds:.1f} s"
     whole = round(seconds)

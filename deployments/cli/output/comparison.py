@@ -28,7 +28,7 @@ _MOST_NIGHTS = 14
 
 
 def comparison_lines(comparison: Comparison) -> list[str]:
-    """The comparison in words, the answer first."""
+    """Formats the comparison of two runs as text lines, the result first."""
     before, after = comparison.before, comparison.after
     lines = [
         f"{after.run_id} compared with {before.run_id}",
@@ -56,7 +56,7 @@ def comparison_lines(comparison: Comparison) -> list[str]:
 
 
 def history_lines(history: History, page: Path) -> list[str]:
-    """The history in words: what changed, the latest runs, unsteady jobs, and where the page is."""
+    """Formats a specification's history as text lines: changes, latest runs, flaky jobs."""
     since = history.since_last
     lines = [f"{history.name}: {_counted(len(history.nights), 'run')}", ""]
     if since.previous_run_id is None:
@@ -88,7 +88,7 @@ def history_lines(history: History, page: Path) -> list[str]:
 
 
 def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
-    """Requirements that are newly missed or met, each with some of the trials that newly miss it."""
+    """Formats newly missed or met requirements as text lines, each with some trials."""
     lines = []
     for change in changes[:_MOST_JOBS]:
         lines.append(requirement_in_words(change))
@@ -100,7 +100,7 @@ def requirement_lines(changes: Sequence[RequirementChange]) -> list[str]:
 
 
 def changed_lines(record: RunRecord) -> list[str]:
-    """Requirements that a run newly misses, and what it judges less than earlier runs; none for reruns and probes."""
+    """Formats a run's newly missed requirements and lost checks as text lines."""
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)

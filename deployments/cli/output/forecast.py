@@ -23,7 +23,7 @@ _UNITS = ("bytes", "kB", "MB", "GB", "TB")
 
 
 def forecast_lines(forecast: "Forecast") -> list[str]:
-    """The lines below a plan."""
+    """Formats a forecast of time, disk space and cost as text lines."""
     machines = forecast.places.machines
     where = f"{machines} machine{'s' if machines != 1 else ''}, backend {forecast.backend}"
     rows = [
@@ -81,7 +81,7 @@ def _verdict(job: "ProbedJob") -> str:
 
 
 def size(size_bytes: int) -> str:
-    """A size for people: `12 MB`."""
+    """Formats a number of bytes: `12 MB`."""
     value, unit = float(size_bytes), 0
     while value >= 1000 and unit < len(_UNITS) - 1:
         value, unit = value / 1000, unit + 1
@@ -104,7 +104,7 @@ def _step(step: "StepForecast") -> str:
 
 
 def reuse_lines(parts: "Sequence[PlannedPart]") -> list[str]:
-    """The lines of one step: `run    requests 2 to 4: its world is generated first`."""
+    """Formats which parts of a step are reused or run: `run requests 2 to 4: its world is generated first`."""
     lines = []
     for (reuse, why), group in groupby(parts, key=lambda part: (part.reuse, part.why)):
         names = [part.part for part in group]
@@ -113,7 +113,7 @@ def reuse_lines(parts: "Sequence[PlannedPart]") -> list[str]:
 
 
 def reuse_total(parts: "Mapping[str, Sequence[PlannedPart]]") -> str:
-    """How much would be taken over: `4 of 4 worlds and 3 of 4 simulation jobs are taken over`."""
+    """Formats how much of a run is reused: `4 of 4 worlds and 3 of 4 simulation jobs are taken over`."""
     told = []
     for noun, is_it in (("worlds", True), ("simulation jobs", False)):
         these = [part for each in parts.values() for part in each if part.part.startswith("world") is is_it]
@@ -123,7 +123,7 @@ def reuse_total(parts: "Mapping[str, Sequence[PlannedPart]]") -> str:
 
 
 def why_nothing(parts: "Mapping[str, Sequence[PlannedPart]]") -> str | None:
-    """Says why a run would take over nothing, the first reason of each step; None: it would, or makes no such parts.
+    """Explains why a run would reuse nothing; `None` if it would.
 
     Jobs whose worlds are generated first have no reason of their own.
     """

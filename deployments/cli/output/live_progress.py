@@ -20,7 +20,7 @@ _SHOWN_NOTES = 3
 
 
 class LiveWatcher(Watcher):
-    """Draws the steps with their marks, counts, bars, pace and newest failures.
+    """Progress display of a run that redraws its steps, bars and failures on a terminal.
 
     Args:
         steps: names and operations, in the order they run.
@@ -47,7 +47,7 @@ class LiveWatcher(Watcher):
             self._states.take(event, time.monotonic())
 
     def render(self) -> Group:
-        """Draws the block as things stand; notes below it have as many lines as they need."""
+        """Draws the current progress."""
         table = Table.grid(padding=(0, 2, 0, 0), expand=True)
         for justify in ("left", "left", "right"):
             table.add_column(no_wrap=True, justify=justify)

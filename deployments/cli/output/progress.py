@@ -18,7 +18,7 @@ Clock = Callable[[], float]
 
 
 def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream: TextIO | None = None) -> Watcher:
-    """Makes the watcher that suits where standard error goes.
+    """Chooses the progress display for the output: animated on a terminal, else plain lines.
 
     Args:
         steps: names and operations, in the order they run.
@@ -34,7 +34,7 @@ def watcher(steps: Sequence[tuple[str, str]], environ: Mapping[str, str], stream
 
 
 def is_animated(stream: TextIO, environ: Mapping[str, str]) -> bool:
-    """Whether progress may be redrawn: on a terminal, unless `CI` or a dumb `TERM` say otherwise."""
+    """Whether progress may be redrawn: on a terminal, unless `CI` or a dumb `TERM` forbid it."""
     return stream.isatty() and not _truthy(environ.get("CI")) and environ.get("TERM") != "dumb"
 
 
@@ -43,7 +43,7 @@ def _truthy(value: str | None) -> bool:
 
 
 class PlainWatcher(Watcher):
-    """One line for each change, and one a minute when nothing changes.
+    """Progress display of a run in plain lines: one for each change, and one a minute without changes.
 
     Args:
         steps: names and operations, in the order they run.

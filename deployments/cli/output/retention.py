@@ -14,7 +14,7 @@ _LOSES = "its report loses its recordings, videos and logs, and says so"
 
 
 def report_lines(report: GcReport) -> list[str]:
-    """The answer, line by line."""
+    """Formats the result of `robomaker gc` as text lines."""
     gone = report.removed
     rows = [_row(item) for item in gone]
     lines = in_columns([_TITLES, *rows], _RIGHT) if rows else []

@@ -21,7 +21,7 @@ BAD_STATUSES = frozenset({"Failed", "Canceled", "TimedOut", "PartialFailed", "Sk
 
 @dataclass
 class StepState:
-    """One step."""
+    """Progress of one step of a run, for display."""
 
     name: str
     operation: str
@@ -39,33 +39,33 @@ class StepState:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has started and not ended."""
+        """Whether the step has started and not ended."""
         return self.started_s is not None and self.status is None
 
     @property
     def done(self) -> int:
-        """Parts that are done with."""
+        """Number of the step's parts (worlds or jobs) that are done."""
         return sum(count for state, count in self.counts.items() if state.lower() in FINISHED)
 
     def counts_text(self) -> str:
-        """The counts in words: `2 running, 1 completed`."""
+        """Returns the parts' counts by state: `2 running, 1 completed`."""
         return ", ".join(f"{count} {state}" for state, count in self.counts.items() if count)
 
     def trials_text(self) -> str:
-        """How many trials have finished: `3,100 of 10,000 trials`; empty: there are none."""
+        """Returns the trial counts: `3,100 of 10,000 trials`; empty if there are none."""
         return f"{self.trials.finished:,} of {self.trials.total:,} trials" if self.trials else ""
 
     @property
     def work(self) -> tuple[int, int]:
-        """Finished and total work: trials where there are any, else parts."""
+        """Returns finished and total work: trials if there are any, else parts."""
         return (self.trials.finished, self.trials.total) if self.trials else (self.done, self.total)
 
     def wait_text(self) -> str:
-        """Names the resource that the next part waits for: `waits for memory`; empty: it does not wait."""
+        """Returns the resource that the next part waits for: `waits for memory`; empty if it does not wait."""
         return f"waits for {IN_WORDS[self.waits_for]}" if self.waits_for and self.done < self.total else ""
 
     def pace(self, now_s: float) -> str:
-        """Rate and expected time to go, once something is done: `0.5/s, 12 s to go`."""
+        """Returns rate and expected time left: `0.5/s, 12 s to go`."""
         elapsed = now_s - self.started_s if self.started_s is not None else 0.0
         done, total = self.work
         if not done or done >= total or elapsed <= 0:
@@ -76,7 +76,7 @@ class StepState:
 
 
 class StepStates:
-    """All steps of a pipeline, in the order they run.
+    """Progress of all steps of a run, for display.
 
     Args:
         steps: names and operations.
@@ -87,7 +87,7 @@ class StepStates:
         self.notes: list[str] = []
 
     def take(self, event: ProgressEvent, now_s: float) -> None:
-        """Takes an event.
+        """Updates the progress by an event.
 
         Args:
             event: what happened.
@@ -108,7 +108,7 @@ class StepStates:
 
 
 class Watcher(AbstractContextManager["Watcher"]):
-    """A listener that shows what it hears while it is entered."""
+    """Base class of progress displays: listeners that are active inside a `with` block."""
 
     def __call__(self, event: ProgressEvent) -> None:
         """Takes one event; from any thread."""

@@ -26,7 +26,7 @@ def print_summary(
     page: str = "",
     lost: Sequence[str] = (),
 ) -> None:
-    """Prints the final block.
+    """Prints the final summary of a run: results, report and next commands.
 
     Args:
         record: the run.
@@ -42,7 +42,7 @@ def print_summary(
 def summary_lines(
     record: RunRecord, command: Sequence[str], *, server: str = "", page: str = "", lost: Sequence[str] = ()
 ) -> list[list[Cell]]:
-    """The final block as lines of styled cells."""
+    """Returns the final summary of a run as lines of styled text."""
     took = duration((record.ended_at - record.started_at).total_seconds())
     head: list[Cell] = [(f"{record.name}: ", ""), (record.state, _STATE_STYLES.get(record.state, "bold yellow"))]
     lines: list[list[Cell]] = [[], [*head, (f"{_headline(record)} after {took}", "")]]

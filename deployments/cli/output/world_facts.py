@@ -10,7 +10,7 @@ from .answers import Cell, print_lines
 
 
 def world_facts(found: FoundWorld) -> dict[str, Any]:
-    """The facts in the form of the JSON answer; lengths in metres, areas in square metres."""
+    """Collects facts about a world for JSON output; lengths in metres, areas in square metres."""
     from ....tasks.worldforge.proofs.guarantees import proof_lines, violations
 
     world = found.world
@@ -125,17 +125,17 @@ _MARKS: dict[str, Cell] = {
 
 
 def print_facts(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints what `world_facts` found, with `pictures`, the paths of those that were drawn."""
+    """Prints the facts about a world as text."""
     _print(fact_lines(facts), stream)
 
 
 def print_proofs(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints the proofs alone."""
+    """Prints the measured guarantees of a world."""
     _print([_verdict(facts), *_proofs(facts)], stream)
 
 
 def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints what there is to say of a world that was stored just now: its ARN first, alone on its line."""
+    """Prints facts about a newly stored world; its ARN comes first, on a line of its own."""
     lines: list[Line] = [[(facts["arn"], "")], _verdict(facts)]
     lines += [[("    ", ""), (sentence, "red")] for sentence in facts["broken"]]
     lines += [[(f"  {what:<9} ", "dim"), (said, "")] for what, said in _origin(facts)]
@@ -151,7 +151,7 @@ def _print(lines: list[Line], stream: TextIO) -> None:
 
 
 def fact_lines(facts: dict[str, Any]) -> list[Line]:
-    """The text as lines of styled cells."""
+    """Formats facts about a world as lines of styled text."""
     return [
         *_head(facts),
         [],

@@ -26,7 +26,7 @@ _DISPOSITION = re.compile(
 
 
 async def read_fields(request: Request, most_bytes: int = MOST_BYTES) -> dict[str, str]:
-    """The fields of a form; the first value of each, of a file its text. What is no form has none.
+    """Reads the fields of a submitted web form, with uploaded files as text.
 
     Raises:
         ProtocolError: the form is too long, was not sent in time, or cannot be read.

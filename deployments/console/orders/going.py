@@ -29,20 +29,20 @@ _EVERY_S = 1.0
 
 @dataclass(frozen=True)
 class StepLine:
-    """A step as the page shows it."""
+    """A step of a run, as its web page shows it."""
 
     step: StepStanding
     look: Look
 
     @property
     def resource(self) -> tuple[str, str]:
-        """Kind and id of what it made; empty: nothing yet, or it failed."""
+        """Kind and id of the resource that the step created; empty if there is none."""
         kind, _, name = self.step.detail.rpartition(":")[2].partition("/")
         return (kind, name) if self.step.detail.startswith("arn:") else ("", "")
 
 
 def standing_of(run_id: str, visit: Visit) -> Standing | None:
-    """How a run stands that the visitor may see; `None`: none was ordered here, or it is none of the visitor's."""
+    """Returns the state of a run ordered here, if the visitor may see it."""
     ordered = visit.context.spec_runs
     if ordered is None or not _RUN_ID.fullmatch(run_id) or (standing := ordered.standing(run_id)) is None:
         return None
@@ -51,14 +51,14 @@ def standing_of(run_id: str, visit: Visit) -> Standing | None:
 
 
 def show_all(visit: Visit) -> Response:
-    """The list of runs, with those that go on."""
+    """Web page with the list of runs, current ones included."""
     ordered = visit.context.spec_runs
     found = {run_id: standing_of(run_id, visit) for run_id in (ordered.going() if ordered else ())}
     return runs.show_all(visit, {run_id: standing for run_id, standing in found.items() if standing is not None})
 
 
 def show(visit: Visit) -> Response:
-    """The page of a run: of one that was ordered here and has no record yet what its process says, of others that."""
+    """Web page of a run, current or ended."""
     run_id = visit.request.path_params["id"]
     standing = None if runs.is_known(run_id, visit) else standing_of(run_id, visit)
     if standing is None:
@@ -67,7 +67,7 @@ def show(visit: Visit) -> Response:
 
 
 def follow(visit: Visit) -> Response:
-    """Streams changes of a run's page until the run has ended."""
+    """Streams changes of a run's web page until the run has ended."""
     run_id = visit.request.path_params["id"]
     _found(visit, run_id)
     parts = Parts()
@@ -85,7 +85,7 @@ def follow(visit: Visit) -> Response:
 
 
 def cancel(visit: Visit) -> Response:
-    """Has the run end soon.
+    """Handles the web console's button that cancels a run.
 
     Raises:
         ResourceNotFoundException: there is none, or it is none of the visitor's.
@@ -102,7 +102,7 @@ def cancel(visit: Visit) -> Response:
 
 
 def take_up(visit: Visit) -> Response:
-    """Has a run whose process died go on.
+    """Handles the web console's button that resumes an interrupted run.
 
     Raises:
         ResourceNotFoundException: there is none, or it is none of the visitor's.
@@ -160,7 +160,7 @@ _NOTHING = "nothing to run again: each job has a good result"
 
 
 def failed_of_run(visit: Visit) -> Response:
-    """Begins a rerun of the failed jobs of a run, and shows it.
+    """Handles the button that runs a run's failed jobs again.
 
     Raises:
         ResourceNotFoundException: there is no such run that the visitor may see.
@@ -181,7 +181,7 @@ def failed_of_run(visit: Visit) -> Response:
 
 
 def failed_of_batch(visit: Visit) -> Response:
-    """Starts a batch of the failed jobs of a batch, and shows it.
+    """Handles the button that runs a batch's failed jobs again.
 
     Raises:
         ResourceNotFoundException: there is no such batch that the visitor may see.

@@ -24,11 +24,11 @@ MOST_A_MINUTE = 40
 
 
 class NoPlanError(Exception):
-    """Why there is no plan, in words."""
+    """Raised when no floor plan preview can be drawn; says why."""
 
 
 class Previews:
-    """Draws plans.
+    """Draws floor plan previews of world templates in a child process.
 
     Args:
         clock: seconds that only grow.
@@ -44,7 +44,7 @@ class Previews:
         self._counting = threading.Lock()
 
     def draw(self, body: str, seed: int, visitor: str) -> str:
-        """The plan of the first world of a generation job, as SVG.
+        """Draws the floor plan of a generation job's first world, as SVG.
 
         Args:
             body: of the template.
@@ -67,7 +67,7 @@ class Previews:
         return answer["svg"]
 
     def close(self) -> None:
-        """Ends the process; it ends by itself with this one."""
+        """Ends the child process."""
         with self._drawing:
             self._end()
 

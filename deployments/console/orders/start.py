@@ -39,7 +39,7 @@ _checks = threading.BoundedSemaphore(1)
 
 @dataclass(frozen=True)
 class ShownProblem:
-    """A problem with the lines around it."""
+    """A problem of a specification, with the lines around it for display."""
 
     line: int
     column: int
@@ -50,7 +50,7 @@ class ShownProblem:
 
 @dataclass(frozen=True)
 class Draft:
-    """A specification that a visitor writes, and what is to be said of it."""
+    """A specification that a visitor is writing in the web console, with its problems."""
 
     text: str
     filename: str
@@ -65,7 +65,7 @@ class Draft:
 
 
 def show(visit: Visit) -> Response:
-    """The page with an empty form, or with a specification of the package."""
+    """Web page for ordering a run, with an empty or example specification."""
     runs_of(visit)
     name = visit.parameter("spec")
     text = shipped_specs().get(name, "")
@@ -73,13 +73,13 @@ def show(visit: Visit) -> Response:
 
 
 def check(visit: Visit) -> Response:
-    """Checks a text while it is written; returns only the part of the page that lists its problems."""
+    """Checks a specification while it is being written; returns the HTML list of problems."""
     runs_of(visit)
     return visit.page("spec_findings.html.j2", draft=_checked(visit, _draft(visit)))
 
 
 def take(visit: Visit) -> Response:
-    """Checks what the form holds, and begins the run if that is what is asked for and nothing is wrong."""
+    """Handles the order form: checks the specification, and starts the run if asked and valid."""
     if visit.form.get("do") != "start":
         runs_of(visit)
         return _answer(visit, _checked(visit, _draft(visit)))
@@ -95,7 +95,7 @@ def take(visit: Visit) -> Response:
 def begin(
     visit: Visit, runs: SpecRuns, spec: CheckedSpec, call: Call, *, spec_path: str, rerun_of: RerunOf | None = None
 ) -> Response:
-    """Begins a run for a visitor, and shows it.
+    """Starts a run for a visitor of the web console, and redirects to its page.
 
     Args:
         visit: whose key the run's steps are carried out with.
@@ -131,7 +131,7 @@ def begin(
 
 
 def runs_of(visit: Visit) -> SpecRuns:
-    """Returns the server's runs of specifications, after checking that the visitor may order runs.
+    """Returns the server's runs, after checking that the visitor may order runs.
 
     Raises:
         AccessDeniedException: the visitor's key is not good for ordering any.

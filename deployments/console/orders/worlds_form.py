@@ -32,7 +32,7 @@ DOORS: Mapping[str, float | str | None] = {"none": None, "open": 100, "half open
 
 @dataclass(frozen=True)
 class RoomFields:
-    """One room as the form has it."""
+    """Form fields of one room in the web console's form for ordering worlds."""
 
     type: str
     name: str
@@ -44,7 +44,7 @@ class RoomFields:
 
 @dataclass(frozen=True)
 class WayFields:
-    """A wish for a way between two rooms, which are numbers from 0 of the form's."""
+    """Form fields of a connection between two rooms."""
 
     first: str
     second: str
@@ -60,7 +60,7 @@ _FIRST_ROOMS = (
 
 @dataclass(frozen=True)
 class WorldsDraft:
-    """Content of the form for ordering worlds."""
+    """Content of the web console's form for ordering worlds."""
 
     template: str = ""
     """Id of a template that exists; empty: one is made."""
@@ -81,17 +81,17 @@ class WorldsDraft:
 
     @property
     def total(self) -> str:
-        """How many worlds that makes; empty: no numbers."""
+        """Number of worlds that the form asks for; empty for invalid input."""
         is_known = self.plans.isdecimal() and self.interiors.isdecimal()
         return str(int(self.plans) * int(self.interiors)) if is_known and len(self.plans + self.interiors) < 8 else ""
 
     def with_room(self) -> "WorldsDraft":
-        """A draft with one room more, if there may be one."""
+        """Returns the form with one more room, if allowed."""
         more = RoomFields("Bathroom", _free_name(self), "10")
         return replace(self, rooms=(*self.rooms, more)[:MOST_ROOMS])
 
     def without_room(self, index: int) -> "WorldsDraft":
-        """A draft without a room and its ways; the last room stays."""
+        """Returns the form without a room and its connections; the last room stays."""
         if len(self.rooms) < 2 or not 0 <= index < len(self.rooms):
             return self
         kept = [number for number in range(len(self.rooms)) if number != index]
@@ -101,16 +101,16 @@ class WorldsDraft:
         return replace(self, rooms=tuple(self.rooms[number] for number in kept), ways=moved)
 
     def with_way(self) -> "WorldsDraft":
-        """A draft with one way more, if there may be one."""
+        """Returns the form with one more connection, if allowed."""
         return replace(self, ways=(*self.ways, WayFields("0", str(min(1, len(self.rooms) - 1))))[:MOST_WAYS])
 
     def without_way(self, index: int) -> "WorldsDraft":
-        """A draft without a way."""
+        """Returns the form without a connection."""
         return replace(self, ways=tuple(way for number, way in enumerate(self.ways) if number != index))
 
 
 def body_of(draft: WorldsDraft) -> str:
-    """The template's body, as JSON text.
+    """Converts the form to the JSON body of a world template.
 
     Raises:
         InvalidParameterException: a field holds no number where there has to be one.
@@ -143,7 +143,7 @@ def body_of(draft: WorldsDraft) -> str:
 
 
 def draft_of(form: Mapping[str, str]) -> WorldsDraft:
-    """A draft as a form has it."""
+    """Reads the form's content from submitted fields."""
     given = {
         name: form[name][:300]
         for name in ("template", "name", "outline", "height", "doors", "plans", "interiors", "seed", "tags")
@@ -205,7 +205,7 @@ def _number(text: str, what: str) -> float:
 
 
 def whole(text: str, what: str) -> int:
-    """A whole number of a field.
+    """Parses a whole number from a form field.
 
     Raises:
         InvalidParameterException: it is none.
@@ -220,21 +220,21 @@ _PREVIEWS = Previews()
 
 
 def show(visit: Visit) -> Response:
-    """The page, with the plan of what the form begins with."""
+    """Web page with the form for ordering worlds."""
     _check(visit, visit.parameter("template"))
     draft = WorldsDraft(template=visit.parameter("template"))
     return _page(visit, _with_plan(visit, draft))
 
 
 def preview(visit: Visit) -> Response:
-    """The plan alone, or what is wrong: for the page that shows it while the form is filled in."""
+    """Returns the floor plan preview, or the errors, while the form is being filled in."""
     draft = draft_of(visit.form)
     _check(visit, draft.template)
     return visit.page("world_plan.html.j2", draft=_with_plan(visit, draft))
 
 
 def take(visit: Visit) -> Response:
-    """Adds or removes a room, draws the plan, or makes template and generation job, as the pressed button says."""
+    """Handles the form's buttons: add or remove rooms, preview, or order the worlds."""
     draft = draft_of(visit.form)
     _check(visit, draft.template)
     does = visit.form.get("do", "")

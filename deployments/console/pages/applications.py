@@ -17,7 +17,7 @@ _MOST_JOBS = 10
 
 
 def show_all(visit: Visit) -> Response:
-    """The list of applications of both kinds, the newest first."""
+    """Web page with the list of robot and simulation applications."""
     after = visit.parameter("after") or None
     page = visit.service.catalog.list(KINDS, limit=_PAGE_LENGTH, after=after, scope="console")
     lines = [(each, ApplicationDocument.of(each), is_builtin(each)) for each in visit.seen(page.resources)]
@@ -25,7 +25,7 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The page of one application."""
+    """Web page of one application."""
     kind = visit.request.path_params["kind"]
     if kind not in KINDS:
         raise ResourceNotFoundException(f"there is no kind of applications called {kind!r}")

@@ -27,7 +27,7 @@ _MOST_NIGHTS_SEEN = 20
 
 
 def show_all(visit: Visit) -> Response:
-    """The specifications that have runs; where there is one, its history."""
+    """Web page with the list of specifications that have runs, or the history of the only one."""
     names = names_of_specifications(_runs(visit)) if visit.sees_all else names_of_seen(visit)
     if len(names) == 1:
         return RedirectResponse(f"{HOME}/history/{names[0]}", 303)
@@ -35,7 +35,7 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The history of one specification."""
+    """Web page with the history of one specification."""
     name, runs = visit.request.path_params["name"], _runs(visit)
     known = sorted(runs.glob(f"{name}-*/run.json")) if is_spec_name(name) else []
     if not known:
@@ -52,7 +52,7 @@ def show(visit: Visit) -> Response:
 
 
 def compare_runs(visit: Visit) -> Response:
-    """Two runs job by job: is the second one better or worse?"""
+    """Web page that compares two runs job by job."""
     names = [visit.parameter(which) for which in ("before", "after")]
     for name in names:
         if not is_known(name, visit):

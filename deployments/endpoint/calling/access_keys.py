@@ -29,7 +29,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class AccessKey:
-    """One access key, and what it is good for."""
+    """An access key of the API server, with its rights."""
 
     id: str
     secret: str = field(repr=False)
@@ -45,18 +45,18 @@ class AccessKey:
 
     @property
     def is_confined(self) -> bool:
-        """Whether it is good for some resources only."""
+        """Whether the key is restricted to some resources."""
         return bool(self.names or self.tags)
 
     def permits(self, name: str | None, tags: Mapping[str, str]) -> bool:
-        """Whether it is good for a resource of a name, `None` for those that have ids only, and tags."""
+        """Whether the key permits access to a resource of a name and tags."""
         written = [f"{key}={value}" for key, value in tags.items()]
         named = name is not None and name.startswith(self.names)
         return not self.is_confined or named or any(each.startswith(self.tags) for each in written)
 
 
 def read_access_keys(path: Path) -> dict[str, AccessKey]:
-    """Reads a file in the form of `~/.aws/credentials`, with members of this package's own.
+    """Reads the access keys file, in the form of `~/.aws/credentials`.
 
     Returns:
         The access keys by id.
@@ -117,7 +117,7 @@ LOGGER = logging.getLogger("robomaker.endpoint")
 
 @dataclass
 class Call:
-    """Entry of a request in the audit log, complete once the request has been answered."""
+    """Entry of an API call in the audit log."""
 
     request_id: str
     address: str | None
@@ -134,7 +134,7 @@ class Call:
 
 
 class AuditLog:
-    """A file that lines are added to; several servers may share it.
+    """Audit log file of API calls; several servers may share it.
 
     Args:
         path: the file; one that is made is its user's alone.
@@ -161,7 +161,7 @@ class AuditLog:
         os.close(self._file)
 
     def write(self, call: Call) -> None:
-        """Adds a call. One that cannot be written is named in the server's log; its answer is not held back."""
+        """Appends a call to the audit log; a failure to do so is only logged."""
         line = {
             "time": self._clock().isoformat(timespec="milliseconds").replace("+00:00", "Z"),
             "caller": call.key.name if call.key else call.job,

@@ -32,12 +32,12 @@ _REPEATABLE = ("Describe", "List", "Get", "Batch", "Cancel", "Delete", "Update",
 
 
 def is_repeatable(operation: str, members: Mapping[str, Any]) -> bool:
-    """Whether a call does nothing more when it comes twice: by what it is, or by its client token."""
+    """Whether a repeated API call has no further effect (read-only, or with a client token)."""
     return operation.startswith(_REPEATABLE) or bool(members.get("clientRequestToken"))
 
 
 class Replays:
-    """Remembers the signatures that were accepted for as long as they are valid.
+    """Remembers accepted signatures while they are valid, against replayed requests.
 
     Args:
         valid: how long a signature is valid after it was made.
@@ -52,7 +52,7 @@ class Replays:
         return sum(map(len, self._minutes.values()))
 
     def check(self, signature: str, signed_at: datetime, now: datetime, *, repeatable: bool) -> None:
-        """Uses a signature, which has been found right.
+        """Records a verified signature as used; raises an error if it was used before.
 
         Args:
             signature: its hexadecimal digits.
@@ -90,7 +90,7 @@ _SIGNATURE = re.compile(r"[0-9a-f]{64}")
 
 @dataclass(frozen=True)
 class Signature:
-    """Parts of a request's `Authorization` header."""
+    """Parts of a signed request's `Authorization` header (AWS Signature Version 4)."""
 
     access_key: str
     date: str
@@ -110,7 +110,7 @@ class Signer:
 
 
 class Authenticator:
-    """Checks who signed a request."""
+    """Verifies the signatures of API requests."""
 
     def __init__(self, access_keys: Mapping[str, AccessKey], region: str, clock: Callable[[], datetime]) -> None:
         self._access_keys = access_keys
@@ -119,11 +119,11 @@ class Authenticator:
         self._replays = Replays(MAX_CLOCK_SKEW)
 
     def use(self, signer: Signer, *, repeatable: bool) -> None:
-        """Uses a signature up; `Replays.check` says what it raises."""
+        """Records a signature as used; raises an error if it was used before."""
         self._replays.check(signer.signature, signer.signed_at, self._clock(), repeatable=repeatable)
 
     def check(self, request: ServiceRequest) -> Signer:
-        """Finds out who signed a request.
+        """Verifies a request's signature, and returns who signed it.
 
         Raises:
             ProtocolError: the signature is not of a known key; with the reason in AWS's terms.
@@ -224,7 +224,7 @@ class _Verifier(SigV4Auth):
         self._signed = frozenset(signed_headers)
 
     def headers_to_sign(self, request: AWSRequest) -> HTTPHeaders:
-        """The headers that the client named; botocore alone would leave some of other SDKs' out."""
+        """Returns the headers that the client has signed."""
         chosen = HTTPHeaders()
         for name, value in request.headers.items():
             if name.lower() in self._signed:

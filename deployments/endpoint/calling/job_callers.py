@@ -45,7 +45,7 @@ _ROLES = ("robotApplications", "simulationApplications")
 
 
 class JobCallers:
-    """Tells requests of jobs from those of other programs of this machine, where no signature does.
+    """Recognises API requests that come from simulation jobs, which have fewer rights.
 
     Args:
         service: where jobs are; jobs of job workers with its home are known.
@@ -56,7 +56,7 @@ class JobCallers:
         self._callers = Callers(service.settings.home)
 
     def job_of_path(self, scope: Scope) -> str | None:
-        """ARN of the job whose own path is asked for; what is left of that is the path of an operation.
+        """Returns the ARN of the job whose own URL path is used, and removes that from the path.
 
         So processes in containers, whose connections say nothing of their jobs, and those of job workers elsewhere are
         known too.
@@ -78,7 +78,7 @@ class JobCallers:
         return arn
 
     def job_of(self, scope: Scope) -> str | None:
-        """ARN of the job that a request comes from; `None`: it comes from none.
+        """Returns the ARN of the job that a request comes from; `None` if it comes from none.
 
         Raises:
             AccessDeniedException: that cannot be told, so it may be any job.
@@ -95,7 +95,7 @@ class JobCallers:
         return caller.job
 
     def check(self, arn: str, shape: OperationShape, members: Mapping[str, Any]) -> None:
-        """Checks what a job asks for.
+        """Raises an error if a job may not make this API call.
 
         Args:
             arn: the job.

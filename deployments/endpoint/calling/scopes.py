@@ -34,14 +34,14 @@ _FREE_TEXT = frozenset({"tags", "worldTags", "environmentVariables", "templateBo
 
 
 def needed_scope(operation: str) -> Scope:
-    """The least scope that an operation asks for."""
+    """Returns the least scope of an access key that an operation requires."""
     if operation.startswith(READS):
         return "read"
     return "submit" if operation in _SUBMITTED else "administer"
 
 
 def check_scope(key: AccessKey, operation: str) -> None:
-    """Checks that a key may call an operation at all.
+    """Raises an error if an access key's scope does not include an operation.
 
     Raises:
         AccessDeniedException: its scope does not hold it.
@@ -54,7 +54,7 @@ def check_scope(key: AccessKey, operation: str) -> None:
 
 
 def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str, Any], catalog: Catalog) -> None:
-    """Checks that all a request names, and what it makes, is within the key's names and tags.
+    """Raises an error if a request concerns resources that an access key does not permit.
 
     Args:
         key: the caller's.
@@ -79,7 +79,7 @@ def check_resources(key: AccessKey, shape: OperationShape, request: Mapping[str,
 
 
 def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> None:
-    """Checks that resources, ARNs and names of applications, are within a confined key's names and tags.
+    """Raises an error if resources are outside a confined key's names and tags.
 
     Raises:
         AccessDeniedException: one is not; whether it exists is not told.
@@ -91,7 +91,7 @@ def check_named(key: AccessKey, named: Collection[str], catalog: Catalog) -> Non
 
 
 def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], catalog: Catalog) -> dict[str, Any]:
-    """A list's answer without the entries that are not the key's; pages get shorter, their tokens stay."""
+    """Removes entries from a list response that an access key may not see."""
     if not key.is_confined or shape.result_key is None:
         return answer
     entries = answer.get(shape.result_key) or []
@@ -100,12 +100,12 @@ def only_visible(key: AccessKey, shape: OperationShape, answer: dict[str, Any], 
 
 
 def is_visible(key: AccessKey, resource: Resource, catalog: Catalog) -> bool:
-    """Whether a resource is within the key's names and tags."""
+    """Whether an access key may see a resource."""
     return not key.is_confined or _is_open(key, resource) or _goes_with_its_job(key, resource, catalog)
 
 
 def named_resources(request: Any, member: str = "") -> Iterator[str]:
-    """The resources that a request names: ARNs of this service, and names of applications."""
+    """Yields the resources (ARNs, application names) that a request names."""
     if isinstance(request, Mapping):
         for name, value in request.items():
             if name not in _FREE_TEXT:
@@ -170,7 +170,7 @@ LOGGER = logging.getLogger("robomaker.endpoint")
 
 
 class Calls:
-    """Makes calls.
+    """Makes API calls with authorisation and audit log.
 
     Args:
         service: where the operations happen.
@@ -186,7 +186,7 @@ class Calls:
         self._audit_log = audit_log
 
     def make(self, name: str, members: Mapping[str, Any], call: Call) -> dict[str, Any]:
-        """Calls an operation for a caller who is known, and writes it down.
+        """Calls an API operation for an authenticated caller, and logs it.
 
         Args:
             name: the operation.
@@ -210,7 +210,7 @@ class Calls:
             self.write(call)
 
     def answer(self, operation: Operation, checked: Shape, call: Call) -> dict[str, Any]:
-        """Carries out a checked request of a caller whose scope was checked.
+        """Carries out a checked request whose scope was checked, after checking its resources.
 
         Raises:
             AccessDeniedException: the request names what the caller's access key is not good for.
@@ -230,7 +230,7 @@ class Calls:
         return answer if key is None else only_visible(key, shape, answer, catalog)
 
     def write(self, call: Call) -> None:
-        """Adds a call to the audit log, if there is one."""
+        """Appends a call to the audit log, if there is one."""
         if self._audit_log is not None:
             self._audit_log.write(call)
 

@@ -33,7 +33,7 @@ _ROBOT_LOOKS = {
 
 @dataclass(frozen=True)
 class DeploymentLine:
-    """One deployment in a list."""
+    """A deployment in a list of the web console."""
 
     id: str
     look: Look
@@ -43,7 +43,7 @@ class DeploymentLine:
 
 @dataclass(frozen=True)
 class RobotLine:
-    """One robot in a list."""
+    """A robot in a list of the web console."""
 
     resource: Resource
     look: Look
@@ -53,7 +53,7 @@ class RobotLine:
 
 
 def show_all(visit: Visit) -> Response:
-    """The list of fleets."""
+    """Web page with the list of robot fleets."""
     page = visit.listed(FLEET, {}, _PAGE_LENGTH, ("lastDeploymentJob",))
     fleets = visit.seen(page.resources)
     last = {each.arn: FleetDocument.of(each).last_deployment_job or "" for each in fleets}
@@ -64,7 +64,7 @@ def show_all(visit: Visit) -> Response:
 
 
 def show(visit: Visit) -> Response:
-    """The page of one fleet: its robots, and its deployments."""
+    """Web page of one fleet, with its robots and deployments."""
     fleet = visit.find(FLEET, visit.request.path_params["id"])
     standing = fleet_standing(fleet, visit.service)
     jobs = visit.service.catalog.list(DEPLOYMENT, filters={"parent": [fleet.arn]}, limit=_MOST_DEPLOYMENTS)
@@ -78,7 +78,7 @@ def show(visit: Visit) -> Response:
 
 
 def show_robots(visit: Visit) -> Response:
-    """The list of robots."""
+    """Web page with the list of robots."""
     page = visit.listed(ROBOT, {}, _PAGE_LENGTH, ())
     found = list(visit.service.catalog.get_many(each.arn for each in visit.seen(page.resources)).values())
     lines = sorted(_robot_lines(found, visit), key=lambda line: line.resource.created_at, reverse=True)
@@ -86,7 +86,7 @@ def show_robots(visit: Visit) -> Response:
 
 
 def show_robot(visit: Visit) -> Response:
-    """The page of one robot."""
+    """Web page of one robot."""
     robot = visit.find(ROBOT, visit.request.path_params["id"])
     document = RobotDocument.of(robot)
     last = visit.service.catalog.get_many(filter(None, [document.last_deployment_job, document.installed_by]))
@@ -96,13 +96,13 @@ def show_robot(visit: Visit) -> Response:
 
 
 def show_deployment(visit: Visit) -> Response:
-    """The page of one deployment, as its report shows it."""
+    """Web page of one deployment to robots."""
     job = visit.find(DEPLOYMENT, visit.request.path_params["id"])
     return visit.page("deployment.html.j2", **_shown(job, visit))
 
 
 def follow_deployment(visit: Visit) -> Response:
-    """Streams changes of a deployment's page."""
+    """Streams changes of a deployment's web page."""
     job_id = visit.request.path_params["id"]
     visit.find(DEPLOYMENT, job_id)
     parts = Parts()
@@ -117,7 +117,7 @@ def follow_deployment(visit: Visit) -> Response:
 
 
 def robot_look(status: str) -> Look:
-    """How a robot stands."""
+    """Returns the display (text, CSS class, icon) of a robot's status."""
     return Look(_ROBOT_LOOKS.get(status, "unjudged"), status)
 
 

@@ -50,7 +50,7 @@ _TENANT = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True)
 class Address:
-    """Robot and resource that a path names."""
+    """Robot and resource that a URL path of the update server names."""
 
     robot: str
     resource: Resource
@@ -60,7 +60,7 @@ class Address:
 
 
 class Addresses:
-    """Reads and makes addresses.
+    """Parses and makes the URLs of the update server for robots (hawkBit's DDI API).
 
     Args:
         tenant: first part of every path; hawkBit's own is `DEFAULT`.
@@ -85,7 +85,7 @@ class Addresses:
         self._public_url = None if public_url is None else _checked(public_url)
 
     def read(self, path: str) -> Address:
-        """Parses a path into its robot and resource.
+        """Parses a URL path into its robot and resource.
 
         Raises:
             DoorRefusal: nothing (404).
@@ -106,7 +106,7 @@ class Addresses:
         return Address(parts["robot"], "base")
 
     def robot_url(self, scope: Scope, host: bytes | None, robot: str) -> str:
-        """The absolute address of a robot's base.
+        """Returns the absolute base URL of a robot.
 
         Args:
             scope: of the request that is answered.

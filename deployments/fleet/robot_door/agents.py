@@ -24,10 +24,10 @@ _CHALLENGE = [(b"www-authenticate", b"EnrolmentToken")]
 
 
 class AgentSide(Protocol):
-    """Interface for enrolling agents and reading their repository; called from threads."""
+    """Interface for enrolling robots' agents and reading the update repository; called from threads."""
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
-        """Lets an agent in.
+        """Enrols an agent by a one-time token.
 
         Returns:
             The root that it is to trust; `None`: the one-time token is not right.
@@ -35,7 +35,7 @@ class AgentSide(Protocol):
         ...
 
     def metadata(self, name: str) -> bytes:
-        """A file of the repository's metadata.
+        """Returns a TUF metadata file of the update repository.
 
         Raises:
             ObjectNotFoundError: there is none of that name.
@@ -44,7 +44,7 @@ class AgentSide(Protocol):
         ...
 
     def target(self, path: str) -> ServedFile:
-        """A target of the repository, by its path with the hash before the name.
+        """Returns an update file of the repository, by its path with the hash before the name.
 
         Raises:
             ObjectNotFoundError: there is none.
@@ -60,7 +60,7 @@ class _Guesses:
 
 
 class GuessLimit:
-    """Counts wrong one-time tokens; used in the loop's thread only.
+    """Counts wrong one-time tokens for each robot, against guessing.
 
     Args:
         clock: the time, in seconds since 1970.
@@ -71,7 +71,7 @@ class GuessLimit:
         self._guesses: dict[str, _Guesses] = {}
 
     def check(self, robot: str) -> None:
-        """Refuses a robot for which too many were wrong.
+        """Raises an error for a robot with too many wrong tokens.
 
         Raises:
             DoorRefusal: too many (429).
@@ -89,14 +89,14 @@ class GuessLimit:
             )
 
     def note_wrong(self, robot: str) -> None:
-        """Counts a wrong one."""
+        """Counts a wrong token."""
         if len(self._guesses) >= _MOST_NAMES:  # made-up names shall not fill the memory
             self._guesses.clear()
         self._guesses.setdefault(robot, _Guesses(self._clock())).count += 1
 
 
 class AgentAnswers:
-    """Answers agents.
+    """Answers HTTP requests of agents on robots: enrolment and update repository.
 
     Args:
         side: what it asks.
@@ -110,21 +110,21 @@ class AgentAnswers:
         self._limit = GuessLimit(clock)
 
     async def metadata(self, name: str, send: Send) -> None:
-        """Answers with a file of metadata."""
+        """Sends a TUF metadata file to an agent."""
         content = await self._downloads.run(lambda: self._side.metadata(name))
         await send_plain(send, content)
 
     async def target(
         self, path: str, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Answers with a target, or a part of it."""
+        """Sends an update file, or a part of it, to an agent."""
         file = await self._downloads.run(lambda: self._side.target(path))
         await self._downloads.serve_file(file, method, range_, if_range, receive, send)
 
     async def enrol(
         self, robot: str, authorization: bytes | None, length: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Lets an agent in, by its one-time token.
+        """Answers an agent's request to enrol with a one-time token.
 
         Raises:
             DoorRefusal: the token is not right (401), or too many were wrong (429).

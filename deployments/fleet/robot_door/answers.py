@@ -29,7 +29,7 @@ Headers = Iterable[tuple[bytes, bytes]]
 
 
 class DoorRefusal(RobomakerError):
-    """A request that is refused, with status and reason."""
+    """Raised for a robot's request that is refused, with HTTP status and reason."""
 
     def __init__(self, status: int, message: str, headers: Headers = ()) -> None:
         super().__init__(message)
@@ -41,17 +41,17 @@ class DoorRefusal(RobomakerError):
 
 
 async def send_document(send: Send, document: bytes) -> None:
-    """Answers with a document, or with an empty body."""
+    """Sends a JSON document (or an empty body) to a robot, as HAL JSON."""
     await _send(send, 200, document, HAL)
 
 
 async def send_plain(send: Send, document: bytes) -> None:
-    """Answers with a document that is plain JSON."""
+    """Sends a plain JSON document to a robot."""
     await _send(send, 200, document, _JSON)
 
 
 async def send_refusal(send: Send, refusal: DoorRefusal) -> None:
-    """Answers with an error."""
+    """Sends an error response to a robot."""
     body = {"errorCode": f"robomaker.{_CODES[refusal.status]}", "message": str(refusal)}
     await _send(send, refusal.status, json.dumps(body).encode(), _JSON, refusal.headers)
 
@@ -77,11 +77,11 @@ TIMEOUT_S = 15.0
 
 
 class Disconnected(Exception):
-    """The robot hung up; there is no one to answer."""
+    """Raised when the robot has closed the connection."""
 
 
 async def read_body(receive: Receive, declared: bytes | None) -> bytes:
-    """Reads a body.
+    """Reads the body of a robot's request, with limits on size and time.
 
     Args:
         receive: where it comes from.

@@ -37,7 +37,7 @@ from .downloads import Downloads, ReadPart
 
 
 class LastSeen:
-    """Gathers; used in the loop's thread only.
+    """Collects the last poll times of robots, and hands them on regularly.
 
     Args:
         hand_on: takes what was gathered, seconds since 1970 by robot; must not wait.
@@ -50,13 +50,13 @@ class LastSeen:
         self._seen: dict[str, float] = {}
 
     def note(self, robot: str, at_s: float) -> None:
-        """Notes that a robot polled."""
+        """Records that a robot polled."""
         if not self._seen:
             asyncio.get_running_loop().call_later(self._interval_s, self.flush)
         self._seen[robot] = at_s
 
     def flush(self) -> None:
-        """Hands on what was gathered."""
+        """Hands on the collected poll times."""
         seen, self._seen = self._seen, {}
         if seen:
             self._hand_on(seen)
@@ -71,7 +71,7 @@ _CHALLENGE = [(b"www-authenticate", b"TargetToken")]
 
 @dataclass(frozen=True)
 class DoorSettings:
-    """How robots are told to poll."""
+    """Poll intervals and limits that the update server gives to robots."""
 
     idle_sleep_s: int = 30
     """Between two polls of a robot that has nothing to do; 10 % more or less, so that robots do not poll in step."""
@@ -103,7 +103,7 @@ class _Request:
 
 
 class RobotDoor:
-    """Answers robots.
+    """Update server for robots (hawkBit's DDI API) as an ASGI application.
 
     Args:
         orders: the robots, and what is open for each.
@@ -154,7 +154,7 @@ class RobotDoor:
 
     @property
     def prefixes(self) -> tuple[str, ...]:
-        """Prefixes of the paths that the door answers."""
+        """URL path prefixes that the update server answers."""
         return self._addresses.prefix, self._addresses.enrolment_prefix
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -168,7 +168,7 @@ class RobotDoor:
             await send({"type": "lifespan.shutdown.complete"})
 
     async def close(self) -> None:
-        """Reports what was gathered, and ends the threads; for servers that do not pass their end on."""
+        """Hands on collected poll times, and ends the threads."""
         self._last_seen.flush()
         await asyncio.to_thread(self._threads.shutdown)
         self._downloads.close()

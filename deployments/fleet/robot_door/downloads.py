@@ -20,7 +20,7 @@ _RANGE = re.compile(rb"bytes=(\d{0,18})-(\d{0,18})")
 
 @dataclass(frozen=True)
 class Part:
-    """Bytes of a file, from `start` to before `stop`."""
+    """A byte range of a file, from `start` to before `stop`."""
 
     start: int
     stop: int
@@ -29,7 +29,7 @@ class Part:
 
 
 def part_of(size_bytes: int, etag: bytes, range_: bytes | None, if_range: bytes | None) -> Part:
-    """Selects the part of a file that a request asks for.
+    """Determines the byte range of a file that an HTTP request asks for.
 
     Several ranges, other units, and what cannot be read count as asking for the whole file.
 
@@ -68,7 +68,7 @@ _READERS = 8
 
 
 def reader_of_files(path_of: Callable[[RobotOrder], Path]) -> ReadPart:
-    """Reads orders' files from folders of this machine.
+    """Makes a function that reads parts of orders' files from local folders.
 
     Args:
         path_of: where an order's file lies.
@@ -89,7 +89,7 @@ def reader_of_files(path_of: Callable[[RobotOrder], Path]) -> ReadPart:
 
 @dataclass(frozen=True)
 class ServedFile:
-    """A file that does not change."""
+    """An unchangeable file that can be downloaded by robots."""
 
     name: str
     """Name of the file in errors."""
@@ -103,7 +103,7 @@ class ServedFile:
 
 
 class Downloads:
-    """Sends files; readers run in threads, since they wait for disks and servers.
+    """Sends files to robots; reads them in threads.
 
     Args:
         read: reads parts of orders' files.
@@ -118,7 +118,7 @@ class Downloads:
         self._threads.shutdown(cancel_futures=True)
 
     async def run(self, call: Callable[[], Result]) -> Result:
-        """Runs a call that waits for disks and servers.
+        """Runs a function that waits for disks or servers, in a thread.
 
         Raises:
             DoorRefusal: there is no such file (404), or it cannot be read now (503).
@@ -133,7 +133,7 @@ class Downloads:
     async def serve(
         self, order: RobotOrder, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Answers a request for an order's file; see `serve_file`."""
+        """Answers a robot's request for its order's file; see `serve_file`."""
         name = f"the file of order {order.action_id}"
         file = ServedFile(name, order.size_bytes, order.sha256, partial(self._read, order))
         await self.serve_file(file, method, range_, if_range, receive, send)
@@ -141,7 +141,7 @@ class Downloads:
     async def serve_file(
         self, file: ServedFile, method: str, range_: bytes | None, if_range: bytes | None, receive: Receive, send: Send
     ) -> None:
-        """Answers a request for a file.
+        """Answers an HTTP request for a file, with support for byte ranges.
 
         Args:
             file: the file.

@@ -71,7 +71,7 @@ UnfitCode = Literal[
 
 
 class PlannedRobot(StoredPart):
-    """A robot that a rollout (deployment to a fleet) includes, with its place in the plan."""
+    """A robot in the plan of a rollout: the version it had before, and why it cannot get the new one, if so."""
 
     arn: str = Field(description="ARN of the robot.")
     installed: str | None = optional("Application and version that it had before, such as `courier 1`; absent: none.")

@@ -43,7 +43,7 @@ _MODEL = """
 
 
 class RecordedRun(dm_env.Environment):
-    """A run that has been recorded; steps go from message to message."""
+    """Environment that replays a ROS recording, so that requirements can judge the recorded run."""
 
     robot_body = "robot"
 
@@ -73,11 +73,11 @@ class RecordedRun(dm_env.Environment):
 
     @property
     def physics(self) -> Physics:
-        """The body in place of the robot, and the time."""
+        """Body in place of the robot, and the recording's time."""
         return self._physics
 
     def requirements_scene(self, plan: RunPlan, read_world: Callable[[], World | None]) -> TopicScene:
-        """Returns the scene that requirements are measured in."""
+        """Returns the scene (recorded topics) in which requirements are measured."""
         return TopicScene(self, self._measurements, plan, read_world, calls_functions=self._calls_functions)
 
     def messages_on(self, topic: str) -> Iterator[tuple[float, Any]]:
@@ -100,7 +100,7 @@ class RecordedRun(dm_env.Environment):
                 yield time_s, message.content
 
     def reset(self) -> dm_env.TimeStep:
-        """Goes to the beginning of the run.
+        """Goes to the beginning of the recorded run.
 
         Raises:
             RecordingFault: The recording is damaged, or ends before the run begins.
@@ -119,7 +119,7 @@ class RecordedRun(dm_env.Environment):
         return dm_env.restart(self._time())
 
     def step(self, action: Any) -> dm_env.TimeStep:  # noqa: ARG002 - what happened has happened
-        """Takes the messages of the next moment.
+        """Reads the recording's messages of the next moment.
 
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.
@@ -139,11 +139,11 @@ class RecordedRun(dm_env.Environment):
         return dm_env.transition(0.0, self._time())
 
     def observation_spec(self) -> specs.Array:
-        """The time in seconds, of shape (1,)."""
+        """Returns the observation's spec: the time in seconds, shape (1,)."""
         return specs.Array((1,), float)
 
     def action_spec(self) -> specs.Array:
-        """Nothing, of shape (0,)."""
+        """Returns the action's spec: no actions, shape (0,)."""
         return specs.Array((0,), float)
 
     def run_result(self) -> EnvironmentReport:
@@ -164,7 +164,7 @@ class RecordedRun(dm_env.Environment):
 
     @property
     def end_s(self) -> float:
-        """Time of the last message, in seconds since the run began."""
+        """Time of the recording's last message, in seconds since the run began."""
         return self._clock_s - self._sources.start_s if self._clock else self._received_s(self._bag.end_ns)
 
     def _find_clock(self) -> bool:
@@ -229,7 +229,7 @@ class RecordedRun(dm_env.Environment):
 
 
 def make_environment(context: SimulationContext) -> RecordedRun:
-    """Makes the environment from the recording among the job's data sources.
+    """Makes the environment that replays the recording among the job's data sources.
 
     Raises:
         LaunchError: There is none, or it cannot be judged.

@@ -65,7 +65,7 @@ def load_factory(attribute: str, path: Path | None = None) -> Callable[..., Any]
 
 
 def load_judging_function(plan: RunPlan, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-    """Imports a function that a requirement asks, from the bundle that has its package, else from what is installed.
+    """Imports a predicate function of a requirement, from an application's bundle or an installed package.
 
     Args:
         plan: The run, with its applications.

@@ -38,11 +38,11 @@ _GAZEBO = {
 
 
 class RecordingFault(LaunchError):
-    """A recording cannot be judged; the text names the file, what is wrong with it, and what would do."""
+    """Raised for a ROS recording that cannot be judged; names the file, the fault, and what would help."""
 
 
 class Message(NamedTuple):
-    """A message of a recording."""
+    """A message of a ROS recording, with its topic and time."""
 
     time_ns: int
     """When it was received, as the recording says."""
@@ -55,7 +55,7 @@ class Message(NamedTuple):
 
 
 def find_recording(place: Path) -> Path:
-    """Finds the recording that a file or folder is, or that is somewhere below a folder.
+    """Finds the ROS recording (bag) at or below a path.
 
     Returns:
         A file, or the folder of a ROS 2 bag.
@@ -84,7 +84,7 @@ def find_recording(place: Path) -> Path:
 
 
 class Bag:
-    """A recording that is open for reading."""
+    """Reader of a ROS recording (ROS 1 or 2 bag, MCAP)."""
 
     def __init__(self, path: Path) -> None:
         """Opens a recording and reads which topics it has.
@@ -128,16 +128,16 @@ class Bag:
         self._store: Any = None
 
     def close(self) -> None:
-        """Closes the files."""
+        """Closes the recording's files."""
         with suppress(Exception):  # nothing was written
             self._reader.close()
 
     def topics_of(self, *types: str) -> list[str]:
-        """Topics whose messages have one of these types."""
+        """Lists the topics whose messages have one of some types."""
         return [topic for topic, found in self.types.items() if found & set(types)]
 
     def type_of(self, topic: str) -> str:
-        """Type of a topic's messages.
+        """Returns the message type of a topic.
 
         Raises:
             RecordingFault: The recording has no such topic, or it has two types.
@@ -153,17 +153,17 @@ class Bag:
         return only
 
     def near(self, topic: str) -> str:
-        """Says which topic may have been meant, or which there are."""
+        """Suggests the topic that may have been meant, or lists the topics."""
         return nearest(topic, self.types) or f"; it has {self.shown()}"
 
     def shown(self) -> str:
-        """Names of its topics, the first of them."""
+        """Lists the names of the first topics, for a message."""
         names = sorted(self.types)
         more = f" and {len(names) - _MAX_SHOWN} more" if len(names) > _MAX_SHOWN else ""
         return ", ".join(names[:_MAX_SHOWN]) + more
 
     def messages(self, topics: Collection[str]) -> Iterator[Message]:
-        """Yields the messages of topics in the order in which they were received.
+        """Yields the messages of some topics in the order in which they were received.
 
         Raises:
             RecordingFault: The recording is damaged or shorter than it says, or a message is not of its type.

@@ -11,7 +11,7 @@ Matrix = NDArray[np.float64]
 
 
 def matrix_of(position: Any, orientation: Any) -> Matrix | None:
-    """Returns a pose as a matrix; None: its numbers are not finite, or its quaternion has no length.
+    """Converts a ROS pose to a 4 x 4 matrix; `None` if its numbers are invalid.
 
     Args:
         position: With `x`, `y` and `z`, in metres.
@@ -31,7 +31,7 @@ def matrix_of(position: Any, orientation: Any) -> Matrix | None:
 
 
 def quaternion_of(matrix: Matrix) -> list[float]:
-    """Returns the orientation in a matrix as a quaternion, w first, as MuJoCo has it."""
+    """Converts a matrix's orientation to a quaternion with w first, as MuJoCo has it."""
     m = matrix
     # By the largest of the four, so that nothing small is divided by: a turn of 180 degrees has w = 0.
     squares = np.array((
@@ -48,7 +48,7 @@ def quaternion_of(matrix: Matrix) -> list[float]:
 
 
 class FrameTree:
-    """Frames by their parents."""
+    """Tree of ROS frames (tf), which computes poses between frames."""
 
     def __init__(self) -> None:
         self.parents: dict[str, str] = {}
@@ -56,14 +56,14 @@ class FrameTree:
         self._matrices: dict[str, Matrix] = {}
 
     def know(self, transform: Any, *, is_static: bool) -> str:
-        """Takes note of who a frame's parent is; returns the frame."""
+        """Records the parent of a frame; returns the frame."""
         child = bare(transform.child_frame_id)
         self.parents[child] = bare(transform.header.frame_id)
         self.is_static[child] = is_static
         return child
 
     def place(self, transform: Any, *, is_static: bool) -> str | None:
-        """Takes note of where a frame is; returns the frame, None where the transform's numbers are not finite."""
+        """Records the pose of a frame; returns the frame, or `None` if the numbers are invalid."""
         child = self.know(transform, is_static=is_static)
         matrix = matrix_of(transform.transform.translation, transform.transform.rotation)
         if matrix is None:
@@ -72,7 +72,7 @@ class FrameTree:
         return child
 
     def chain(self, root: str, frame: str) -> list[str] | None:
-        """Frames from below a root down to a frame; None: nothing leads there, empty: they are the same."""
+        """Returns the frames on the way from a root down to a frame; `None` if there is no way."""
         found: list[str] = []
         while frame != root:
             if frame in found or frame not in self.parents:
@@ -82,7 +82,7 @@ class FrameTree:
         return found[::-1]
 
     def along(self, chain: Sequence[str]) -> Matrix | None:
-        """Where the last frame of a chain is, seen from above its first; None: not all have been heard."""
+        """Returns the pose of the last frame in a chain, as a matrix; `None` if part of it is unknown."""
         matrix = np.eye(4)
         for frame in chain:
             if frame not in self._matrices:
@@ -91,7 +91,7 @@ class FrameTree:
         return matrix
 
     def relative(self, base: str, frame: str) -> Matrix | None:
-        """Where a frame is, seen from another; None: the tree does not say."""
+        """Returns the pose of a frame relative to another; `None` if unknown."""
         above = [base]
         while above[-1] in self.parents and self.parents[above[-1]] not in above:
             above.append(self.parents[above[-1]])
@@ -104,5 +104,5 @@ class FrameTree:
 
 
 def bare(frame: str) -> str:
-    """A frame's name without the slash that old nodes of ROS 1 begin it with."""
+    """Removes the leading slash from a frame name, which old ROS 1 nodes write."""
     return frame.removeprefix("/")

@@ -29,7 +29,7 @@ SCAN_TYPE = "sensor_msgs/msg/LaserScan"
 
 
 class Source:
-    """Something that rules measure by, and how long it was silent."""
+    """A source of measurements (topic) in a recording, with the longest time that it was silent."""
 
     def __init__(self, name: str, max_gap_s: float) -> None:
         """Begins to listen at the beginning of the run.
@@ -47,7 +47,7 @@ class Source:
         self.messages = 0
 
     def hear(self, time_s: float) -> None:
-        """Takes note of a message, and of the silence before it."""
+        """Records a message, and the silence before it."""
         self.messages += time_s >= 0
         self.look_back(time_s)
         self._last_s = max(self._last_s, time_s)
@@ -59,13 +59,13 @@ class Source:
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")
 
     def finish(self, end_s: float) -> None:
-        """Takes note of the silence at the end."""
+        """Records the silence at the end of the run."""
         if not self.messages and math.isfinite(self._max_gap_s):
             self._break(f"no message on {self.name} could be used")
         self.look_back(end_s)
 
     def check_stamp(self, stamp: Any, path: object) -> None:
-        """Refuses time that goes backwards by more than what messages overtake each other by.
+        """Raises an error if a topic's time stamps go backwards.
 
         Raises:
             RecordingFault: It does.
@@ -92,7 +92,7 @@ def _is_decided(rule: Rule[Any], time_s: float) -> bool:
 
 
 class Pose:
-    """The newest pose of a frame in the map; numbers are NaN before the first."""
+    """The latest pose of a frame in the map; NaN before the first."""
 
     def __init__(self, sources: Sequence[Source]) -> None:
         self.sources = sources
@@ -109,14 +109,14 @@ class Pose:
         return not math.isnan(self.position[0])
 
     def set(self, matrix: Matrix) -> None:
-        """Takes a new pose."""
+        """Stores a new pose."""
         self.position[:] = matrix[:3, 3].tolist()
         self.orientation[:] = quaternion_of(matrix)
         self.tilts = self.tilts or abs(matrix[2, 0]) + abs(matrix[2, 1]) > _PLANAR
 
 
 class PoseTopic:
-    """A topic with one pose in each message."""
+    """A recorded topic with one pose in each message."""
 
     def __init__(self, topic: str, sources: RecordingSources) -> None:
         self.source = Source(topic, sources.max_gap_s)
@@ -125,7 +125,7 @@ class PoseTopic:
         """Frame that the poses are in, once one came."""
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Takes a message; one with numbers that are not finite is none."""
+        """Reads the pose of a message; invalid numbers are skipped."""
         self.source.check_stamp(message.content.header.stamp, path)
         matrix = matrix_of(*_POSES[message.type](message.content))
         if matrix is not None:
@@ -135,7 +135,7 @@ class PoseTopic:
 
 
 class TransformPoses:
-    """Poses of frames by `/tf`: each link of a chain is a source of its own."""
+    """Poses of frames computed from recorded `/tf` messages."""
 
     def __init__(self, tree: FrameTree, sources: RecordingSources) -> None:
         self._tree = tree
@@ -144,7 +144,7 @@ class TransformPoses:
         self._poses: dict[tuple[str, ...], Pose] = {}
 
     def pose(self, chain: Sequence[str]) -> Pose:
-        """The pose at the end of a chain of frames (see `FrameTree.chain`)."""
+        """Returns the pose at the end of a chain of frames (see `FrameTree.chain`)."""
         key = tuple(chain)
         if key not in self._poses:
             moving = [frame for frame in key if not self._tree.is_static[frame]]
@@ -157,7 +157,7 @@ class TransformPoses:
         return self._poses[key]
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Takes a message of `/tf`."""
+        """Reads a `/tf` message."""
         changed: set[str] = set()
         for transform in message.content.transforms:
             link = self._links.get(bare(transform.child_frame_id))
@@ -173,7 +173,7 @@ class TransformPoses:
 
 
 class Contacts:
-    """Topics with contacts: the largest force of each thing since a rule last looked."""
+    """Contact forces from recorded topics: the largest force of each object since the last check."""
 
     def __init__(self, topics: Sequence[str], sources: RecordingSources) -> None:
         self.topics = list(topics)
@@ -186,7 +186,7 @@ class Contacts:
         self._readers: list[dict[str, float]] = []
 
     def reader(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Reader of the forces since it was last called, by what was touched."""
+        """Makes a function that returns the contact forces since its last call, by object."""
         felt: dict[str, float] = {}
         self._readers.append(felt)
         for source in self.sources:
@@ -200,7 +200,7 @@ class Contacts:
         return read
 
     def take(self, message: Message, time_s: float) -> None:
-        """Takes a message."""
+        """Reads a message with contacts."""
         source = self._by_topic[message.topic]
         source.hear(time_s)
         for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
@@ -222,7 +222,7 @@ class Contacts:
         return None if _is_of(other, _FLOOR) else other
 
     def finish(self, end_s: float) -> None:
-        """Finds out whether the robot's contacts were told from others at all."""
+        """Checks at the end whether the robot's contacts could be recognised."""
         for source in self.sources:
             source.finish(end_s)
             for rule in source.rules if self._others and not self._is_robot_seen else ():
@@ -230,7 +230,7 @@ class Contacts:
                 rule.fail(f"no contact on {source.name} is of a model named {self.robot!r} (robot); there are {models}")
 
     def remarks(self) -> Iterator[str]:
-        """Lines about topics on which nothing came."""
+        """Yields notes about topics without messages."""
         for source in self.sources:
             if source.rules and not source.messages:
                 yield f"no message came on {source.name}: nothing was touched, or its sensor was off"
@@ -299,7 +299,7 @@ _ALL_AROUND_RAD = math.radians(350)
 
 
 class Scan:
-    """Distances from the robot's surface to what its lidar sees, as a circle around its base sees them."""
+    """Distances from the robot's surface to obstacles, from recorded lidar scans."""
 
     def __init__(self, topic: str, tree: FrameTree, base: str, sources: RecordingSources) -> None:
         self.topic = topic
@@ -325,7 +325,7 @@ class Scan:
         return measure
 
     def take(self, message: Message, time_s: float, path: object) -> None:
-        """Takes a scan; one of which less than half of the rays are valid is none."""
+        """Reads a lidar scan; scans with too few valid rays are skipped."""
         scan = message.content
         self.source.check_stamp(scan.header.stamp, path)
         ranges = np.asarray(scan.ranges, dtype=np.float64)

@@ -34,7 +34,7 @@ _MAX_SHOWN = 12
 
 
 class Measurements:
-    """What a recording tells of a robot, by the topics that it has.
+    """All measurements of a robot in a ROS recording: pose, contacts and lidar distances.
 
     Explicit topics have to be there; the usual ones need not, and a requirement that needs one is an error then.
     """
@@ -66,7 +66,7 @@ class Measurements:
 
     @property
     def topics(self) -> list[str]:
-        """Topics whose messages it takes."""
+        """Topics whose messages are read."""
         _ = self._chosen  # a topic that `/tf` makes needless is not read
         found = [_TF] if self._is_tf else []
         found += [self._topic_pose.source.name] if self._topic_pose else []
@@ -78,7 +78,7 @@ class Measurements:
         return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
 
     def take(self, message: Message, time_s: float) -> None:
-        """Takes a message; of what came before the run began only poses count."""
+        """Reads a message; before the run began, only poses are used."""
         topic = message.topic
         if topic == _TF:
             self._transforms.take(message, time_s, self._bag.path)
@@ -97,7 +97,7 @@ class Measurements:
             source.look_back(time_s)
 
     def finish(self, end_s: float) -> None:
-        """Takes note of what was silent at the end."""
+        """Records which sources were silent at the end."""
         for source in self._steady_sources():
             source.finish(end_s)
         for rule, pose in self._tilted:
@@ -108,7 +108,7 @@ class Measurements:
             self._contacts.finish(end_s)
 
     def remarks(self) -> list[str]:
-        """Lines about how it was measured, for a person who reads the verdict."""
+        """Returns notes on how the run was measured, for people who read the verdict."""
         found = list(self._contacts.remarks()) if self._contacts else []
         if self.pose is None or not any(source.rules for source in self.pose.sources):
             return found
@@ -132,7 +132,7 @@ class Measurements:
         return {}
 
     def pose_of(self, rule: Rule[Any]) -> Pose:
-        """The pose that a rule is about.
+        """Returns the pose that a requirement's rule is about.
 
         Raises:
             NotMeasuredError: The recording does not have it.
@@ -166,7 +166,7 @@ class Measurements:
         return scanned and (pose is None or pose.is_known)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Reader of the forces of what touches the robot.
+        """Makes a function that returns the contact forces of objects that touch the robot.
 
         Raises:
             NotMeasuredError: The recording has no topic with contacts, or it is not said which side is the robot.
@@ -185,7 +185,7 @@ class Measurements:
         return self._contacts.reader(rule)
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the distance to what the lidar sees.
+        """Makes a function that returns the distance to obstacles from the lidar.
 
         Raises:
             NotMeasuredError: The recording has no scan, the robot's radius is not known, or names count.
@@ -209,7 +209,7 @@ class Measurements:
 
     @cached_property
     def base(self) -> str:
-        """Frame of the robot's base."""
+        """Name of the frame of the robot's base."""
         if self.sources.base_frame is not None:
             return self.sources.base_frame
         for frame in _BASES:
@@ -234,7 +234,7 @@ class Measurements:
 
     @property
     def pose(self) -> Pose | None:
-        """Pose of the robot's base; None: the recording does not have it."""
+        """Pose of the robot's base; `None` if the recording does not have it."""
         return self._chosen[0]
 
     @property
@@ -306,7 +306,7 @@ class Measurements:
 
 
 class TopicScene:
-    """A recording as rules see it. It has no physics; what no topic tells is an error of the rule that asks."""
+    """Scene for judging requirements by a ROS recording instead of a physics simulation."""
 
     def __init__(
         self,
@@ -332,15 +332,15 @@ class TopicScene:
 
     @property
     def world(self) -> World | None:
-        """The world that the robot was in."""
+        """World that the robot was in."""
         return self._read_world()
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:
-        """Position of the robot's base, or of the frame that is its `body`; x, y, z in m, which changes."""
+        """Returns the robot's position x, y, z in metres, as a sequence that follows the recording."""
         return self._measurements.pose_of(rule).position
 
     def orientation(self, rule: Rule[Any]) -> Sequence[float]:
-        """Orientation of the same, a quaternion with w first, which changes."""
+        """Returns the robot's orientation (quaternion, w first), as a sequence that follows the recording."""
         return self._measurements.pose_of(rule).orientation
 
     def can_tilt(self, rule: Rule[Any]) -> bool:
@@ -365,15 +365,15 @@ class TopicScene:
         return self.environment.messages_on(topic)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Reader of the force in N of everything that touched the robot since it was last called, by name."""
+        """Makes a function that returns the contact forces (N) since its last call, by object."""
         return self._measurements.contacts(rule)
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the smallest distance in m since it was last called; `None`: beyond the one given."""
+        """Makes a function that returns the smallest distance in metres since its last call."""
         return self._measurements.clearance(rule)
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """A function of an installed package, or of the job's applications.
+        """Imports a predicate function of an installed package or of the job's applications.
 
         Raises:
             NotMeasuredError: Functions are not called here.

@@ -54,7 +54,7 @@ _FOLDER = os.O_DIRECTORY | os.O_CLOEXEC
 
 
 class HeldFile(NamedTuple):
-    """A file that takes space on the disk: its identity and size in bytes."""
+    """A file that takes space on the disk: its size in bytes on the disk, path and time of last change."""
 
     size_bytes: int
     """Space on the disk, in bytes; holes take none."""

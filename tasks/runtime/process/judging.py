@@ -32,7 +32,7 @@ _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
 
 
 class JudgingRequest(Model):
-    """A recording of a run that is to be judged."""
+    """Request to judge the recording of a run by its requirements."""
 
     plan: RunPlan = Field(description="The run, with its requirements and its world.")
     recording: Path = Field(description="The recording.")
@@ -47,7 +47,7 @@ class _NeverStopped:
 
 
 def judge(request: JudgingRequest) -> RunResult:
-    """Judges a recording.
+    """Judges the recording of a run by its requirements.
 
     Args:
         request: Which, and by what.
@@ -71,7 +71,7 @@ def judge(request: JudgingRequest) -> RunResult:
 
 
 def main() -> int:
-    """Judges the recording of the request; returns the exit code."""
+    """Entry point of a child process that judges a recording; returns the exit code."""
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     request = JudgingRequest.model_validate_json(sys.stdin.read())

@@ -41,7 +41,7 @@ class Recorder:
     """Topics that have messages; known when it is closed."""
 
     def announce(self, topic: str, kind: type) -> None:
-        """Record that a topic is recorded, on which there may never be a message."""
+        """Records that a topic is recorded even if it never has a message."""
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
         """Records a ROS message at a simulated time."""
@@ -123,7 +123,7 @@ class McapRecorder(Recorder):
         self._flush_at = time.monotonic() + _FLUSH_INTERVAL_S
 
     def announce(self, topic: str, kind: type[Message]) -> None:
-        """Records that a topic is recorded: without a message on it nothing happened, and nothing was missed.
+        """Records that a topic is recorded even if it never has a message, so that silence means no events.
 
         Raises:
             TypeError: The topic carries another type.

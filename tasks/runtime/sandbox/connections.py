@@ -95,7 +95,7 @@ _KNOWN_S = 60.0
 
 
 class ConnectionEnd(NamedTuple):
-    """The process end of a TCP connection: its user and socket."""
+    """Other end of a local TCP connection, as the kernel knows it: user id and inode of its socket."""
 
     user: int
     inode: int

@@ -273,7 +273,7 @@ def filter_system_calls() -> bool:
 
 
 def rules_for(machines: Sequence[_Machine]) -> Iterator[bytes]:
-    """Yields the seccomp filter's kernel instructions for each machine type."""
+    """Yields the seccomp filter (blocked system calls) as kernel instructions, for each machine type."""
     yield _instruction(_LOAD, _MACHINE_AT)
     for machine in machines:
         rules = list(_rules_of(machine))

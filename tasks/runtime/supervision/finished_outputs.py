@@ -282,7 +282,7 @@ def _never_judged(requirement: JobRequirement, why: str) -> Requirement:
 
 
 def with_judged(plan: RunPlan, result: RunResult, judged: RunResult | None, why: str | None) -> RunResult:
-    """Returns the result of programs with judged requirements in place of those that could not be judged.
+    """Returns a program's result with its requirements judged by the recording.
 
     Args:
         plan: The run.

@@ -22,7 +22,7 @@ def run_helper(
     limit_s: float,
     request: str = "",
 ) -> tuple[dict[str, Any], str | None]:
-    """Runs a module as a program; returns the JSON object that it prints, and why it failed.
+    """Runs a helper module as a child process; returns the JSON object that it prints, and its error.
 
     Args:
         command: The module, and its arguments.

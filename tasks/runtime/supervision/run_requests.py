@@ -94,7 +94,7 @@ def make_request(plan: RunPlan, cores: list[int] | None, box: BoxPlan | None = N
 
 
 def inherited_environment() -> dict[str, str]:
-    """This process's variables that runs may see: no credentials, no settings of services."""
+    """Returns this process's environment variables that runs may see: no credentials, no service settings."""
     found = {key: value for key, value in os.environ.items() if key in _INHERITED_VARIABLES or key.startswith("LC_")}
     return {**_menagerie_cache(), **found}
 

@@ -224,7 +224,7 @@ class _RequirementCount:
             self.worst = requirement
 
     def requirement(self, name: str) -> Requirement:
-        """Returns a requirement's entry for the job's result: how many trials met it."""
+        """Makes a requirement's entry in the job's result: in how many trials it was met, and the worst value."""
         told = {"value", "limit", "unit", "margin"}
         worst = {} if self.worst is None else self.worst.model_dump(include=told)
         return Requirement(

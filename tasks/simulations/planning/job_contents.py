@@ -71,7 +71,7 @@ class CurrentApplications:
         return self._found[key]
 
     def content(self, application: Resource) -> str:
-        """Returns a text that identifies an application's content (such as its ETag); empty if unknown.
+        """Identifies an application's content by a text, such as its archive's ETag; empty if unknown.
 
         Raises:
             StorageError: its archive cannot be read.

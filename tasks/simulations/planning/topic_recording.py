@@ -22,7 +22,7 @@ _ROS_FOLDERS = Path("/opt/ros")
 
 
 def with_topic_recorder(plan: RunPlan, launched_by: int | None, environ: Mapping[str, str], most_bytes: int) -> RunPlan:
-    """Adds the program that records all topics of a run's domain of ROS 2, or writes the log that says why not.
+    """Adds a program that records all ROS 2 topics to a run's plan, or logs why it cannot.
 
     A run without programs has nothing to record.
 

@@ -92,7 +92,7 @@ def planned(path: Path, notes: DrawingNotes, seed: int) -> "tuple[ReadFile, floa
 
 
 class ReadFile(NamedTuple):
-    """A drawing or map file that was read: shapes, hash and format."""
+    """A drawing or map file that was read: its format, shapes and texts, SHA-256, and cell size of a map."""
 
     form: DrawingForm
     drawing: Drawing

@@ -219,7 +219,7 @@ def room_units(corners: Corners) -> NDArray[np.bool_]:
 
 
 def floor_cells(corners: Corners, pieces: Sequence[Piece]) -> NDArray[np.bool_]:
-    """The units of a room that no wall covers, of its extent."""
+    """Returns a mask of a room's grid cells that no wall covers."""
     box, cells = extent(corners), room_units(corners)
     for piece in pieces:
         if not piece.lintel:
@@ -231,7 +231,7 @@ def floor_cells(corners: Corners, pieces: Sequence[Piece]) -> NDArray[np.bool_]:
 
 
 def overlap(rooms: Sequence[Corners]) -> tuple[int, int, float] | None:
-    """Two rooms that overlap, and by how many square metres; None if none do."""
+    """Finds two rooms that overlap, and the area in square metres; `None` if none do."""
     boxes = [extent(corners) for corners in rooms]
     owner = np.full((max(box.y1 for box in boxes), max(box.x1 for box in boxes)), -1)
     for number, corners in enumerate(rooms):
@@ -245,7 +245,7 @@ def overlap(rooms: Sequence[Corners]) -> tuple[int, int, float] | None:
 
 
 def outline_of(around: Sequence[Step]) -> Corners:
-    """The corners around a building, counter-clockwise: the largest loop of what faces the outside.
+    """Returns the corners of a building's outline, counter-clockwise.
 
     Args:
         around: sides of rooms that face the outside, each from end to end with its room to the left.

@@ -19,15 +19,15 @@ MOST_CORNERS = 10_000
 
 
 class PathError(ValueError):
-    """A path that cannot be read."""
+    """Raised for an SVG path that cannot be read."""
 
 
 class TooManyCornersError(Exception):
-    """A shape that is too large to be a part of a plan."""
+    """Raised for an SVG shape that is too large to be part of a floor plan."""
 
 
 def path_points(d: str) -> tuple[list[Point], bool, bool]:
-    """Corners of the first part of a path, whether it is closed, and whether it has curves.
+    """Parses an SVG path: the corners of its first part, whether it is closed, and whether it has curves.
 
     Raises:
         PathError: it is no path.
@@ -100,7 +100,7 @@ _SAME: Matrix = (1.0, 0.0, 0.0, 1.0, 0.0, 0.0)
 
 
 def read_svg(content: bytes, name: str) -> Drawing:
-    """Reads a drawing.
+    """Reads the floor plan shapes and texts of an SVG file.
 
     Args:
         content: the file's bytes.
@@ -135,7 +135,7 @@ class _Reader:
         self.left_out: list[str] = []
 
     def walk(self, element: ET.Element, matrix: Matrix, around: tuple[str, ...], depth: int = 0) -> None:
-        """Takes the shapes of an element and of all in it."""
+        """Collects the shapes of an SVG element and its children."""
         if depth > _DEEPEST:
             raise ConfigurationError(f"{self._name}: it has more than {_DEEPEST} groups inside one another")
         tag = _tag(element)

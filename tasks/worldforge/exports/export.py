@@ -43,7 +43,7 @@ _CHUNK_BYTES = 1 << 20
 
 
 def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
-    """Writes the archive; equal bundles make equal bytes, independent of their order, times and owners.
+    """Writes the archive of exported worlds (ROS packages, Gazebo, USD, ...); equal worlds give equal bytes.
 
     Args:
         bundles: the folder of each world's bundle, by the world's name in archives, such as
@@ -71,7 +71,7 @@ def write_export_zip(bundles: Mapping[str, Path], path: Path) -> None:
 
 
 def archive_name(world_id: str) -> str:
-    """A world's name in archives: its id with underscores, `generation_82856b0yq33y_world_3`."""
+    """Returns a world's name in export archives: its id with underscores, `generation_82856b0yq33y_world_3`."""
     return world_id.replace("-", "_").replace("/", "_")
 
 

@@ -6,7 +6,7 @@ _EXPORT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9\-]{0,63}")
 
 
 def export_key(prefix: str, export_id: str) -> str:
-    """The key of an export job's archive, where the service's own clients look for it.
+    """Returns the object-store key of a world export job's archive.
 
     Args:
         prefix: the output location's prefix; may be empty.

@@ -22,7 +22,7 @@ _LEVEL = 0.9
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles, counter-clockwise seen from outside."""
+    """Triangle mesh for world exports; triangles are counter-clockwise seen from outside."""
 
     positions: NDArray[np.float64]
     """Shape (vertices, 3)."""
@@ -34,7 +34,7 @@ class Mesh:
     """Whether it has edges between all its faces: a normal for each face instead of each vertex."""
 
     def apart(self) -> "Mesh":
-        """The mesh with a normal at each vertex: faces of a flat one have their corners for themselves."""
+        """Returns the mesh with a normal at each vertex; faces of a flat-shaded mesh get their own vertices."""
         if not self.flat:
             return self
         corners = self.positions[self.triangles.ravel()]
@@ -43,7 +43,7 @@ class Mesh:
 
 @cache
 def unit_mesh(kind: Kind) -> Mesh:
-    """The shape with half extents of 1: a cube of edge 2, a ball of radius 1.
+    """Returns the mesh of a shape with half sizes of 1: a cube of edge 2, a ball of radius 1.
 
     Raises:
         ValueError: the shape has no unit, such as a capsule, whose ends change with its proportions.
@@ -67,7 +67,7 @@ def unit_mesh(kind: Kind) -> Mesh:
 
 
 def capsule_mesh(radius: float, half_length: float) -> Mesh:
-    """A capsule along z; `half_length` is that of its straight part."""
+    """Returns the mesh of a capsule along z; `half_length` is that of its straight part."""
     solid = creation.capsule(2 * half_length, radius, count=[_RINGS, _SEGMENTS])
     positions = np.array(solid.vertices)
     middle = np.clip(positions, -half_length, half_length) * [0, 0, 1]
@@ -75,7 +75,7 @@ def capsule_mesh(radius: float, half_length: float) -> Mesh:
 
 
 def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
-    """A mesh of the compiled MJCF, flat-shaded."""
+    """Returns a mesh of the compiled MuJoCo model, flat-shaded."""
     start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     vertices = model.mesh_vert[start : start + count].astype(np.float64)
@@ -90,7 +90,7 @@ def compiled_mesh(model: mujoco.MjModel, mesh: int) -> Mesh:
 
 
 def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | None:
-    """Places on a picture of each corner of the faces that `compiled_mesh` gives: repetitions to the right and down.
+    """Returns the texture coordinates of a mesh in the MuJoCo model; `None` if it has none.
 
     None for a mesh that has none.
     """
@@ -102,7 +102,7 @@ def picture_places(model: mujoco.MjModel, mesh: int) -> NDArray[np.float64] | No
 
 
 def obj_text(mesh: Mesh, places: NDArray[np.float64] | None = None, look: str = "") -> str:
-    """The mesh as a Wavefront OBJ file.
+    """Formats a mesh as a Wavefront OBJ file.
 
     Args:
         mesh: the mesh.
@@ -129,7 +129,7 @@ def _lines(line: str, rows: NDArray[Any]) -> str:
 
 
 def is_pictured(model: mujoco.MjModel, shape: Shape) -> bool:
-    """Whether there is a picture on it.
+    """Whether a shape has a texture image.
 
     Round shapes, and meshes without places on the picture, have plain colours.
     """
@@ -140,7 +140,7 @@ def is_pictured(model: mujoco.MjModel, shape: Shape) -> bool:
 
 
 def drawn_mesh(model: mujoco.MjModel, shape: Shape) -> Mesh:
-    """Its triangles, in its own axes; of a ceiling those of its underside alone, through the middle."""
+    """Returns the triangles of a shape in its own frame; of a ceiling, those of its underside."""
     if shape.kind == "capsule":
         return capsule_mesh(shape.half[0], shape.half[2])
     if shape.kind == "mesh":
@@ -155,7 +155,7 @@ def drawn_mesh(model: mujoco.MjModel, shape: Shape) -> Mesh:
 
 
 def picture_coordinates(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.float64]:
-    """Picture coordinates of the vertices of a mesh in true size: repetitions to the right, and up from the foot.
+    """Returns the texture coordinates of a shape's vertices, in repetitions to the right and up.
 
     For a flat mesh, those of the corners of its faces.
     """
@@ -183,5 +183,5 @@ def _projected(model: mujoco.MjModel, shape: Shape, mesh: Mesh) -> NDArray[np.fl
 
 
 def linear(value: float) -> float:
-    """Linear intensity of a colour component as screens show it (sRGB)."""
+    """Converts an sRGB colour component to linear intensity."""
     return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4

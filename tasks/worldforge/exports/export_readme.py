@@ -129,6 +129,6 @@ Ceilings are drawn from below only, so that one can look into the rooms from abo
 
 
 def readme(names: list[str]) -> str:
-    """The text for worlds of these names in archives."""
+    """Returns the README text of an export archive with these worlds."""
     count = "one world" if len(names) == 1 else f"{len(names)} worlds"
     return _README.format(count=count, worlds=WORLDS, models=SHARED_MODELS, example=names[0])

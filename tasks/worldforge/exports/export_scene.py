@@ -49,7 +49,7 @@ _FILE_NAME = re.compile(r"[A-Za-z0-9_.-]{1,200}")
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """One geom, in its thing's frame."""
+    """A geom of an exported world, in the frame of its object: form, size, pose and material."""
 
     name: str
     """Unique in its thing."""
@@ -75,13 +75,13 @@ class Shape:
 
     @property
     def endless(self) -> bool:
-        """Whether it is a plane without an end."""
+        """Whether the shape is an infinite plane."""
         return self.kind == "plane" and 0.0 in self.half[:2]
 
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """The one joint that ties a body to the world."""
+    """The joint that connects an exported body to the world."""
 
     kind: Literal["revolute", "prismatic"]
     position: Vector
@@ -96,7 +96,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Mass of a body, and its moments of inertia about its centre of mass."""
+    """Mass and moments of inertia of an exported body."""
 
     mass_kg: float
     position: Vector
@@ -106,7 +106,7 @@ class Inertia:
 
 @dataclass(frozen=True, slots=True)
 class Thing:
-    """The building, a piece of furniture, or a body that moves."""
+    """An object of an exported world: the building, a piece of furniture, or a movable body."""
 
     name: str
     """Unique in the world."""
@@ -124,7 +124,7 @@ class Thing:
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """A whole world."""
+    """All objects of a world, prepared for export to other formats."""
 
     world: World
     model: mujoco.MjModel
@@ -135,7 +135,7 @@ class Scene:
 
 
 def read_scene(bundle: Path) -> Scene:
-    """Reads a bundle.
+    """Reads a world's files as a scene for export.
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
@@ -149,7 +149,7 @@ def read_scene(bundle: Path) -> Scene:
 
 
 def make_scene(world: World, model: mujoco.MjModel, folder: Path | None = None) -> Scene:
-    """Takes a compiled world apart.
+    """Makes a scene for export from a world's compiled MuJoCo model.
 
     Args:
         world: the world that the MJCF was written for.
@@ -258,7 +258,7 @@ def _half(kind: Kind, size: Vector) -> tuple[float, float, float]:
 
 
 def matrix_of(quaternion: Vector) -> Matrix:
-    """The rotation of a quaternion (w, x, y, z), exact for quarter turns about the axes."""
+    """Converts a quaternion (w, x, y, z) to a rotation matrix, exact for quarter turns."""
     matrix = np.zeros(9)
     mujoco.mju_quat2Mat(matrix, quaternion / np.linalg.norm(quaternion))
     nearest = np.round(matrix)
@@ -279,7 +279,7 @@ def _material_colors(model: mujoco.MjModel) -> list[Vector]:
 
 
 def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | None:
-    """The picture on a material, rows from top to bottom; None if it has a plain colour."""
+    """Returns the texture image of a material, rows from top to bottom; `None` for a plain colour."""
     texture = int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
     if texture < 0:
         return None
@@ -289,12 +289,12 @@ def texture_pixels(model: mujoco.MjModel, material: int) -> NDArray[np.uint8] | 
 
 
 def texture_name(model: mujoco.MjModel, material: int) -> str:
-    """The name of the picture on a material that has one; boxes and meshes show one picture by two materials."""
+    """Returns the name of a material's texture."""
     return model.tex(int(model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])).name
 
 
 def texture_file(scene: Scene, material: int) -> str | None:
-    """The path in the bundle of the picture on a material; None if it has none, or one that MuJoCo makes itself."""
+    """Returns the path of a material's texture file among the world's files; `None` if there is no file."""
     texture = int(scene.model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB])
     start = int(scene.model.tex_pathadr[texture]) if texture >= 0 else -1
     if start < 0 or scene.folder is None:
@@ -307,7 +307,7 @@ def texture_file(scene: Scene, material: int) -> str | None:
 
 
 def material_png(scene: Scene, material: int) -> bytes:
-    """The picture on a material that has one, as PNG: its file, or one that is written anew."""
+    """Returns a material's texture as PNG."""
     if scene.folder is not None and (name := texture_file(scene, material)) is not None:
         return (scene.folder / name).read_bytes()
     pixels, png = texture_pixels(scene.model, material), BytesIO()

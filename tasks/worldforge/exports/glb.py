@@ -35,7 +35,7 @@ _APART = "\n"
 
 
 def world_glb(bundle: Path) -> bytes:
-    """The world of a bundle.
+    """Converts a world's files to a GLB (binary glTF) model.
 
     Raises:
         FileNotFoundError: the bundle lacks `world.json` or `world.xml`.
@@ -45,7 +45,7 @@ def world_glb(bundle: Path) -> bytes:
 
 
 def scene_glb(scene: Scene) -> bytes:
-    """The scene's drawn shapes as GLB; equal scenes give equal bytes."""
+    """Converts a scene's visible shapes to GLB (binary glTF); equal scenes give equal bytes."""
     return _Writer(scene).write()
 
 
@@ -58,11 +58,11 @@ class _Picture:
         self._png = png
 
     def save(self, file: BinaryIO, **_: Any) -> None:
-        """Writes the file."""
+        """Writes the texture's file content."""
         file.write(self._png)
 
     def tobytes(self) -> bytes:
-        """Bytes by which trimesh tells pictures apart."""
+        """Returns bytes by which trimesh distinguishes textures."""
         return self._png
 
     def __len__(self) -> int:

@@ -195,7 +195,7 @@ PATH_VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOU
 
 
 def package_files(worlds: list[str]) -> dict[str, str]:
-    """The text files of both packages but models and worlds, by their paths in the archive's top folder.
+    """Returns the text files of the exported ROS packages (launch files, manifests), by path.
 
     Args:
         worlds: names of the worlds in archives; the first is launched unless another is asked for.

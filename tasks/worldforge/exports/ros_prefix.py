@@ -49,7 +49,7 @@ unset -f _worldforge_first
 
 
 def first_on_paths(prefix: str) -> dict[str, list[str]]:
-    """The folders that come first in the variables by which ROS and Gazebo find packages and models.
+    """Returns the environment variables, with folders to put first, by which ROS and Gazebo find packages.
 
     Args:
         prefix: where the prefix is for who looks.
@@ -63,12 +63,12 @@ def first_on_paths(prefix: str) -> dict[str, list[str]]:
 
 
 def world_map(prefix: Path, name: str) -> Path:
-    """The map for Nav2 of a world in a prefix, by the world's name in archives."""
+    """Returns the path of a world's Nav2 map in an install prefix."""
     return prefix / "share" / WORLDS / "worlds" / name / "map.yaml"
 
 
 def write_ros_prefix(name: str, bundle: Path, folder: Path) -> None:
-    """Writes the packages of a world, as an export of it alone has them.
+    """Writes the ROS packages of one world to an install prefix.
 
     Args:
         name: the world's name in archives.

@@ -29,7 +29,7 @@ Pictures = dict[str, tuple[str, str]]
 
 
 def model_files(thing: Thing, name: str, scene: Scene) -> dict[str, str]:
-    """A model folder's files by their paths in it: `model.config`, `model.sdf` and meshes.
+    """Returns the files of a Gazebo model: `model.config`, `model.sdf` and meshes.
 
     Args:
         thing: what it is made from; pictures are those beside the model, which only a building has.
@@ -60,7 +60,7 @@ def _picture(thing: Thing, shape: Shape, scene: Scene) -> str | None:
 
 
 def model_sdf(thing: Thing, name: str, pictures: Pictures) -> str:
-    """The model as SDF text: one link, static unless the thing moves, and the joint that ties it to the world."""
+    """Returns a model as SDF text: one link, static unless the object moves, and its joint."""
     root = ET.Element("sdf", version=SDF_VERSION)
     model = ET.SubElement(root, "model", name=name)
     _text(model, "static", "false" if thing.inertia else "true")
@@ -78,18 +78,18 @@ def model_sdf(thing: Thing, name: str, pictures: Pictures) -> str:
 
 
 def xml_text(root: ET.Element) -> str:
-    """A whole XML document, indented."""
+    """Formats an XML document with indentation."""
     ET.indent(root)
     return f'<?xml version="1.0"?>\n{ET.tostring(root, encoding="unicode")}\n'
 
 
 def numbers(values: Iterable[float], digits: int = 4) -> str:
-    """Numbers as SDF writes them."""
+    """Formats numbers for SDF."""
     return " ".join(f"{round(float(value), digits) + 0.0:.10g}" for value in values)
 
 
 def pose_text(position: Vector, rotation: Matrix) -> str:
-    """A pose as SDF writes it: x, y, z, roll, pitch and yaw."""
+    """Formats a pose for SDF: x, y, z, roll, pitch and yaw."""
     return f"{numbers(position)} {numbers(_roll_pitch_yaw(rotation), 6)}"
 
 

@@ -16,7 +16,7 @@ _SAME_M = 6e-4
 
 
 class SharedModels:
-    """Collects models while worlds are written."""
+    """Gazebo models shared by exported worlds, each written once."""
 
     def __init__(self) -> None:
         self.files: dict[str, dict[str, str]] = {}
@@ -24,7 +24,7 @@ class SharedModels:
         self._things: dict[str, Thing] = {}
 
     def add(self, thing: Thing, scene: Scene) -> str:
-        """The name of the model for a thing: a new one unless there is an equal one already.
+        """Adds a model for an object unless an equal one exists; returns the model's name.
 
         The name depends on the thing alone: worlds exported at different times share models.
         """
@@ -42,7 +42,7 @@ class SharedModels:
 
 
 def slug(text: str) -> str:
-    """The text as a file's name: small letters, digits and underscores."""
+    """Converts a text to a file name: small letters, digits and underscores."""
     return re.sub(r"[^a-z0-9]+", "_", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", text).lower()).strip("_")
 
 
@@ -114,7 +114,7 @@ _FIELD_OF_VIEW_RAD = 1.047
 
 @dataclass(frozen=True, slots=True)
 class SdfWorld:
-    """Files that belong to one world alone; the shared models have the others."""
+    """Gazebo files that belong to one exported world alone."""
 
     world: str
     """The world file."""
@@ -125,7 +125,7 @@ class SdfWorld:
 
 
 def sdf_world(scene: Scene, name: str, shared: SharedModels) -> SdfWorld:
-    """Writes a world; its building becomes the model of the world's own name.
+    """Converts a world to a Gazebo SDF world; its building becomes a model of the world's name.
 
     Args:
         scene: the world.

@@ -32,7 +32,7 @@ _SCALED = 'uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"
 
 
 def scene_usd(scene: Scene) -> str:
-    """The stage as `.usda` text; it names pictures by their paths in the bundle, so it belongs beside `world.xml`."""
+    """Converts a scene to USD text (`.usda`), with textures referenced by path."""
     looks = Looks(scene, "/World")
     root = Prim("Xform", "World", metadata=['kind = "assembly"'])
     physics = Prim("PhysicsScene", "PhysicsScene")

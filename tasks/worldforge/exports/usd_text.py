@@ -18,7 +18,7 @@ _DIGITS = 6
 
 @dataclass(slots=True)
 class Prim:
-    """One prim with its attributes and children, as lines of a `.usda` file."""
+    """A USD prim with attributes and children, written as `.usda` text."""
 
     kind: str
     """`Xform`, `Cube`, …"""
@@ -32,11 +32,11 @@ class Prim:
     children: list["Prim"] = field(default_factory=list)
 
     def set(self, kind: str, name: str, value: str) -> None:
-        """Adds an attribute."""
+        """Adds an attribute to the prim."""
         self.attributes.append(f"{kind} {name} = {value}")
 
     def lines(self, indent: str = "") -> list[str]:
-        """The prim and what is in it."""
+        """Returns the prim and its children as indented text lines."""
         head = list(self.metadata)
         if self.schemas:
             head.insert(0, f"prepend apiSchemas = [{', '.join(map(quoted, self.schemas))}]")
@@ -51,13 +51,13 @@ class Prim:
 
 
 class PrimNames:
-    """Names of prims below one parent, each given once."""
+    """Gives unique names to the prims below one parent."""
 
     def __init__(self) -> None:
         self._given: set[str] = set()
 
     def take(self, text: str) -> str:
-        """A name for something: letters, digits and underscores, and not yet given."""
+        """Returns a new unique prim name for a text: letters, digits and underscores."""
         first = name = prim_name(text)
         number = 1
         while name in self._given:
@@ -68,29 +68,29 @@ class PrimNames:
 
 
 def prim_name(text: str) -> str:
-    """The text as USD names prims: letters, digits and underscores, no digit first."""
+    """Converts a text to a valid USD prim name."""
     name = re.sub(r"[^A-Za-z0-9_]", "_", text)
     return name if name and not name[0].isdigit() else f"_{name}"
 
 
 def quoted(text: str) -> str:
-    """A string or token."""
+    """Formats a string for USD, with quotes."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
 
 
 def number(value: float) -> str:
-    """One number."""
+    """Formats a number for USD."""
     return f"{round(float(value), _DIGITS) + 0.0:.10g}"
 
 
 def numbers(values: Iterable[float]) -> str:
-    """A vector."""
+    """Formats a vector for USD."""
     return f"({', '.join(map(number, values))})"
 
 
 def vectors(rows: NDArray[np.float64], *, times: int = 1) -> str:
-    """An array of vectors; formatted at once, since meshes have a hundred thousand numbers.
+    """Formats an array of vectors for USD.
 
     Args:
         rows: shape (vectors, components).
@@ -102,12 +102,12 @@ def vectors(rows: NDArray[np.float64], *, times: int = 1) -> str:
 
 
 def integers(values: Sequence[int]) -> str:
-    """An array of whole numbers."""
+    """Formats an array of integers for USD."""
     return f"[{', '.join(map(str, values))}]"
 
 
 def quaternion(rotation: Matrix) -> str:
-    """A rotation as USD has it: w, x, y, z."""
+    """Converts a rotation matrix to a USD quaternion: w, x, y, z."""
     # The largest of the four is worked out first: nothing near 0 divides.
     trace = float(np.trace(rotation))
     squares = np.array([trace, *(2 * np.diag(rotation) - trace)])
@@ -129,7 +129,7 @@ _ROUGHNESS = "0.85"
 
 
 class Looks:
-    """Collects materials while shapes are written; equal ones are stored once."""
+    """Collects USD materials while shapes are written; equal ones are stored once."""
 
     def __init__(self, scene: Scene, root: str) -> None:
         self.scope = Prim("Scope", _LOOKS)
@@ -140,7 +140,7 @@ class Looks:
         self._paths: dict[str, str] = {}
 
     def bind(self, prim: Prim, shape: Shape) -> None:
-        """Gives a prim the look of a shape."""
+        """Assigns a shape's material to its prim."""
         picture = texture_file(self._scene, shape.material) if is_pictured(self._scene.model, shape) else None
         if picture is not None:
             key, color = texture_name(self._scene.model, shape.material), self._scene.model.mat_rgba[shape.material]
@@ -154,7 +154,7 @@ class Looks:
         prim.set("color3f[]", "primvars:displayColor", f"[{shown}]")
 
     def grip(self, prim: Prim, friction: float) -> None:
-        """Gives a prim that collides its friction."""
+        """Assigns a friction coefficient to a colliding prim."""
         key = f"friction {friction:g}"
         if key not in self._paths:
             material = self._new(key)

@@ -85,13 +85,13 @@ _AFFINITY: dict[RoomType, tuple[float, ...]] = {
 
 
 def affinity(one: RoomType, other: RoomType) -> float:
-    """How sensible a door between rooms of two types is, from 0 to 1."""
+    """Returns how sensible a door between two room types is, from 0 to 1."""
     low, high = sorted((one, other))
     return _AFFINITY[high][[*_AFFINITY].index(low)]
 
 
 class Brief(NamedTuple):
-    """The template's preferences about the plan; rooms are numbered in the template's order."""
+    """A world template's preferences for the floor plan as numbers, with rooms in the template's order."""
 
     names: tuple[str, ...]
     types: tuple[RoomType, ...]
@@ -105,12 +105,12 @@ class Brief(NamedTuple):
 
     @property
     def min_sides(self) -> list[int]:
-        """Least width of each room, in units."""
+        """Minimum width of each room, in grid units."""
         return [round(MIN_SIDES_M[kind] * UNITS_PER_M) for kind in self.types]
 
 
 def brief(preferences: TemplateFloorplan) -> Brief:
-    """Reads the numbers out of a template."""
+    """Converts a template's floor plan preferences to numbers."""
     numbers = {room.Name: number for number, room in enumerate(preferences.Rooms)}
     counts: Counter[tuple[int, int]] = Counter()
     kinds: dict[tuple[int, int], PassageKind] = {}
@@ -129,17 +129,17 @@ def brief(preferences: TemplateFloorplan) -> Brief:
 
 
 def length_over_width(ratio: TemplateAspectRatio) -> float:
-    """The longer side over the shorter one."""
+    """Converts an aspect ratio to longer side over shorter side."""
     return max(ratio.x, ratio.y) / min(ratio.x, ratio.y)
 
 
 def deviation(actual: float, desired: float) -> float:
-    """How far a ratio is from another: 0 when equal, the same for twice and half."""
+    """Measures how far a ratio is from another: 0 if equal, the same for double and half."""
     return abs(log(actual / desired))
 
 
 def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
-    """The part of a shared wall between the faces of the walls at its ends, in units."""
+    """Returns the part of a shared wall that is free for doors, in grid units."""
     limit = plan.width if contact.horizontal else plan.height
     start = contact.start + (EXTERIOR_WALL if contact.start == 0 else INTERIOR_WALL) // 2
     end = contact.end - (EXTERIOR_WALL if contact.end == limit else INTERIOR_WALL) // 2
@@ -147,24 +147,24 @@ def clear_span(contact: Contact, plan: Partition) -> tuple[int, int]:
 
 
 def doors_in(span: int) -> int:
-    """How many doorways fit between two corners that far apart; not above 0 when none does."""
+    """Returns how many doorways fit into a length of wall; 0 or less if none does."""
     return (span - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
 
 
 def door_capacity(contact: Contact, plan: Partition) -> int:
-    """How many doorways fit into a shared wall."""
+    """Returns how many doorways fit into a shared wall."""
     start, end = clear_span(contact, plan)
     return max(0, doors_in(end - start))
 
 
 def opening_fits(contact: Contact, plan: Partition) -> bool:
-    """Whether a shared wall is long enough to be taken away."""
+    """Whether a shared wall is long enough to be replaced by an opening."""
     start, end = clear_span(contact, plan)
     return end - start >= OPENING_WIDTH
 
 
 def shared_spans(plan: Partition) -> Iterator[tuple[tuple[int, int], int]]:
-    """For every shared wall the two rooms, lower number first, and its clear length in units.
+    """Yields each shared wall: its two rooms, and its free length in grid units.
 
     The same as `clear_span` of all contacts. The search spends much of its time here, and nearly
     all plans have rectangular rooms only, which are compared directly.
@@ -190,16 +190,16 @@ def shared_spans(plan: Partition) -> Iterator[tuple[tuple[int, int], int]]:
 
 
 class TargetedSet(Protocol):
-    """A material set or a furniture arrangement."""
+    """A material set or furniture arrangement of a template, which applies to certain rooms."""
 
     @property
     def Name(self) -> str:  # noqa: N802 (the service's name)
-        """The set's name."""
+        """Name of the set."""
         ...
 
     @property
     def TargetSet(self) -> RoomTarget:  # noqa: N802 (the service's name)
-        """The rooms it is for."""
+        """Rooms that the set applies to."""
         ...
 
 
@@ -216,12 +216,12 @@ def _for_room(target: RoomTarget, room: Room) -> int | None:
 
 
 def targeted(one_set: TargetedSet, rooms: Sequence[Room]) -> list[Room]:
-    """The rooms a set asks for, whether it gets them or not."""
+    """Returns the rooms that a set asks for, even if other sets have precedence."""
     return [room for room in rooms if _for_room(one_set.TargetSet, room) is not None]
 
 
 def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
-    """Index of the set that each room follows, by the room's name.
+    """Determines which set each room gets, as index by room name.
 
     A set that names a room beats one that names its type, and that beats one for all rooms; among equals
     the first in the template wins.
@@ -238,7 +238,7 @@ def choose_sets(sets: Sequence[Set], rooms: Sequence[Room]) -> dict[str, int]:
 def why_unused(
     one_set: TargetedSet, sets: Sequence[TargetedSet], chosen: dict[str, int], rooms: Sequence[Room]
 ) -> tuple[str, PreferenceOutcome]:
-    """Why a set has no rooms, and the outcome of its preferences: there are none, or other sets have them."""
+    """Explains why a set applies to no room, with the outcome of its preferences."""
     wanted = targeted(one_set, rooms)
     if not wanted:
         target = one_set.TargetSet

@@ -33,7 +33,7 @@ Pair = tuple[int, int]
 
 
 class Way(NamedTuple):
-    """A way through a shared wall, along the wall from `start` to `end`, in units."""
+    """A doorway or opening in a shared wall, from `start` to `end` along the wall, in grid units."""
 
     pair: Pair
     contact: Contact
@@ -44,7 +44,7 @@ class Way(NamedTuple):
 
 
 def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
-    """The shared walls of every two rooms, longest first; lower room number first in the key."""
+    """Returns the shared walls of every two rooms, longest first."""
     walls: dict[Pair, list[Contact]] = {}
     for contact in contacts(plan.rooms):
         pair = (min(contact.low, contact.high), max(contact.low, contact.high))
@@ -55,7 +55,7 @@ def shared_walls(plan: Partition) -> dict[Pair, list[Contact]]:
 
 
 def connect(plan: Partition, brief: Brief, dice: Random) -> list[Way]:
-    """Chooses and places all ways; every room is connected afterwards if the partition is valid.
+    """Chooses and places doorways and openings so that every room is connected.
 
     Args:
         plan: a valid partition.
@@ -165,7 +165,7 @@ AREA_TOLERANCE = 0.05
 
 
 def inside_walls(plan: Partition) -> Partition:
-    """The plan with every room's corners on the faces of its walls.
+    """Returns the floor plan with room corners moved to the faces of the walls.
 
     Where a wall is taken away for an opening, the strip below it belongs to no room.
     """
@@ -174,12 +174,12 @@ def inside_walls(plan: Partition) -> Partition:
 
 
 def floor_areas(plan: Partition) -> list[float]:
-    """Area of each room's floor, in square units."""
+    """Returns the floor area of each room, in square grid units."""
     return [area(corners) for corners in inside_walls(plan).rooms]
 
 
 def floor_ratios(plan: Partition) -> list[float]:
-    """Length over width of each room's floor."""
+    """Returns length over width of each room's floor."""
     inside = inside_walls(plan)
     return [slenderness(inside, room) for room in range(len(inside.rooms))]
 

@@ -29,7 +29,7 @@ Spot = tuple[int, int]
 
 
 class Spots(NamedTuple):
-    """Places spread over a room, in units, and their distance from its walls' faces; negative outside."""
+    """Candidate positions in a room in grid units, with their distance from the walls."""
 
     x: NDArray[np.int64]
     y: NDArray[np.int64]
@@ -37,7 +37,7 @@ class Spots(NamedTuple):
 
 
 def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Floorplan:
-    """Makes a floor plan; the same body and the same generator state give the same plan.
+    """Generates a floor plan from a world template; equal template and random state give the same plan.
 
     Rooms tile the footprint, which is set back from a rectangle where that grants more wishes. Every room is
     connected. The origin lies inside a room, at least 0.5 m from every wall, and all coordinates are multiples of
@@ -72,7 +72,7 @@ def generate_floorplan(body: WorldTemplateBody, rng: np.random.Generator) -> Flo
 
 
 def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Sequence[Way], spots: list[Spots]) -> Spot:
-    """A free spot: in the largest living room or hallway if that is wide enough, near its ways in.
+    """Chooses the world's origin, where robots start: a free position in the largest living room or hallway.
 
     Args:
         rooms: the rooms' corners.
@@ -96,7 +96,7 @@ def choose_origin(rooms: Sequence[Corners], types: Sequence[RoomType], ways: Seq
 
 
 def spots_in(corners: Corners) -> Spots:
-    """A lattice of spots over a room."""
+    """Returns a grid of positions in a room."""
     box = extent(corners)
     steps = np.arange(1, _LATTICE)
     columns = box.x0 + (box.x1 - box.x0) * steps // _LATTICE
@@ -117,7 +117,7 @@ def _middle(way: Way) -> Spot:
 
 
 def placed_points(spots: Corners, origin: Spot) -> list[Point]:
-    """Corners in metres from the origin."""
+    """Converts corners from grid units to metres from the origin."""
     # Dividing whole numbers gives the nearest float to the decimal: 3.15, not 3.1500000000000004.
     return [((x - origin[0]) / UNITS_PER_M, (y - origin[1]) / UNITS_PER_M) for x, y in spots]
 
@@ -129,7 +129,7 @@ def _ends(horizontal: bool, at: int, start: int, end: int, origin: Spot) -> tupl
 
 
 def placed_wall(piece: Piece, names: Sequence[str], origin: Spot) -> Wall:
-    """A piece of wall."""
+    """Converts a wall segment from grid units to metres."""
     start, end = _ends(piece.horizontal, piece.at, piece.start, piece.end, origin)
     return Wall(
         start=start,
@@ -143,7 +143,7 @@ def placed_wall(piece: Piece, names: Sequence[str], origin: Spot) -> Wall:
 
 
 def placed_passage(way: Way, names: Sequence[str], origin: Spot) -> Passage:
-    """A way between rooms."""
+    """Converts a doorway or opening from grid units to metres."""
     start, end = _ends(way.contact.horizontal, way.contact.at, way.start, way.end, origin)
     return Passage(
         kind=way.kind,
@@ -156,7 +156,7 @@ def placed_passage(way: Way, names: Sequence[str], origin: Spot) -> Passage:
 
 
 def placed_window(pane: Pane, names: Sequence[str], origin: Spot) -> Window:
-    """A window."""
+    """Converts a window from grid units to metres."""
     start, end = _ends(pane.horizontal, pane.at, pane.start, pane.end, origin)
     return Window(start=start, end=end, room=names[pane.room])
 

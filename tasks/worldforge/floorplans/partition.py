@@ -36,7 +36,7 @@ Corners = tuple[tuple[int, int], ...]
 
 
 class Box(NamedTuple):
-    """An axis-aligned rectangle in units."""
+    """An axis-aligned rectangle in grid units."""
 
     x0: int
     y0: int
@@ -45,7 +45,7 @@ class Box(NamedTuple):
 
 
 class Contact(NamedTuple):
-    """A straight piece of border between two rooms, in units; `low` lies left of or below `high`."""
+    """A straight border between two rooms, in grid units; `low` is left of or below `high`."""
 
     low: int
     high: int
@@ -56,7 +56,7 @@ class Contact(NamedTuple):
 
 
 class Partition(NamedTuple):
-    """A footprint from (0, 0) to (`width`, `height`), cut into rooms."""
+    """A building footprint from (0, 0) to (`width`, `height`) in grid units, divided into rooms."""
 
     width: int
     height: int
@@ -68,7 +68,7 @@ class Partition(NamedTuple):
 def partition(
     expression: Sequence[int], areas: Sequence[float], ratios: Sequence[float], width: int, height: int
 ) -> Partition:
-    """Cuts a footprint as the expression says, each room in proportion to its area.
+    """Divides a footprint into rooms by a slicing tree, each in proportion to its wished area.
 
     Args:
         expression: the slicing tree; every room occurs once.
@@ -166,7 +166,7 @@ def _around(box: Box, pocket: Box) -> tuple[Corners, int]:
 
 
 def extent(corners: Sequence[tuple[int, int]]) -> Box:
-    """The bounding box of a room."""
+    """Returns the bounding box of a room."""
     if len(corners) == 4:  # counter-clockwise from a corner, so opposite corners span it
         (x0, y0), (x1, y1) = corners[0], corners[2]
         if x0 > x1:
@@ -179,13 +179,13 @@ def extent(corners: Sequence[tuple[int, int]]) -> Box:
 
 
 def area(corners: Sequence[tuple[float, float]]) -> float:
-    """Area in square units, by the shoelace formula; negative where the corners run clockwise."""
+    """Returns the signed area of a polygon in square grid units; negative if clockwise."""
     following = (*corners[1:], *corners[:1])
     return sum(x * v - u * y for (x, y), (u, v) in zip(corners, following, strict=True)) / 2
 
 
 def slenderness(plan: Partition, room: int) -> float:
-    """Length over width of a room.
+    """Returns length over width of a room, also of L-shaped ones.
 
     An L-shape with wide arms counts as the rectangle it nearly is, one with narrow arms as a corridor
     that is as long as its arms together: area over width squared.
@@ -199,7 +199,7 @@ def slenderness(plan: Partition, room: int) -> float:
 
 
 class Lines(NamedTuple):
-    """Borders of rooms on one straight line: those the line is the far side of, and those it is the near side of."""
+    """Room borders on one straight line, by side."""
 
     below: list[tuple[int, int, int]]
     """(start, end, room) of rooms left of or below the line."""
@@ -208,7 +208,7 @@ class Lines(NamedTuple):
 
 
 def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
-    """All borders, by (horizontal, coordinate)."""
+    """Groups all room borders by the line they are on: (horizontal, coordinate)."""
     found: dict[tuple[bool, int], Lines] = {}
     for room, corners in enumerate(rooms):
         x, y = corners[-1]
@@ -231,7 +231,7 @@ def lines(rooms: Sequence[Corners]) -> dict[tuple[bool, int], Lines]:
 
 
 def contacts(rooms: Sequence[Corners]) -> list[Contact]:
-    """All straight pieces of border that two rooms share."""
+    """Lists all straight borders that two rooms share."""
     return [
         Contact(low, high, horizontal, at, max(start, other_start), min(end, other_end))
         for (horizontal, at), (below, above) in lines(rooms).items()
@@ -242,7 +242,7 @@ def contacts(rooms: Sequence[Corners]) -> list[Contact]:
 
 
 class Side(NamedTuple):
-    """A straight piece of the outline, beside one room."""
+    """A straight piece of the building's outline, beside one room."""
 
     horizontal: bool
     at: int
@@ -254,7 +254,7 @@ class Side(NamedTuple):
 
 
 def border(rooms: Sequence[Corners]) -> list[Side]:
-    """All sides of rooms that no other room lies beside, cut where one begins."""
+    """Lists the sides of rooms that face the outside."""
     found: list[Side] = []
     for (horizontal, at), (below, above) in lines(rooms).items():
         for own, others in ((below, above), (above, below)):
@@ -265,12 +265,12 @@ def border(rooms: Sequence[Corners]) -> list[Side]:
 
 
 def in_rectangle(plan: Partition, side: Side) -> bool:
-    """Whether it lies on the plan's rectangle; otherwise the outline is set back there."""
+    """Whether an outer side is on the footprint's rectangle, and not set back from it."""
     return side.at in (0, plan.height if side.horizontal else plan.width)
 
 
 def outline(plan: Partition) -> Corners:
-    """The outline's corners, counter-clockwise, from the lowest of those that lie furthest left."""
+    """Returns the corners of the building's outline, counter-clockwise."""
     following: dict[tuple[int, int], tuple[int, int]] = {}
     for side in border(plan.rooms):
         low, high = ((along, side.at) if side.horizontal else (side.at, along) for along in (side.start, side.end))
@@ -282,7 +282,7 @@ def outline(plan: Partition) -> Corners:
 
 
 def turns(points: Sequence[tuple[int, int]]) -> Corners:
-    """An outline without points that are doubled, or lie on a straight edge."""
+    """Removes duplicate and collinear points from an outline."""
     kept = [point for index, point in enumerate(points) if point != points[index - 1]]
     return tuple(
         point

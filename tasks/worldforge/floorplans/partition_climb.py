@@ -59,7 +59,7 @@ _SETTLINGS = 3
 
 
 class Draft(NamedTuple):
-    """Input that a partition is cut from: the expression of a slicing tree, footprint ratio and room areas."""
+    """Input from which a floor plan is cut: slicing tree, footprint ratio and room areas."""
 
     expression: tuple[int, ...]
     ratio: float
@@ -69,7 +69,7 @@ class Draft(NamedTuple):
 
 
 class PlanEvaluator:
-    """Says what a partition costs under a brief; 0 is perfect."""
+    """Computes the cost of a floor plan against a template's preferences; 0 is perfect."""
 
     def __init__(self, brief: Brief) -> None:
         self.brief = brief
@@ -84,17 +84,17 @@ class PlanEvaluator:
         self.affinities = [[affinity(one, other) for other in brief.types] for one in brief.types]
 
     def cost(self, plan: Partition, limit: float = inf) -> float:
-        """The whole cost, or some part of it that is above the limit already."""
+        """Returns the cost of a floor plan, or a partial cost that already exceeds the limit."""
         cost = self._shapes(plan)
         return cost if cost > limit else cost + self._neighbours(plan)
 
     def is_valid(self, plan: Partition) -> bool:
-        """Whether every room is wide enough and a way leads to each."""
+        """Whether every room is wide enough and reachable."""
         wide = all(arm >= least for arm, least in zip(plan.arms, self.min_sides, strict=True))
         return wide and _reached_from_first(self._ways(plan)[0]) == (1 << len(plan.rooms)) - 1
 
     def is_bent(self, plan: Partition) -> bool:
-        """Whether it has an L-shaped room."""
+        """Whether the floor plan has an L-shaped room."""
         return any(len(corners) > 4 for corners in plan.rooms)
 
     def _shapes(self, plan: Partition) -> float:
@@ -180,7 +180,7 @@ def _reached_from_first(ways: Sequence[int]) -> int:
 
 
 def climb_to_partition(brief: Brief, dice: Random, *, below: float | None) -> Partition | None:
-    """Climbs to a partition that may have L-shaped rooms.
+    """Searches by hill climbing for a floor plan that may have L-shaped rooms.
 
     Args:
         brief: the preferences.

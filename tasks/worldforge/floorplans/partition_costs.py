@@ -44,7 +44,7 @@ Node = int | tuple[bool, "Node", "Node"]
 
 
 class Trees(NamedTuple):
-    """Slicing trees of `n` rooms; nodes 0 to n-1 are the rooms, node n + k is what cut k divides, n the whole."""
+    """Slicing trees of many candidate floor plans, as arrays: how each is cut into rooms."""
 
     first: NDArray[np.intp]
     """The node that each cut puts to the left or below: one row per cut, one column per tree."""
@@ -55,17 +55,17 @@ class Trees(NamedTuple):
 
     @property
     def plans(self) -> int:
-        """How many trees there are."""
+        """Number of trees."""
         return self.first.shape[1]
 
     def take(self, columns: NDArray[np.intp]) -> "Trees":
-        """Some of the trees, in the order given."""
+        """Returns the selected trees, in the order given."""
         return Trees(self.first[:, columns], self.second[:, columns], self.sideways[:, columns])
 
 
 @cache
 def all_trees(rooms: int) -> Trees:
-    """All plans of two to five rooms (2, 12, 144, 2760), and an even fifth of the 71 280 plans of six rooms.
+    """Enumerates the slicing trees of two to six rooms.
 
     Args:
         rooms: how many rooms there are.
@@ -163,7 +163,7 @@ _BEHIND_PRIVATE = 0.7
 
 
 class Cuts(NamedTuple):
-    """Rectangles of rooms."""
+    """Room rectangles of many candidate floor plans, as arrays."""
 
     low: Floats
     """Left and lower side: (axis, room, plan), in units."""
@@ -172,7 +172,7 @@ class Cuts(NamedTuple):
 
 
 class Nature(NamedTuple):
-    """Cost, validity and missed preferences of plans."""
+    """Cost, validity and missed preferences of many candidate floor plans, as arrays."""
 
     cost: Floats
     """One number per plan."""
@@ -184,7 +184,7 @@ class Nature(NamedTuple):
 
 
 def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> Cuts:
-    """Cuts every tree's rectangle so that each room gets its area.
+    """Cuts each tree's rectangle so that every room gets its area.
 
     Args:
         trees: the cuts.
@@ -219,7 +219,7 @@ def cut(trees: Trees, areas: Floats, ratios: Floats, *, exact: bool = False) -> 
 
 
 def as_partition(cuts: Cuts, plan: int) -> Partition:
-    """One of the plans that were cut exactly."""
+    """Returns one candidate as a floor plan."""
     low, high = cuts.low[:, :, plan].astype(int).T.tolist(), cuts.high[:, :, plan].astype(int).T.tolist()
     boxes = [(*start, *end) for start, end in zip(low, high, strict=True)]
     return Partition(
@@ -231,7 +231,7 @@ def as_partition(cuts: Cuts, plan: int) -> Partition:
 
 
 class BatchEvaluator:
-    """Says what plans of rectangular rooms cost under a brief."""
+    """Computes the costs of many candidate floor plans with rectangular rooms at once."""
 
     def __init__(self, brief: Brief) -> None:
         types = brief.types
@@ -260,7 +260,7 @@ class BatchEvaluator:
         return next(number for number, known in enumerate(self.pairs.T) if tuple(known) == pair)
 
     def shapes(self, cuts: Cuts) -> Floats:
-        """Cost of the rooms' shapes."""
+        """Returns the cost of the rooms' areas and aspect ratios, for each plan."""
         off, narrow, areas = self._off(cuts)
         off_footprint = self._off_footprint(cuts)
         cost = self.footprint_weight * (off_footprint + MISSED_PREFERENCE * (off_footprint > RATIO_TOLERANCE))
@@ -269,7 +269,7 @@ class BatchEvaluator:
         return cost + (TOO_NARROW * (narrow > 0) + narrow / UNITS_PER_M).sum(axis=0)
 
     def floors(self, cuts: Cuts) -> Floats:
-        """Sides of each room between the faces of its walls: (axis, room, plan)."""
+        """Returns the inner sizes of each room: (axis, room, plan)."""
         limits = cuts.high.max(axis=1)[:, None]
         outer = (cuts.low == 0).astype(float) + (cuts.high == limits)
         return np.maximum(cuts.high - cuts.low - INTERIOR_WALL - outer * ((EXTERIOR_WALL - INTERIOR_WALL) // 2), 0.1)
@@ -288,7 +288,7 @@ class BatchEvaluator:
         return np.where(off > 0, off * self.longer, -off), narrow, np.abs(sides[0] * sides[1] / self.areas - 1)
 
     def evaluate(self, cuts: Cuts) -> Nature:
-        """Everything about plans that were cut exactly."""
+        """Returns cost, validity and missed preferences of exactly cut plans."""
         spans = self._spans(cuts)
         doors = (spans - DOOR_CLEARANCE) // (DOOR_WIDTH + DOOR_CLEARANCE)
         fits = doors > 0

@@ -42,7 +42,7 @@ _LEAST_TURNS = 4
 
 
 class Setbacks(NamedTuple):
-    """Trees with the numbers that give rooms their sides; one column per plan."""
+    """Candidate floor plans whose outline may be set back from a rectangle, as arrays."""
 
     trees: Trees
     lying: Flags
@@ -55,7 +55,7 @@ class Setbacks(NamedTuple):
     """Length that walls add to the sides of floors, in units: (axis, room, plan)."""
 
     def take(self, columns: NDArray[np.intp]) -> "Setbacks":
-        """Some of the plans, in the order given."""
+        """Returns the selected candidates, in the order given."""
         return Setbacks(
             self.trees.take(columns),
             self.lying[:, columns],
@@ -65,11 +65,11 @@ class Setbacks(NamedTuple):
         )
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
-        """Puts all of them together."""
+        """Computes the room rectangles of all candidates."""
         return self.laid(evaluator, exact=exact)[0]
 
     def laid(self, evaluator: BatchEvaluator, *, exact: bool = False) -> tuple[Cuts, Flags]:
-        """Puts all of them together, and marks those with a yard that has no open side."""
+        """Computes the room rectangles of all candidates, and marks those with an enclosed yard."""
         areas = evaluator.areas * np.exp(self.areas)
         longer = np.sqrt(areas * np.exp(np.maximum(evaluator.ratios + self.ratios, 0.0)))
         shorter = areas / longer
@@ -77,7 +77,7 @@ class Setbacks(NamedTuple):
         return put_together(self.trees, np.rint(sides) if exact else sides)
 
     def settled(self, evaluator: BatchEvaluator) -> "Setbacks":
-        """The same with the walls that rooms have where they lie."""
+        """Returns the candidates with the space that walls take corrected for their positions."""
         found = self
         for _ in range(SETTLINGS):
             cuts = found.cut(evaluator)
@@ -87,14 +87,14 @@ class Setbacks(NamedTuple):
         return found
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """All of them cut exactly, and what they are like."""
+        """Cuts all candidates exactly, and evaluates them."""
         cuts, enclosed = self.laid(evaluator, exact=True)
         nature = evaluator.evaluate(cuts)
         cost = np.round(nature.cost + outline_cost(cuts, enclosed), 6)
         return cuts, Nature(cost, nature.valid & ~enclosed & ~has_small_steps(cuts), nature.misses)
 
     def varied(self, dice: Random) -> "Setbacks":
-        """Each but the last with its sides a little longer and shorter."""
+        """Returns the candidates with randomly changed room sizes; the last one stays."""
         rooms, plans = self.areas.shape
         shifts = gaussian(dice, 2 * rooms, plans)
         areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
@@ -102,13 +102,13 @@ class Setbacks(NamedTuple):
         return self._replace(areas=areas, ratios=ratios)
 
     def rough_cost(self, evaluator: BatchEvaluator) -> Floats:
-        """Cost of the shapes of rooms and outlines."""
+        """Returns the cost of room shapes and outlines."""
         cuts, enclosed = self.laid(evaluator)
         return evaluator.shapes(cuts) + outline_cost(cuts, enclosed)
 
 
 def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
-    """Lays rooms of given sides together as the trees say.
+    """Places rooms of given sizes side by side, as the slicing trees say.
 
     Args:
         trees: the cuts.
@@ -155,7 +155,7 @@ def put_together(trees: Trees, sides: Floats) -> tuple[Cuts, Flags]:
 
 
 def outline_cost(cuts: Cuts, enclosed: Flags) -> Floats:
-    """Cost of outlines that are not rectangles."""
+    """Returns the cost of outlines that are not rectangles."""
     sides = cuts.high - cuts.low
     whole = cuts.high.max(axis=1)
     empty = 1 - sides.prod(axis=0).sum(axis=0) / whole.prod(axis=0)
@@ -175,7 +175,7 @@ def _shared(cuts: Cuts) -> Floats:
 
 
 def has_small_steps(cuts: Cuts) -> Flags:
-    """Mask of the plans whose outline has a step between two rooms that is smaller than a setback may be."""
+    """Returns a mask of the plans whose outline has a step too small for a setback."""
     low, high = cuts
     one, other = (slice(None), slice(None), None), (slice(None), None, slice(None))
     found = np.zeros(low.shape[2], bool)
@@ -198,7 +198,7 @@ def _empty(cuts: Cuts, x: Floats, y: Floats) -> Flags:
 
 @lru_cache(maxsize=64)
 def setback_shortlist(brief: Brief) -> Shortlist:
-    """The best plans of at least two rectangular rooms; empty when there is none."""
+    """Finds the best floor plans with rectangular rooms and a set-back outline; may be empty."""
     evaluator = BatchEvaluator(brief)
     every = _beginnings(len(evaluator.areas))
     best = np.argsort(np.round(every.rough_cost(evaluator), 6), kind="stable")[:_JUDGED]
@@ -271,7 +271,7 @@ Choice = tuple[Shortlist, int]
 
 
 def find_partition(brief: Brief, dice: Random) -> Partition:
-    """Finds a partition that is valid and near the preferences, another one for other dice.
+    """Finds a valid floor plan near the template's preferences, depending on the random generator.
 
     Args:
         brief: the preferences.
@@ -293,7 +293,7 @@ def find_partition(brief: Brief, dice: Random) -> Partition:
 
 
 def shortlists(brief: Brief) -> list[Shortlist]:
-    """The plans to choose from: those that fill a rectangle and, unless one of them grants all, those set back."""
+    """Returns the candidate floor plans to choose from: rectangular ones, and if needed set-back ones."""
     full = shortlist(brief)
     if full.cost.size and not full.misses[:, 0].any():
         return [full]

@@ -32,23 +32,23 @@ _BENT_FOOTPRINT = 0.03
 
 
 class Plans(Protocol):
-    """Plans with the numbers that make them; one column per plan."""
+    """Interface of a set of candidate floor plans, as arrays."""
 
     def take(self, columns: NDArray[np.intp]) -> Self:
-        """Some of the plans, in the order given."""
+        """Returns the selected candidates, in the order given."""
         ...
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """All of them cut exactly, and what they are like."""
+        """Cuts all candidates exactly, and evaluates them."""
         ...
 
     def varied(self, dice: Random) -> Self:
-        """Each but the last with its sides a little longer and shorter."""
+        """Returns the candidates with randomly changed numbers; the last one stays."""
         ...
 
 
 class Variants(NamedTuple):
-    """Trees with the numbers that cut them; one column per plan."""
+    """Candidate floor plans that fill a rectangle: slicing trees with room areas and ratios."""
 
     trees: Trees
     areas: Floats
@@ -59,29 +59,29 @@ class Variants(NamedTuple):
     """Logarithm of each room's area between the centre lines of its walls over that of its floor."""
 
     def take(self, columns: NDArray[np.intp]) -> "Variants":
-        """Some of the plans, in the order given."""
+        """Returns the selected candidates, in the order given."""
         trees = self.trees.take(columns)
         return Variants(trees, self.areas[:, columns], self.footprint[columns], self.walls[:, columns])
 
     def cut(self, evaluator: BatchEvaluator, *, exact: bool = False) -> Cuts:
-        """Cuts all of them."""
+        """Computes the room rectangles of all candidates."""
         areas = evaluator.areas * np.exp(self.areas + self.walls)
         return cut(self.trees, areas, np.exp(self.footprint), exact=exact)
 
     def judged(self, evaluator: BatchEvaluator) -> tuple[Cuts, Nature]:
-        """All of them cut exactly, and what they are like."""
+        """Cuts all candidates exactly, and evaluates them."""
         cuts = self.cut(evaluator, exact=True)
         return cuts, evaluator.evaluate(cuts)
 
     def varied(self, dice: Random) -> "Variants":
-        """Each but the last with its sides a little longer and shorter."""
+        """Returns the candidates with randomly changed numbers; the last one stays."""
         rooms = len(self.areas)
         shifts = gaussian(dice, rooms + 1, len(self.footprint))
         areas = np.clip(self.areas + _BENT_AREA * shifts[:rooms], -AREA_MARGIN, AREA_MARGIN)
         return self._replace(areas=areas, footprint=self.footprint + _BENT_FOOTPRINT * shifts[rooms])
 
     def settled(self, evaluator: BatchEvaluator) -> "Variants":
-        """The same with what walls take measured: how much that is depends on the shapes, and they on it."""
+        """Returns the candidates with the space that walls take corrected for their shapes."""
         walls = self.walls
         for _ in range(SETTLINGS):
             sides = evaluator.floors(self._replace(walls=walls).cut(evaluator))
@@ -90,7 +90,7 @@ class Variants(NamedTuple):
 
 
 class Shortlist(NamedTuple):
-    """Plans for a brief, best first, none without a way to every room or with a room that is too narrow."""
+    """The best valid candidate floor plans, best first."""
 
     evaluator: BatchEvaluator
     plans: Plans
@@ -103,14 +103,14 @@ class Shortlist(NamedTuple):
 
 
 def gaussian(dice: Random, numbers: int, plans: int) -> Floats:
-    """Shifts of normal distribution for each number of each plan but the last, which keeps its own."""
+    """Returns normally distributed random changes for each plan; none for the last one."""
     drawn = [[dice.gauss(0, 1) for _ in range(numbers)] for _ in range(plans - 1)]
     return np.array([*drawn, [0.0] * numbers]).T
 
 
 @lru_cache(maxsize=64)
 def shortlist(brief: Brief) -> Shortlist:
-    """The best plans of at least two rectangular rooms; empty when there is none."""
+    """Finds the best floor plans with rectangular rooms in a rectangle; may be empty."""
     evaluator = BatchEvaluator(brief)
     trees = all_trees(len(brief.types))
     refined = _refined(evaluator, _beginnings(evaluator, trees, few=len(brief.types) <= _FEW_ROOMS))
@@ -118,7 +118,7 @@ def shortlist(brief: Brief) -> Shortlist:
 
 
 def best_first(evaluator: BatchEvaluator, plans: Plans, tried: int) -> Shortlist:
-    """The valid ones of some plans, the cheapest first."""
+    """Returns the valid ones of some candidate plans, cheapest first."""
     _, nature = plans.judged(evaluator)
     order = np.argsort(nature.cost, kind="stable")
     order = order[nature.valid[order]]

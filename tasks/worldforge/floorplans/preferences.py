@@ -37,7 +37,7 @@ each touch all but one."""
 
 
 def forbidden_together(requests: Collection[Pair], pair: Pair) -> list[Pair]:
-    """The smallest set of requested ways, one of them `pair`, that no plan of rectangular rooms has; empty if none is.
+    """Returns the smallest set of requested connections that no plan of rectangular rooms can have together.
 
     Args:
         requests: pairs of rooms, lower number first.
@@ -59,7 +59,7 @@ def _ordered(one: int, other: int) -> Pair:
 
 
 def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
-    """Says at whose expense a preference could have been granted: at that of as few others as possible.
+    """Explains which other preferences would have to be given up to satisfy a missed one.
 
     Args:
         brief: the preferences, of two rooms or more.
@@ -85,12 +85,12 @@ def competing_preferences(brief: Brief, plan: Partition, missed: int) -> str:
 
 
 def ratio_of(room: int) -> int:
-    """The number of a room's ratio among the preferences."""
+    """Returns the index of a room's aspect ratio among the preferences."""
     return 1 + room
 
 
 def way_of(brief: Brief, pair: Pair) -> int:
-    """The number of a requested way among the preferences."""
+    """Returns the index of a requested connection among the preferences."""
     return 1 + 2 * len(brief.ratios) + [each for each, _, _ in brief.requests].index(pair)
 
 
@@ -121,7 +121,7 @@ def _names(brief: Brief) -> list[str]:
 def preference_report(
     preferences: TemplateFloorplan, brief: Brief, plan: Partition, ways: list[Way]
 ) -> list[Preference]:
-    """One `Preference` for the footprint, the ceiling, every area, every aspect ratio and every connection."""
+    """Reports for every floor plan preference of the template whether the world satisfies it."""
     report = [_footprint(preferences, brief, plan), _ceiling(preferences)]
     for number in range(len(preferences.Rooms)):
         report += [_area(preferences, plan, number), _ratio(preferences, brief, plan, number)]

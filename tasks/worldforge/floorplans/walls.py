@@ -21,7 +21,7 @@ _SECOND_SIDE_SHARE = 0.5
 
 
 class Piece(NamedTuple):
-    """A straight box of wall, in units, along its centre line from `start` to `end`."""
+    """A straight wall segment in grid units, along its centre line from `start` to `end`."""
 
     horizontal: bool
     at: int
@@ -33,7 +33,7 @@ class Piece(NamedTuple):
 
 
 class Pane(NamedTuple):
-    """A window, in units, along the wall's centre line."""
+    """A window in grid units, along the wall's centre line."""
 
     horizontal: bool
     at: int
@@ -46,7 +46,7 @@ Node = tuple[int, int]
 
 
 class Run(NamedTuple):
-    """A straight stretch of wall between two junctions, in units, along its centre line."""
+    """A straight stretch of wall between two junctions, in grid units, along its centre line."""
 
     horizontal: bool
     at: int
@@ -56,12 +56,12 @@ class Run(NamedTuple):
     thickness: int
 
     def node(self, at: int) -> Node:
-        """The junction at one of its ends."""
+        """Returns the junction at one end of the stretch."""
         return (at, self.at) if self.horizontal else (self.at, at)
 
 
 class Walls:
-    """The walls of some rooms.
+    """Computes the walls of a floor plan from its rooms.
 
     Args:
         rooms: corners of the rooms.
@@ -87,11 +87,11 @@ class Walls:
                 self._arms.setdefault(run.node(at), {})[run.horizontal, ahead] = run.thickness
 
     def pieces(self, ways: Sequence[Way]) -> list[Piece]:
-        """All walls, cut at ways, lintels over doorways included."""
+        """Returns all wall segments, cut at doorways and openings, with lintels over doorways."""
         return [piece for run in self._runs for piece in self._cut(run, ways)]
 
     def clear_span(self, contact: Contact) -> tuple[int, int]:
-        """The part of a shared wall between the faces of the walls at its ends."""
+        """Returns the free part of a shared wall between the walls at its ends."""
         ends = []
         for at, inward in ((contact.start, 1), (contact.end, -1)):
             node = (at, contact.at) if contact.horizontal else (contact.at, at)
@@ -140,17 +140,17 @@ def _step(side: Side) -> tuple[Node, Node]:
 
 
 def build_walls(plan: Partition, ways: Sequence[Way]) -> list[Piece]:
-    """All walls of a plan; where the outline is set back from its rectangle, outer walls are as thin as inner ones."""
+    """Returns all wall segments of a floor plan."""
     return Walls(plan.rooms, lambda side: not in_rectangle(plan, side)).pieces(ways)
 
 
 def place_windows(plan: Partition, brief: Brief, dice: Random) -> list[Pane]:
-    """Windows on outer walls of habitable rooms: always on the longest one, sometimes on others."""
+    """Places windows in outer walls of habitable rooms."""
     return windows_along(border(plan.rooms), brief.types, dice)
 
 
 def windows_along(sides: Iterable[Side], types: Sequence[RoomType], dice: Random) -> list[Pane]:
-    """The same for any outer walls.
+    """Places windows in given outer walls.
 
     Args:
         sides: what faces the outside.

@@ -78,14 +78,14 @@ DENSITIES: tuple[Density, ...] = ("Sparse", "Moderate", "Dense")
 
 
 def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> float:
-    """Share of the floor up to which pieces are added; nothing is added to a sparse room."""
+    """Returns the share of the floor that furniture of a room should cover."""
     moderate, dense, full_m2 = _SHARES[room_type]
     share = {"Sparse": 0.0, "Moderate": moderate, "Dense": dense}[density]
     return share * min(1.0, (full_m2 / floor_m2) ** (1 / 3))
 
 
 def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) -> tuple[str, ...]:
-    """Kinds of furniture for a room of this type and size when the template leaves them open."""
+    """Returns the usual furniture types for a room type and size."""
     essential = _ESSENTIAL[room_type]
     if density == "Sparse":
         return essential
@@ -97,18 +97,18 @@ def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) ->
 
 
 def first_count(model_type: str, density: Density) -> int:
-    """How many pieces of one kind a room gets before anything is repeated."""
+    """Returns how many pieces of one furniture type a room gets at first."""
     return RULES[model_type].counts[DENSITIES.index(density)]
 
 
 def front_of(model_type: str, room_type: RoomType) -> float:
-    """Free space before a piece in a room of this type, in metres."""
+    """Returns the free space that a piece of furniture needs in front of it, in metres."""
     front = RULES[model_type].front_m
     return max(front, HALLWAY_WAY_M) if room_type == "Hallway" else front
 
 
 def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[str]:
-    """Forms of a kind that suit a room: a kitchen's storage is a counter, a bathroom's is shelves.
+    """Returns the forms of a furniture type that suit a room; all forms if none does.
 
     Returns all forms where the catalogue has none that suits.
     """

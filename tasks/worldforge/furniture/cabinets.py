@@ -44,12 +44,12 @@ def _chest(style: Style, columns: int, rows: int) -> list[Part]:
 
 
 def dresser(style: Style) -> list[Part]:
-    """A chest of drawers."""
+    """Builds a chest of drawers from simple shapes."""
     return _chest(style, 2 if style.width_m > 1.1 else 1, 3)
 
 
 def sideboard(style: Style) -> list[Part]:
-    """A low cupboard for plates, with a plant on it."""
+    """Builds a sideboard with a plant on it from simple shapes."""
     top = style.height_m
     side = 0.32 * style.width_m
     return [
@@ -62,7 +62,7 @@ def sideboard(style: Style) -> list[Part]:
 
 
 def bar_cabinet(style: Style) -> list[Part]:
-    """A cupboard with bottles on it."""
+    """Builds a bar cabinet with bottles on it from simple shapes."""
     top = style.height_m
     parts = _chest(style, 2, 1)
     for index, color in enumerate((rgb("3f6b4f"), rgb("8c4a2f"), rgb("c9a24a"))):
@@ -76,7 +76,7 @@ def bar_cabinet(style: Style) -> list[Part]:
 
 
 def media_storage(style: Style) -> list[Part]:
-    """A low unit with a television on it."""
+    """Builds a TV bench with a television from simple shapes."""
     x = style.half_depth_m
     unit, screen = 0.5, min(1.3, style.width_m - 0.3) / 2
     low = Style(style.form, style.width_m, style.depth_m, unit, style.colors, style.main, style.accent, style.soft)
@@ -101,7 +101,7 @@ def _things(style: Style, top: float) -> list[Part]:
 
 
 def bookcase(style: Style) -> list[Part]:
-    """Shelves with books of many sizes, and a vase between them."""
+    """Builds a bookcase with books and a vase from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     shelves = 2 if top < 1.2 else 4
     step = (top - 0.06) / shelves
@@ -135,7 +135,7 @@ def bookcase(style: Style) -> list[Part]:
 
 
 def corner_cabinet(style: Style) -> list[Part]:
-    """A cupboard for a corner: walls at its back and at its right, doors on the other two sides."""
+    """Builds a corner cabinet from simple shapes: walls at its back and right, doors on the other sides."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     is_tall = style.form == "tall"
     low = 0.8 if is_tall else top - 0.04
@@ -163,7 +163,7 @@ def corner_cabinet(style: Style) -> list[Part]:
 
 
 def storage(style: Style) -> list[Part]:
-    """A wardrobe, open shelves, or a kitchen counter with a sink."""
+    """Builds a wardrobe, open shelves, or a kitchen counter with a sink, depending on the style."""
     if style.form == "shelves":
         return _open_shelves(style)
     if style.form.startswith("counter"):
@@ -208,7 +208,7 @@ def _counter(style: Style) -> list[Part]:
 
 
 def floor_lamp(style: Style) -> list[Part]:
-    """Foot, pole and a shade or a globe."""
+    """Builds a floor lamp (foot, pole, shade or globe) from simple shapes."""
     top = style.height_m
     if style.form == "globe":
         return [

@@ -19,7 +19,7 @@ Spot = Literal["wall", "corner", "open"]
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """How one kind of furniture is placed.
+    """Placement rule of a furniture type: where it may be, and how much free space people need around it.
 
     Clearances are what people need, from the usual handbooks of ergonomics and kitchen design, metres:
     0.6 to stand and turn before a piece, 0.75 to pull out a drawer or open a wardrobe and stand before it,
@@ -72,7 +72,7 @@ LOOSE_TYPES = ("Ball", "Book", "Carton", "Clothes", "Cup", "Plate", "Shoe", "Toy
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """One kind of furniture."""
+    """A furniture type of the catalogue: its styles, builder and placement rule."""
 
     build: Builder
     """Makes the parts of one of its styles."""
@@ -335,7 +335,7 @@ RULES: dict[str, Rule] = {name: kind.rule for name, kind in CATALOGUE.items() if
 
 
 def styles_of(model_type: str) -> tuple[Style, ...]:
-    """All styles of one kind.
+    """Returns all styles (form, size, colours) of a furniture type.
 
     Raises:
         KeyError: for a kind that is not in the catalogue.
@@ -349,7 +349,7 @@ _IMPORTED_COLOR = (0.62, 0.6, 0.57, 1.0)
 
 
 def parts_of(item: Furniture) -> tuple[Part, ...]:
-    """The parts of one piece, in its own frame, standing on its `base_m`.
+    """Returns the parts of a piece of furniture, in its own frame.
 
     Raises:
         ValueError: when kind or style are not in the catalogue, which means that the piece was written

@@ -24,7 +24,7 @@ _WATER = rgb("a9d3e0")
 
 
 def bath(style: Style) -> list[Part]:
-    """A tub with water in it; the taps are on the left."""
+    """Builds a bathtub with water and taps from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     rim = 0.07
     return [
@@ -40,7 +40,7 @@ def bath(style: Style) -> list[Part]:
 
 
 def shower(style: Style) -> list[Part]:
-    """A tray with two glass walls, open at the front; a walk-in shower has one of them only."""
+    """Builds a shower (tray and glass walls) from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     panes = ["right"] if style.form == "walk-in" else ["left", "right"]
     glass: list[Part] = []
@@ -79,7 +79,7 @@ def shower(style: Style) -> list[Part]:
 
 
 def toilet(style: Style) -> list[Part]:
-    """Tank at the back, bowl and lid in front; or hung from a box in the wall."""
+    """Builds a toilet from simple shapes, standing or wall-hung."""
     x, y = style.half_depth_m, style.half_width_m
     middle = 0.1 * style.depth_m
     bowl = [
@@ -106,7 +106,7 @@ def toilet(style: Style) -> list[Part]:
 
 
 def vanity(style: Style) -> list[Part]:
-    """A washstand with one or two basins and a mirror."""
+    """Builds a washstand with one or two basins and a mirror from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, 0.86
     parts = [
         slab("plinth", style, (0, 0.08), BLACK, inset=0.05),
@@ -132,7 +132,7 @@ def vanity(style: Style) -> list[Part]:
 
 
 def fridge(style: Style) -> list[Part]:
-    """Freezer below, fridge above; or two tall doors side by side."""
+    """Builds a refrigerator from simple shapes, with freezer below or two doors."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     if style.form == "side-by-side":
         doors = ((-y + 0.004, -0.005), (0.005, y - 0.004))
@@ -161,7 +161,7 @@ def fridge(style: Style) -> list[Part]:
 
 
 def oven(style: Style) -> list[Part]:
-    """A cooker: oven door, knobs, four plates; a wide one has gas burners and a splashback."""
+    """Builds a kitchen stove from simple shapes: oven door, knobs, hobs."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     is_range = style.form == "range"
     knobs = [
@@ -205,7 +205,7 @@ def oven(style: Style) -> list[Part]:
 
 
 def dishwasher(style: Style) -> list[Part]:
-    """One door under a worktop."""
+    """Builds a dishwasher from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     return [
         *carcass(style, (0.08, top - 0.04), top, style.main),
@@ -218,7 +218,7 @@ def dishwasher(style: Style) -> list[Part]:
 
 
 def washing_machine(style: Style) -> list[Part]:
-    """A front loader, or a washer with a dryer on top."""
+    """Builds a washing machine from simple shapes, in one style with a dryer on top."""
     x, y = style.half_depth_m, style.half_width_m
     machines = 2 if style.form == "stacked" else 1
     height = style.height_m / machines

@@ -25,7 +25,7 @@ _GIVES_M = 0.02
 
 
 def bed(style: Style) -> list[Part]:
-    """A bed; the headboard is at the back: a board, padded, or of rails; the frame stands on feet."""
+    """Builds a bed from simple shapes; the headboard is at the back."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     pillows = 2 if style.width_m > 1.3 else 1
     pillow_width = (style.width_m - 0.16) / pillows - 0.06
@@ -58,7 +58,7 @@ def bed(style: Style) -> list[Part]:
 
 
 def seat(style: Style) -> list[Part]:
-    """A sofa or an armchair with one cushion per place: on a plinth, or slim on wooden legs."""
+    """Builds a sofa or armchair with one cushion for each seat from simple shapes."""
     x, y = style.half_depth_m, style.half_width_m
     slim = style.form.startswith("scandi")
     arm, back, low = (0.08, 0.16, 0.17) if slim else (0.16, 0.2, 0.08)
@@ -96,7 +96,7 @@ def seat(style: Style) -> list[Part]:
 
 
 def tub_chair(style: Style) -> list[Part]:
-    """A round armchair whose back and arms are one bow, on four short legs."""
+    """Builds a round armchair from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     light = _lighter(style.soft)
     legs_at = [(0.6 * x, 0.6 * y), (0.6 * x, -0.6 * y), (-0.6 * x, 0.6 * y), (-0.6 * x, -0.6 * y)]
@@ -115,12 +115,12 @@ def tub_chair(style: Style) -> list[Part]:
 
 
 def armchair(style: Style) -> list[Part]:
-    """An armchair: square, slim or round."""
+    """Builds an armchair from simple shapes: square, slim or round."""
     return tub_chair(style) if style.form == "tub" else seat(style)
 
 
 def ottoman(style: Style) -> list[Part]:
-    """A footstool: feet, upholstered body, cushion; round or square."""
+    """Builds a footstool from simple shapes, round or square."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     if style.form == "round":
         return [
@@ -138,7 +138,7 @@ def ottoman(style: Style) -> list[Part]:
 
 
 def dining_chair(style: Style) -> list[Part]:
-    """A chair with four legs: with a board or with rungs for a back, or moulded in one piece."""
+    """Builds a dining chair from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     if style.form == "shell":
         return [
@@ -171,7 +171,7 @@ def dining_chair(style: Style) -> list[Part]:
 
 
 def desk_chair(style: Style) -> list[Part]:
-    """A swivel chair on a cross with castors; the larger form has arms and a headrest."""
+    """Builds a swivel chair with castors from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     reach = min(x, y) - 0.01
     castors = [(reach - 0.03, 0.0), (-reach + 0.03, 0.0), (0.0, reach - 0.03), (0.0, -reach + 0.03)]
@@ -194,7 +194,7 @@ def desk_chair(style: Style) -> list[Part]:
 
 
 def storage_bench(style: Style) -> list[Part]:
-    """A bench with drawers below the cushion."""
+    """Builds a bench with drawers below the cushion from simple shapes."""
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     body = box("body", (-x, x - 0.022), (-y, y), (0.0, top - 0.08), style.main)
@@ -213,32 +213,32 @@ _TEA = rgb("6b4327")
 
 
 def book(style: Style) -> list[Part]:
-    """A closed book; the pages show at three sides."""
+    """Builds a closed book from simple shapes."""
     x, y = style.half_depth_m, style.half_width_m
     pages = box("pages", (-x + 0.01, x + 0.002), (-y - 0.002, y + 0.002), (0.006, style.height_m - 0.006), style.accent)
     return [slab("cover", style, (0, style.height_m), style.soft, solid=True), pages]
 
 
 def ball(style: Style) -> list[Part]:
-    """A ball."""
+    """Builds a ball."""
     diameter = style.width_m
     return [rounded("ball", (0, 0, diameter / 2), (diameter, diameter, diameter), style.soft, solid=True)]
 
 
 def toy_block(style: Style) -> list[Part]:
-    """A wooden cube."""
+    """Builds a wooden toy cube."""
     return [slab("block", style, (0, style.height_m), style.soft, solid=True)]
 
 
 def carton(style: Style) -> list[Part]:
-    """A closed cardboard box with a strip of tape."""
+    """Builds a closed cardboard box with tape."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     tape = box("tape", (-x - 0.002, x + 0.002), (-0.03, 0.03), (top - 0.08, top + 0.002), style.accent)
     return [box("carton", (-x, x), (-y, y), (0, top), style.main, solid=True), tape]
 
 
 def cup(style: Style) -> list[Part]:
-    """A cup with something in it, and a handle."""
+    """Builds a filled cup with a handle from simple shapes."""
     top, width = style.height_m, style.width_m
     return [
         upright("cup", (0, 0), width, (BEARING_M, top), style.soft, solid=True),
@@ -248,7 +248,7 @@ def cup(style: Style) -> list[Part]:
 
 
 def plate(style: Style) -> list[Part]:
-    """A dinner plate."""
+    """Builds a dinner plate from simple shapes."""
     return [
         upright("plate", (0, 0), style.width_m, (BEARING_M, style.height_m), CERAMIC, solid=True),
         *bearings("foot", (0, 0), style.width_m, (0, style.height_m / 2), CERAMIC, 45.0),
@@ -257,7 +257,7 @@ def plate(style: Style) -> list[Part]:
 
 
 def shoe(style: Style) -> list[Part]:
-    """One shoe; its tip points to the front."""
+    """Builds one shoe from simple shapes; its tip points to the front."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     return [
         slab("sole", style, (0, 0.5 * top), style.soft, solid=True),
@@ -266,7 +266,7 @@ def shoe(style: Style) -> list[Part]:
 
 
 def clothes(style: Style) -> list[Part]:
-    """A pullover that was dropped: two folds."""
+    """Builds a dropped pullover from simple shapes."""
     x, y, top = style.half_depth_m, style.half_width_m, style.height_m
     return [
         slab("lower", style, (0, 0.6 * top), style.soft, solid=True),

@@ -13,7 +13,7 @@ _EXACT_TURNS = {0: (1.0, 0.0), 1: (0.0, 1.0), 2: (-1.0, 0.0), 3: (0.0, -1.0)}
 
 
 class Solid(NamedTuple):
-    """One primitive in the world."""
+    """A geometric primitive (box, cylinder, ellipsoid) in the world."""
 
     name: str
     """Furniture id, a dot, the part's name."""
@@ -31,7 +31,7 @@ class Solid(NamedTuple):
 
 
 def turn(yaw: float) -> tuple[float, float]:
-    """Cosine and sine, exact for quarter turns."""
+    """Returns cosine and sine of an angle, exact for quarter turns."""
     quarters = yaw / (pi / 2)
     if abs(quarters - round(quarters)) < 1e-9:
         return _EXACT_TURNS[round(quarters) % 4]
@@ -39,7 +39,7 @@ def turn(yaw: float) -> tuple[float, float]:
 
 
 def solids_of(item: Furniture) -> Iterator[Solid]:
-    """A piece's parts in the world; quarter turns become swapped extents, so that nothing is rotated."""
+    """Yields the parts of a piece of furniture as primitives in the world."""
     c, s = turn(item.yaw)
     square = 0.0 in (c, s)
     for part in parts_of(item):
@@ -62,7 +62,7 @@ _MARGIN_M = 0.008
 
 
 def height_at(parts: Sequence[Part], spot: Box) -> float | None:
-    """Height of the level that carries everything over a spot.
+    """Returns the height of the surface that could carry an object at a position of the piece.
 
     Args:
         parts: of the piece, in its own frame.

@@ -29,7 +29,7 @@ _BEARING_DEG = (20.0, 45.0, 70.0)
 
 
 def coffee_table(style: Style) -> list[Part]:
-    """A low table: round on a pedestal, square with a shelf, or a chest with drawers."""
+    """Builds a coffee table from simple shapes."""
     top = style.height_m
     if style.form == "round":
         return [*_pedestal(style, foot=0.6), *_tray(style, top)]
@@ -59,7 +59,7 @@ def _tray(style: Style, top: float) -> list[Part]:
 
 
 def dining_table(style: Style) -> list[Part]:
-    """A table to eat at, with a bowl on it."""
+    """Builds a dining table with a bowl on it from simple shapes."""
     top = style.height_m
     parts = _pedestal(style, foot=0.5) if style.form == "round" else _four_legged(style, 0.07)
     if style.form == "six":
@@ -81,7 +81,7 @@ def _apron(style: Style) -> tuple[tuple[float, float], tuple[float, float]]:
 
 
 def side_table(style: Style) -> list[Part]:
-    """An end table with something on it."""
+    """Builds a side table with something on it from simple shapes."""
     top = style.height_m
     if style.form == "round":
         return [*_pedestal(style, foot=0.7), upright("cup", (0.08, 0.06), 0.08, (top, top + 0.1), style.soft)]
@@ -94,7 +94,7 @@ def side_table(style: Style) -> list[Part]:
 
 
 def console_table(style: Style) -> list[Part]:
-    """A narrow table for a hall, plain or with two drawers."""
+    """Builds a narrow hall table from simple shapes, plain or with two drawers."""
     top = style.height_m
     x = style.half_depth_m
     drawers: list[Part] = []
@@ -116,7 +116,7 @@ def console_table(style: Style) -> list[Part]:
 
 
 def nightstand(style: Style) -> list[Part]:
-    """Two drawers, or one over an open shelf on legs, and a lamp."""
+    """Builds a nightstand with a lamp from simple shapes."""
     top = style.height_m
     lamp = [
         upright("lamp-foot", (-0.04, 0), 0.11, (top, top + 0.02), style.main),
@@ -146,7 +146,7 @@ def nightstand(style: Style) -> list[Part]:
 
 
 def desk(style: Style) -> list[Part]:
-    """A desk with drawers on one side and a screen at the back, or a plain one on legs with a laptop."""
+    """Builds a desk with a screen or laptop from simple shapes."""
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     lamp = [
@@ -184,7 +184,7 @@ def desk(style: Style) -> list[Part]:
 
 
 def serving_cart(style: Style) -> list[Part]:
-    """Two trays on four posts, with bottles."""
+    """Builds a serving cart with bottles from simple shapes."""
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     posts = [
@@ -211,7 +211,7 @@ def serving_cart(style: Style) -> list[Part]:
 
 
 def kitchen_island(style: Style) -> list[Part]:
-    """A block with a worktop, drawers on the front, or a cart on legs with a shelf."""
+    """Builds a kitchen island from simple shapes."""
     top = style.height_m
     board = box("board", (-0.15, 0.12), (-0.3, 0.1), (top, top + 0.03), rgb("b98a54"))
     if style.form == "cart":

@@ -19,7 +19,7 @@ _HALF_PI = 1.5707963267948966
 
 
 class Pose(NamedTuple):
-    """Possible pose of a piece: its middle, in metres, its direction and a score."""
+    """Candidate pose of a piece of furniture: centre in metres, direction, and a score."""
 
     x: float
     y: float
@@ -29,7 +29,7 @@ class Pose(NamedTuple):
     """Higher is better."""
 
     def box(self, back: float, front: float, right: float, left: float) -> Box:
-        """The rectangle between two bounds along the facing direction and two across it."""
+        """Returns the rectangle between two distances forward and two sideways from the pose."""
         x, y, quarter, _ = self
         if quarter == 0:
             return x + back, y + right, x + front, y + left
@@ -40,7 +40,7 @@ class Pose(NamedTuple):
         return x + right, y - front, x + left, y - back
 
     def moved(self, forward: float, left: float, turn: int = 0, score: float = 0.0) -> "Pose":
-        """A pose given in this one's frame."""
+        """Returns a pose given relative to this one."""
         front, side = FRONTS[self.quarter], FRONTS[(self.quarter + 1) % 4]
         x = self.x + forward * front[0] + left * side[0]
         y = self.y + forward * front[1] + left * side[1]
@@ -48,23 +48,23 @@ class Pose(NamedTuple):
 
 
 def pose_of(item: Furniture) -> Pose:
-    """The pose of a piece that stands square to the walls."""
+    """Returns the pose of an axis-aligned piece of furniture."""
     return Pose(item.x, item.y, round(item.yaw / _HALF_PI) % 4)
 
 
 def box_of(item: Furniture) -> Box:
-    """Box that a piece square to the walls covers."""
+    """Returns the rectangle that an axis-aligned piece of furniture covers."""
     return footprint(pose_of(item), item.width_m, item.depth_m)
 
 
 def footprint(pose: Pose, width_m: float, depth_m: float) -> Box:
-    """Box that a piece at a pose would cover, with the pose rounded to whole millimetres."""
+    """Returns the rectangle that a piece of furniture would cover at a pose, rounded to millimetres."""
     pose = Pose(round(pose.x, 3), round(pose.y, 3), pose.quarter)
     return pose.box(-depth_m / 2, depth_m / 2, -width_m / 2, width_m / 2)
 
 
 def strip(start: Point, end: Point, depth_m: float) -> Box:
-    """The strip on both sides of a line along an axis."""
+    """Returns the rectangle on both sides of an axis-aligned line."""
     x0, y0, x1, y1 = bounds((start, end))
     if x1 - x0 > y1 - y0:
         return x0, y0 - depth_m, x1, y1 + depth_m
@@ -85,7 +85,7 @@ def hits(box: Box, others: Iterable[Box]) -> bool:
 
 
 def left_over(low: float, high: float, taken: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Parts of a stretch that are left after others are taken away."""
+    """Returns the parts of an interval that remain after removing other intervals."""
     spans: list[tuple[float, float]] = []
     at = low
     for start, end in sorted(taken):

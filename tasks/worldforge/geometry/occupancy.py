@@ -38,7 +38,7 @@ _GRACE_M = 5e-4
 
 @dataclass(frozen=True)
 class OccupancyGrid:
-    """Cells that are occupied, and cells that are known at all."""
+    """Grid map of a world: occupied cells, and cells that are known at all."""
 
     origin: Point
     """South-west corner of cell `[0, 0]`, in metres."""
@@ -54,11 +54,11 @@ class OccupancyGrid:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Cells that are known and not occupied."""
+        """Mask of the cells that are known and not occupied."""
         return self.known & ~self.occupied
 
     def cell(self, point: Point) -> tuple[int, int]:
-        """Row and column of the cell that holds a point, which may lie outside the grid."""
+        """Returns row and column of the cell at a point, which may be outside the grid."""
         x, y = (value - start for value, start in zip(point, self.origin, strict=True))
         return floor(y / self.resolution_m), floor(x / self.resolution_m)
 
@@ -69,7 +69,7 @@ def occupancy_grid(
     polygons: Iterable[Sequence[Point]] = (),
     high_m: float = ROBOT_HIGH_M,
 ) -> OccupancyGrid:
-    """Draws walls and obstacles into a grid.
+    """Computes the occupancy grid of a floor plan with furniture, for a robot of a height.
 
     A cell is occupied as soon as an obstacle enters it. Lintels and everything else that begins above the
     robot, or stays flat on the floor, leaves no trace.
@@ -106,7 +106,7 @@ def occupancy_grid(
 
 
 def wall_corners(wall: Wall) -> list[Point]:
-    """A wall's outline on the floor, counter-clockwise."""
+    """Returns the corners of a wall on the floor, counter-clockwise."""
     (x0, y0), (x1, y1) = wall.start, wall.end
     length = hypot(x1 - x0, y1 - y0)
     u, v = (x1 - x0) / length * wall.thickness_m / 2, (y1 - y0) / length * wall.thickness_m / 2
@@ -114,7 +114,7 @@ def wall_corners(wall: Wall) -> list[Point]:
 
 
 def furniture_corners(item: Furniture) -> list[Point]:
-    """A piece of furniture's outline on the floor, counter-clockwise, starting at its right rear corner."""
+    """Returns the corners of a piece of furniture on the floor, counter-clockwise from right rear."""
     c, s = cos(item.yaw), sin(item.yaw)
     half_depth, half_width = item.depth_m / 2, item.width_m / 2
     return [
@@ -172,7 +172,7 @@ def _is_upright(corners: Sequence[Point]) -> bool:
 
 
 def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:
-    """Free cells whose middle a disc can stand on without touching anything.
+    """Returns a mask of the cells where a disc-shaped robot can be without touching anything.
 
     Several times faster than the distances themselves: a cell is left out when one that is not free lies within the
     radius, row by row of the disc.
@@ -199,7 +199,7 @@ def fitting(grid: OccupancyGrid, radius_m: float) -> NDArray[np.bool_]:
 
 
 def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.bool_]:
-    """Cells whose middle a disc can reach from `start` without touching anything.
+    """Returns a mask of the cells that a disc-shaped robot can reach from `start`.
 
     Args:
         grid: the map; unknown cells count as occupied.
@@ -213,7 +213,7 @@ def reachable(grid: OccupancyGrid, start: Point, radius_m: float) -> NDArray[np.
 
 
 def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bool_]:
-    """The part of some cells that holds the cell `start`; nothing when that is none of them."""
+    """Returns the connected part of a mask that contains the cell `start`; empty if there is none."""
     row, column = start
     if not (0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and cells[row, column]):
         return np.zeros_like(cells)
@@ -223,7 +223,7 @@ def connected(cells: NDArray[np.bool_], start: tuple[int, int]) -> NDArray[np.bo
 
 
 def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
-    """Cells whose middle lies inside a room's polygon, walls included up to their centre lines."""
+    """Returns a mask of the cells inside a room's polygon."""
     xs, ys = zip(*room.polygon, strict=True)
     # Only what is around the room is looked at.
     (west, east), (south, north) = (
@@ -242,13 +242,13 @@ def room_cells(grid: OccupancyGrid, room: Room) -> NDArray[np.bool_]:
 
 
 def write_map(grid: OccupancyGrid, folder: Path, said: str | None = None) -> None:
-    """Writes the files of `map_files` into a folder."""
+    """Writes an occupancy grid as `map.pgm` and `map.yaml` to a folder."""
     for name, content in map_files(grid, said).items():
         (folder / name).write_bytes(content)
 
 
 def map_files(grid: OccupancyGrid, said: str | None = None) -> dict[str, bytes]:
-    """The files `map.pgm` and `map.yaml`, by their names, as Nav2's map server reads them (mode trinary).
+    """Converts an occupancy grid to `map.pgm` and `map.yaml`, as Nav2's map server reads them.
 
     Args:
         grid: the map.

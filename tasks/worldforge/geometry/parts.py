@@ -19,7 +19,7 @@ Axis = Literal["x", "y", "z"]
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One primitive."""
+    """A geometric primitive of a piece of furniture, in the piece's frame."""
 
     name: str
     """Unique in its piece of furniture."""
@@ -41,7 +41,7 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Style:
-    """One look of one kind of furniture: its form and size, and three colours."""
+    """A look of a furniture type: form, size, and three colours."""
 
     form: str
     """Form that the builder makes, such as `round` or `three-seat`."""
@@ -62,7 +62,7 @@ class Style:
 
     @property
     def name(self) -> str:
-        """Form and colours, unique among the styles of one kind."""
+        """Name of the style, unique among the styles of one furniture type."""
         return f"{self.form} {self.colors}"
 
     @property
@@ -77,7 +77,7 @@ class Style:
 
 
 def rgb(text: str, opacity: float = 1.0) -> Color:
-    """Turns `d2b48c` into a colour."""
+    """Converts a hexadecimal colour such as `d2b48c` to RGBA."""
     red, green, blue = (round(int(text[at : at + 2], 16) / 255, 3) for at in (0, 2, 4))
     return red, green, blue, opacity
 
@@ -111,29 +111,29 @@ _SCHEMES: dict[str, tuple[Color, Color, Color]] = {
 
 
 def styles(form: str, size: tuple[float, float, float], *schemes: str) -> tuple[Style, ...]:
-    """One style per colour scheme; `size` is width, depth, height in metres."""
+    """Makes one style for each colour scheme; `size` is width, depth, height in metres."""
     return tuple(Style(form, *size, scheme, *_SCHEMES[scheme]) for scheme in schemes)
 
 
 def box(name: str, x: Span, y: Span, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """A box between two bounds on each axis."""
+    """Makes a box between two bounds on each axis."""
     center = ((x[0] + x[1]) / 2, (y[0] + y[1]) / 2, (z[0] + z[1]) / 2)
     return Part(name, "box", center, (x[1] - x[0], y[1] - y[0], z[1] - z[0]), color, solid)
 
 
 def upright(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *, solid: bool = False) -> Part:
-    """A standing cylinder."""
+    """Makes an upright cylinder."""
     center = (at[0], at[1], (z[0] + z[1]) / 2)
     return Part(name, "cylinder", center, (diameter, diameter, z[1] - z[0]), color, solid)
 
 
 def hidden(name: str, x: Span, y: Span, z: Span, color: Color) -> Part:
-    """A box that collides and is not drawn, such as the inside of a cushion."""
+    """Makes an invisible box that collides, such as the core of a cushion."""
     return replace(box(name, x, y, z, color, solid=True), drawn=False)
 
 
 def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color: Color, *angles: float) -> list[Part]:
-    """Boxes inside a standing cylinder, which reach from one of its ends a little past the other.
+    """Makes boxes at the end of an upright cylinder so that it rests stably on flat surfaces in MuJoCo.
 
     What is flat and round touches a level in one point in MuJoCo before 3.8, and creeps or jumps; a box has four.
 
@@ -154,18 +154,18 @@ def bearings(name: str, at: tuple[float, float], diameter: float, z: Span, color
 
 
 def lying(name: str, center: Vector, diameter: float, length: float, axis: Axis, color: Color) -> Part:
-    """A lying cylinder, for the eye only: handles, round doors."""
+    """Makes a horizontal cylinder without collisions, for handles and round doors."""
     size = (length, diameter, diameter) if axis == "x" else (diameter, length, diameter)
     return Part(name, "cylinder", center, size, color, False, axis)
 
 
 def rounded(name: str, center: Vector, size: Vector, color: Color, *, solid: bool = False) -> Part:
-    """An ellipsoid."""
+    """Makes an ellipsoid."""
     return Part(name, "ellipsoid", center, size, color, solid)
 
 
 def legs(style: Style, z: Span, thickness: float, color: Color, *, inset: float = 0.03) -> list[Part]:
-    """Four solid square legs under the corners."""
+    """Makes four square legs under the corners."""
     x, y = style.half_depth_m - inset - thickness, style.half_width_m - inset - thickness
     spots = {"front-left": (x, y), "front-right": (x, -y - thickness)}
     spots |= {"back-left": (-x - thickness, y), "back-right": (-x - thickness, -y - thickness)}
@@ -182,7 +182,7 @@ _KNOB: Vector = (0.026, 0.034, 0.034)
 def fronts(
     style: Style, columns: int, rows: int, z: Span, color: Color, handle: Color, *, gap: float = 0.015
 ) -> list[Part]:
-    """Doors or drawers with handles, in columns and rows on the front; they fill the last 2 cm of the depth.
+    """Makes doors or drawers with handles, in columns and rows on the front.
 
     Drawers have a bar or, in painted furniture, a knob in the middle; doors have an upright bar on the
     side where they open.
@@ -214,7 +214,7 @@ def fronts(
 
 
 def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
-    """The body behind `fronts`, over a plinth and under a top.
+    """Makes the body of a cabinet, over a plinth and under a top.
 
     One box collides for all three, from the floor to the top: plinths are set back a few centimetres, and tops overhang
     by as much, which is too little to cost two boxes more.
@@ -224,6 +224,6 @@ def carcass(style: Style, z: Span, top_m: float, color: Color) -> list[Part]:
 
 
 def slab(name: str, style: Style, z: Span, color: Color, *, inset: float = 0.0, solid: bool = False) -> Part:
-    """A board over the whole footprint."""
+    """Makes a board over the whole footprint."""
     x, y = style.half_depth_m - inset, style.half_width_m - inset
     return box(name, (-x, x), (-y, y), z, color, solid=solid)

@@ -34,7 +34,7 @@ _BEST_SCREEN_M = 2.5
 def against_walls(
     space: RoomSpace, style: Style, front_m: float, prefer: str, dice: Random, *, tall: bool = False
 ) -> list[Pose]:
-    """Back to a wall, at the ends, the middle and the quarters of every free stretch.
+    """Returns candidate poses of a piece of furniture with its back to a wall.
 
     Args:
         space: the room.
@@ -72,7 +72,7 @@ def _wall_score(side: Side, along: float, width_m: float, share: float, prefer: 
 
 
 def in_corners(space: RoomSpace, style: Style, dice: Random) -> list[Pose]:
-    """Back and one side to two walls that meet."""
+    """Returns candidate poses of a piece of furniture in the room's corners."""
     poses: list[Pose] = []
     inward, sideways = WALL_GAP_M + style.depth_m / 2, WALL_GAP_M + style.width_m / 2
     for side in space.sides:
@@ -88,7 +88,7 @@ def in_corners(space: RoomSpace, style: Style, dice: Random) -> list[Pose]:
 
 
 def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Pose]:
-    """Away from walls, best in the middle of the room; along a kitchen's line, its front to it."""
+    """Returns candidate poses of a piece of furniture away from walls, best in the middle of the room."""
     x0, y0, x1, y1 = space.bounds
     middle_x, middle_y = (x0 + x1) / 2, (y0 + y1) / 2
     columns, rows = int((x1 - x0 - 0.8) / 2 / _STEP_M), int((y1 - y0 - 0.8) / 2 / _STEP_M)
@@ -106,14 +106,14 @@ def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Po
 
 
 def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:
-    """At the partner's left or right, backs in line, looking the same way."""
+    """Returns candidate poses beside another piece, with backs in line."""
     back = -(partner.depth_m - style.depth_m) / 2
     across = partner.width_m / 2 + _BESIDE_GAP_M + style.width_m / 2
     return [pose_of(partner).moved(back, side * across, 0, dice.random()) for side in (1, -1)]
 
 
 def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
-    """Poses in front of the partner, turned to it."""
+    """Returns candidate poses in front of another piece, turned towards it."""
     distance = partner.depth_m / 2 + gap_m + style.depth_m / 2
     return [
         pose_of(partner).moved(distance, shift, 2, 0.2 * dice.random() - abs(shift)) for shift in (0.0, 0.25, -0.25)
@@ -121,7 +121,7 @@ def before(partner: Furniture, style: Style, gap_m: float, dice: Random) -> list
 
 
 def gathered(table: Furniture, style: Style, gap_m: float, dice: Random) -> list[Pose]:
-    """At the ends of a coffee table, turned to it, so that people on sofa and chairs see each other."""
+    """Returns candidate poses of armchairs at the ends of a coffee table, turned towards it."""
     reach = table.width_m / 2 + gap_m + style.depth_m / 2
     # A table's front is turned to its sofa: a little away from it, chairs leave the way to the sofa open.
     return [
@@ -132,7 +132,7 @@ def gathered(table: Furniture, style: Style, gap_m: float, dice: Random) -> list
 
 
 def around(table: Furniture, style: Style) -> list[Pose]:
-    """Chairs at a table, pushed in between its legs: in pairs along its sides from the middle, then at its ends."""
+    """Returns candidate poses of chairs at a table, pushed in between its legs."""
     pose = pose_of(table)
     seats = max(1, int(table.width_m / (style.width_m + 0.12)))
     tuck, farthest = _between_legs(table, style, at_end=False)
@@ -149,7 +149,7 @@ def around(table: Furniture, style: Style) -> list[Pose]:
 
 
 def sits_at(chair: Furniture, table: Furniture) -> bool:
-    """Whether a chair stands at a table."""
+    """Whether a chair is at a table."""
     return hypot(chair.x - table.x, chair.y - table.y) < (table.width_m + chair.depth_m) / 2 + 0.1
 
 
@@ -172,20 +172,20 @@ def _between_legs(table: Furniture, style: Style, *, at_end: bool) -> tuple[floa
 
 
 def at_desk(desk: Furniture, style: Style) -> list[Pose]:
-    """A chair at a desk, pushed in a little, beside the drawers."""
+    """Returns candidate poses of a chair at a desk."""
     reach = desk.depth_m / 2 + style.depth_m / 2 - TUCK_M
     return [pose_of(desk).moved(reach, 0.12, 2)]
 
 
 def next_to(item: Furniture, style: Style) -> list[Pose]:
-    """Poses in line with a piece, edge to edge, backs in line."""
+    """Returns candidate poses directly next to a piece, with backs in line."""
     back = -(item.depth_m - style.depth_m) / 2
     across = item.width_m / 2 + style.width_m / 2 + FLUSH_M
     return [pose_of(item).moved(back, side * across, 0, 0.5) for side in (1, -1)]
 
 
 def facing(space: RoomSpace, screen: Pose, screen_depth_m: float, style: Style) -> Iterator[Pose]:
-    """Seats opposite a screen: back to the wall across from it if that is not too far, else in the open."""
+    """Yields candidate poses of seats opposite a television."""
     depth = style.depth_m
     steps: list[tuple[float, float]] = [(distance, -0.7) for distance in (_BEST_SCREEN_M, 2.1, 2.9)]
     for side in space.sides:
@@ -201,7 +201,7 @@ def facing(space: RoomSpace, screen: Pose, screen_depth_m: float, style: Style) 
 
 
 def facing_bonus(pose: Pose, partner: Furniture) -> float:
-    """Score that a pose gains by facing the partner from not too far, with neither turned away."""
+    """Returns the score bonus of a pose that faces a partner piece at a good distance."""
     x, y = partner.x - pose.x, partner.y - pose.y
     distance = max((x * x + y * y) ** 0.5, 1e-6)
     here, there = pose.moved(1.0, 0.0), pose_of(partner).moved(1.0, 0.0)

@@ -22,7 +22,7 @@ _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 def furnish(
     body: WorldTemplateBody, floorplan: Floorplan, rng: np.random.Generator
 ) -> tuple[list[Furniture], list[Preference], list[Room]]:
-    """Furnishes a floor plan; the same arguments and generator state give the same interior.
+    """Places furniture and loose objects in a floor plan; equal arguments and random state give the same result.
 
     Every piece leaves the ways through its room open for a robot and the 1 m cylinder at the origin free.
 

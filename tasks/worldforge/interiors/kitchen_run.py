@@ -23,7 +23,7 @@ _MOST_TRIES = 16
 
 
 class Unit(NamedTuple):
-    """One piece of the line."""
+    """One piece of a kitchen's row of cabinets and appliances."""
 
     kind: str
     style: Style
@@ -35,7 +35,7 @@ Placed = list[tuple[Unit, Pose]]
 
 
 def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
-    """Places the line: the longest that fits one wall, else around a corner, else on two walls.
+    """Places a kitchen's row of cabinets and appliances along walls.
 
     Args:
         work: the kitchen; nothing stands in it yet.
@@ -175,7 +175,7 @@ _HALF_SIGHT_M = 0.4
 
 
 def arrange_seating(work: RoomFurnishing) -> None:
-    """Places a screen and a sofa opposite it, with the line of sight kept free; nothing where no pair fits.
+    """Places a television and a sofa opposite each other; nothing if no pair fits.
 
     They are chosen together, because the wall that suits the screen best often has nothing opposite it.
     """
@@ -198,7 +198,7 @@ _GROUP_TRIES = 300
 
 
 def arrange_groups(work: RoomFurnishing) -> None:
-    """Places further groups of a sofa, a table and two armchairs in a room that is large enough, as many as fit."""
+    """Places further seating groups (sofa, table, two armchairs) in a large room."""
     for _ in range(min(_MOST_GROUPS, int(work.room.floor_m2 / _FLOOR_OF_GROUP_M2[work.density]))):
         if not _place_group(work):
             return

@@ -69,7 +69,7 @@ _APART_M = 0.02
 
 
 def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> list[Furniture]:
-    """Adds loose objects to a furnished room.
+    """Adds loose objects (cups, books, toys, ...) to a furnished room.
 
     Args:
         furnished: the room with its furniture; the objects' places are taken in its space.

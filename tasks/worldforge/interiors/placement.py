@@ -40,7 +40,7 @@ _GATE_M = 0.475
 
 
 class Side(NamedTuple):
-    """One side of a room that has a wall, seen from inside."""
+    """A side of a room with a wall, seen from inside."""
 
     low: float
     """Start of the wall along its axis, on the corners' centre lines, in metres."""
@@ -56,19 +56,19 @@ class Side(NamedTuple):
         return 1 - self.quarter % 2
 
     def pose(self, along: float, inward: float, score: float = 0.0) -> Pose:
-        """A pose with its back to the wall, its middle `inward` from the face."""
+        """Returns a pose with its back to the wall, its centre `inward` metres from the wall."""
         at = self.face + inward * sum(FRONTS[self.quarter])
         return Pose(along, at, self.quarter, score) if self.axis == 0 else Pose(at, along, self.quarter, score)
 
     def strip(self, near: float, far: float) -> Box:
-        """Box between two distances from the wall's face."""
+        """Returns the rectangle between two distances from the wall."""
         sign = sum(FRONTS[self.quarter])
         one, other = sorted((self.face + sign * near, self.face + sign * far))
         return (self.low, one, self.high, other) if self.axis == 0 else (one, self.low, other, self.high)
 
 
 class RoomSpace:
-    """One room while it is being furnished.
+    """Free space of a room while it is being furnished.
 
     Attributes:
         room: the room.
@@ -99,7 +99,7 @@ class RoomSpace:
                 break
 
     def admits(self, box: Box, *, tall: bool = False, partners: Sequence[str] = (), tucked: Box | None = None) -> bool:
-        """Whether a piece may cover a rectangle, its own clearances and the ways aside.
+        """Whether a piece of furniture may cover a rectangle, without looking at its own clearances and the ways.
 
         Args:
             box: what it would cover.
@@ -117,11 +117,11 @@ class RoomSpace:
         return not any(hits(box, zone) for owner, zone in self._zones.items() if owner not in partners)
 
     def is_clear(self, box: Box, tucked: Box | None = None) -> bool:
-        """Whether neither walls nor furniture, `tucked` aside, reach into a rectangle."""
+        """Whether a rectangle is free of walls and furniture."""
         return not hits(box, self._solids if tucked is None else [solid for solid in self._solids if solid != tucked])
 
     def spans(self, side: Side, depth_m: float, front_m: float, *, tall: bool = False) -> list[tuple[float, float]]:
-        """Free stretches of a wall for pieces of a depth that need some room before them."""
+        """Returns the free stretches of a wall for furniture of a depth, with free space in front."""
         axis = side.axis
         body = side.strip(0.0, depth_m + WALL_GAP_M)
         before = side.strip(depth_m + WALL_GAP_M, depth_m + WALL_GAP_M + front_m)
@@ -138,21 +138,21 @@ class RoomSpace:
         ]
 
     def stays_open(self, *boxes: Box) -> bool:
-        """Whether a robot still gets from every way into the room to every other with these pieces in place."""
+        """Whether a robot can still get from every door to every other with the given pieces in place."""
         return self._ways.stays_open(*boxes)
 
     def keep_clear(self, owner: str, box: Box) -> None:
-        """Keeps a further rectangle free of everything that does not belong to its owner."""
+        """Reserves a rectangle that only its owner's partners may use."""
         self._zones[owner].append(box)
 
     def add(self, owner: str, box: Box, zones: Sequence[Box]) -> None:
-        """Puts a piece where `admits` and `stays_open` have been asked."""
+        """Places a piece of furniture that `admits` and `stays_open` have accepted."""
         self._solids.append(box)
         self._zones[owner] = list(zones)
         self._ways.block(box)
 
     def goal(self) -> Point:
-        """The spot nearest to the room's middle that a robot can reach."""
+        """Returns the point nearest to the room's middle that a robot can reach."""
         return self._ways.nearest(self.room.goal)
 
 
@@ -214,7 +214,7 @@ def _complement(room: Room) -> list[Box]:
 
 
 def room_rects(room: Room) -> Rects:
-    """A room's floor as rectangles that do not overlap: rows of the grid its corners span."""
+    """Divides a room's floor into rectangles that do not overlap."""
     xs, ys = (sorted({corner[axis] for corner in room.polygon}) for axis in (0, 1))
     rows: list[Box] = []
     for y0, y1 in itertools.pairwise(ys):

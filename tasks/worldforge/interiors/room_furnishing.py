@@ -47,7 +47,7 @@ _YAWS = (0.0, pi / 2, pi, -pi / 2)
 
 
 class Group(NamedTuple):
-    """Poses that are tried together."""
+    """Candidate poses that are tried together when furniture is placed."""
 
     poses: list[Pose]
     partners: tuple[str, ...] = ()
@@ -73,7 +73,7 @@ def _in_order(kinds: Sequence[str]) -> list[str]:
 
 @dataclass
 class RoomFurnishing:
-    """A room on its way to being furnished.
+    """Furnishes one room: chooses pieces, styles and poses.
 
     Attributes:
         room: the room.
@@ -96,20 +96,20 @@ class RoomFurnishing:
 
     @classmethod
     def begin(cls, room: Room, floorplan: Floorplan, density: Density, dice: Random, new_id: NewId) -> "RoomFurnishing":
-        """An empty room, with a taste in colours."""
+        """Starts with an empty room, and chooses its colours."""
         schemes = list(_schemes())
         dice.shuffle(schemes)
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
         return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
 
     def begin_with(self, kinds: Sequence[str]) -> None:
-        """Places the first of some kinds that finds a place."""
+        """Places the first of some furniture types that fits."""
         for kind in kinds:
             if not self._place(kind):
                 return
 
     def furnish(self, kinds: Sequence[str]) -> None:
-        """Places each kind at least once where it fits, then repeats kinds up to the preferred density.
+        """Places each furniture type where it fits, then repeats types up to the wished density.
 
         What stands there already counts.
         """
@@ -117,7 +117,7 @@ class RoomFurnishing:
         self.fill(kinds)
 
     def place_each(self, kinds: Sequence[str]) -> None:
-        """Places as many of each kind as a room has at first."""
+        """Places of each furniture type as many pieces as a room has at first."""
         listed = _in_order(kinds)
         for kind in listed:
             self._place_first(kind)
@@ -126,7 +126,7 @@ class RoomFurnishing:
                 self._place_first(attendant)
 
     def placed(self, kind: str) -> list[Furniture]:
-        """The pieces of a kind that are there."""
+        """Returns the placed pieces of a furniture type."""
         return [item for item in self.items if item.model_type == kind]
 
     def _place_first(self, kind: str) -> None:
@@ -140,7 +140,7 @@ class RoomFurnishing:
                 return
 
     def fill(self, kinds: Sequence[str]) -> None:
-        """Repeats kinds up to the preferred density."""
+        """Adds furniture of the given types until the wished density of the room is reached."""
         most = MOST_PIECES[self.density] * max(1.0, (self.room.floor_m2 / 40.0) ** (2 / 3))
         left = [kind for kind in _in_order(kinds) if kind not in self.missed and kind not in _WAITING]
         while left and not self._full(self.wished_share) and len(self.items) < most:
@@ -165,7 +165,7 @@ class RoomFurnishing:
 
     @property
     def covered_share(self) -> float:
-        """Share of the floor under furniture."""
+        """Share of the floor that furniture covers now."""
         return sum(item.width_m * item.depth_m for item in self.items) / self.room.floor_m2
 
     def _full(self, share: float) -> bool:
@@ -186,7 +186,7 @@ class RoomFurnishing:
         return reason
 
     def styles(self, kind: str) -> list[Style]:
-        """Styles to try: those that suit the room's size first, in the room's colours."""
+        """Returns the styles to try, those that suit the room's size and colours first."""
         by_form: dict[str, Style] = {}
         for style in sorted(styles_of(kind), key=lambda style: self._taste[style.colors]):
             by_form.setdefault(style.form, style)
@@ -234,7 +234,7 @@ class RoomFurnishing:
         return reason
 
     def fits(self, kind: str, style: Style, pose: Pose, group: Group = _NO_GROUP) -> bool:
-        """Whether a piece may stand at a pose with all its clearances; ways aside."""
+        """Whether a piece fits at a pose with its clearances; ways are not checked."""
         box = footprint(pose, style.width_m, style.depth_m)
         tall = style.height_m > TALL_M or RULES[kind].hides_window
         space = self.space
@@ -276,7 +276,7 @@ class RoomFurnishing:
             yield [*zones, left, right]
 
     def stand(self, kind: str, style: Style, pose: Pose, *, zone: bool = True) -> Furniture:
-        """Writes the piece down, on whole millimetres.
+        """Places a piece of furniture at a pose that has been checked, rounded to millimetres.
 
         Args:
             kind: its type.

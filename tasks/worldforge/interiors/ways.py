@@ -21,7 +21,7 @@ _LARGEST_POCKETS = 0.06
 
 
 class Ways:
-    """The cells of a room that the middle of a robot may be in.
+    """Grid of the cells in a room where a robot's centre can be, to keep doors connected while furnishing.
 
     The cells are stored with a border of cells that nothing may be in, so that every block has cells all
     around it.
@@ -49,7 +49,7 @@ class Ways:
         self._most_lost = 0.0
 
     def join(self, gates: Sequence[Point]) -> None:
-        """Says between which points there have to be ways; to be called once, before any block."""
+        """Sets the points (doors) between which there have to be ways; called once, at first."""
         rows, columns = self._free.shape
         for x, y in gates:
             row, column = int((y - self._y0) / _CELL_M) + 1, int((x - self._x0) / _CELL_M) + 1
@@ -61,7 +61,7 @@ class Ways:
 
     @property
     def joined(self) -> bool:
-        """Whether there are ways between all points that `join` named."""
+        """Whether there are ways between all points of `join`."""
         return self._open is not None
 
     def _nearest_free(self, row: int, column: int) -> tuple[int, int]:
@@ -76,7 +76,7 @@ class Ways:
         return int(rows[best]) + south, int(columns[best]) + west
 
     def stays_open(self, *boxes: Box) -> bool:
-        """Whether more blocks leave every gate reachable from every other, and no large pocket cut off."""
+        """Whether all doors stay connected if more rectangles are blocked."""
         if self._open is None:
             return False
         blocks = [self._slices(box, self._half_m) for box in boxes]
@@ -95,7 +95,7 @@ class Ways:
         return component is not None and int(free.sum()) - int(component.sum()) <= self._most_lost
 
     def block(self, box: Box) -> None:
-        """Takes the cells that a robot cannot be in any more."""
+        """Blocks the cells that a robot cannot reach any more because of a rectangle."""
         rows, columns = self._slices(box, self._half_m)
         whole = self._rim_is_whole(rows, columns)
         self._free[rows, columns] = False
@@ -107,7 +107,7 @@ class Ways:
             self._open = self._component(self._free)
 
     def nearest(self, point: Point) -> Point:
-        """The middle of the open cell nearest to a point; the point itself where nothing is free.
+        """Returns the centre of the free cell nearest to a point.
 
         Where there are no ways between all gates, those from the most gates count.
         """

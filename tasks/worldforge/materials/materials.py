@@ -24,7 +24,7 @@ Pattern = Literal[
 
 @dataclass(frozen=True, slots=True)
 class Finish:
-    """One look of a material."""
+    """A finish (colour and pattern) of a floor or wall material."""
 
     name: str
     """Unique among the finishes of its material."""
@@ -40,7 +40,7 @@ class Finish:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """One material of a floor or a wall."""
+    """A floor or wall material with its finishes."""
 
     finishes: tuple[Finish, ...]
     """Its looks; the first one stands for it where a plan names none."""
@@ -176,7 +176,7 @@ assert set(WALLS) == set(WALL_MATERIALS)
 
 
 def finish_named(surface: Surface, material: str, name: str) -> Finish:
-    """A finish by the names that `world.json` has; an empty name is that of the first one.
+    """Returns a finish by surface, material and name; an empty name means the first one.
 
     Raises:
         ValueError: there is none of this name, which means that the world was written by another version
@@ -191,7 +191,7 @@ def finish_named(surface: Surface, material: str, name: str) -> Finish:
 
 
 def surface_name(surface: Surface, room: Room) -> str:
-    """Name of a room's floor or wall in the MJCF: `floor_Carpet_sand`."""
+    """Returns the name of a room's floor or wall material in the MJCF: `floor_Carpet_sand`."""
     material, finish = (
         (room.floor_material, room.floor_finish) if surface == "floor" else (room.wall_material, room.wall_finish)
     )
@@ -199,7 +199,7 @@ def surface_name(surface: Surface, room: Room) -> str:
 
 
 def surface_finish(name: str) -> Finish:
-    """The finish that a name from `surface_name`, or `wall_outside`, stands for.
+    """Returns the finish that a material name of the MJCF means.
 
     Raises:
         ValueError: there is no such finish.
@@ -218,7 +218,7 @@ _SAME_FINISH_SHARE = 0.7
 def choose_surfaces(
     body: WorldTemplateBody, rooms: Sequence[Room], rng: np.random.Generator
 ) -> tuple[list[Room], list[Preference]]:
-    """Gives every room a floor and a wall material, each in one of its finishes.
+    """Chooses floor and wall materials with finishes for every room.
 
     Args:
         body: the template.

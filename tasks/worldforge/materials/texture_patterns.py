@@ -18,7 +18,7 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """Pixels of one repetition of a texture, and its source of chance."""
+    """Pixel grid of one texture tile, with a random generator."""
 
     columns: int
     rows: int
@@ -27,17 +27,17 @@ class Grid:
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def seeded(self, seed: int) -> "Grid":
-        """The same grid with chance of its own."""
+        """Returns the same grid with another random seed."""
         return replace(self, rng=np.random.default_rng(seed))
 
     def places(self) -> tuple[Array, Array]:
-        """Metres to the right and down of every pixel's middle."""
+        """Returns the position of each pixel in metres, to the right and down."""
         x = (np.arange(self.columns) + 0.5) * (self.width_m / self.columns)
         y = (np.arange(self.rows) + 0.5) * (self.height_m / self.rows)
         return np.broadcast_to(x, (self.rows, self.columns)), np.broadcast_to(y[:, None], (self.rows, self.columns))
 
     def noise(self, across: int, down: int) -> Array:
-        """Smooth noise, 0 to 1, of that many bumps to the right and down."""
+        """Returns smooth noise from 0 to 1, with the given numbers of bumps to the right and down."""
         values = self.rng.random((down, across))
         for axis, count, pixels in ((1, across, self.columns), (0, down, self.rows)):
             place = (np.arange(pixels) + 0.5) * (count / pixels)
@@ -50,7 +50,7 @@ class Grid:
         return values
 
     def clouds(self, across: int, down: int, octaves: int = 3) -> Array:
-        """Noise with ever finer detail, 0 to 1."""
+        """Returns fractal noise from 0 to 1, with ever finer detail."""
         total, weight = np.zeros((self.rows, self.columns)), 0.0
         for octave in range(octaves):
             share = 0.55**octave
@@ -59,16 +59,16 @@ class Grid:
         return total / weight
 
     def grains(self) -> Array:
-        """Chance for every pixel, 0 to 1."""
+        """Returns a random value from 0 to 1 for each pixel."""
         return self.rng.random((self.rows, self.columns))
 
     def tones(self, row: Numbers, column: Numbers | int = 0) -> Array:
-        """Chance for every board, stone or tile, 0 to 1, by its numbers."""
+        """Returns a random value from 0 to 1 for each board or tile, by its row and column."""
         return self.rng.random((64, 64))[row % 64, column % 64]
 
 
 def pile(grid: Grid, finish: Finish) -> Array:
-    """Carpet: tufts in rows, here lighter and there darker by how they lie."""
+    """Draws the texture of carpet."""
     tufts = 0.65 * grid.noise(128, 128) + 0.35 * grid.grains()
     lie = grid.clouds(4, 4)
     share = np.clip(1.5 * (tufts - 0.5) + 0.35 * (lie - 0.5) + 0.5, 0, 1)
@@ -76,14 +76,14 @@ def pile(grid: Grid, finish: Finish) -> Array:
 
 
 def mottled(grid: Grid, finish: Finish) -> Array:
-    """Trowelled concrete: clouds, fine grain, a few pores."""
+    """Draws the texture of trowelled concrete."""
     share = np.clip(2.0 * (grid.clouds(4, 4, 5) - 0.5) + 0.5 + 0.5 * (grid.grains() - 0.5), 0, 1)
     colors = _mix(finish.color, finish.second, share)
     return _mix(colors, finish.line, 0.6 * (grid.noise(128, 128) > 0.94))
 
 
 def boards(grid: Grid, finish: Finish) -> Array:
-    """Floorboards 14 cm wide and 1.2 m long, each of its own tone, with grain along it."""
+    """Draws the texture of floorboards, 14 cm wide and 1.2 m long."""
     x, y = grid.places()
     row = _number(y, 0.14)
     shift = (row * 5 % 8) * 0.15
@@ -93,7 +93,7 @@ def boards(grid: Grid, finish: Finish) -> Array:
 
 
 def marbled(grid: Grid, finish: Finish) -> Array:
-    """Linoleum: veins of two tones drawn through the ground colour."""
+    """Draws the texture of linoleum."""
     bend = grid.clouds(3, 3)
     flow = grid.clouds(8, 8, 4) + 0.6 * bend
     wave = np.abs(flow * 7 % 2 - 1)
@@ -102,7 +102,7 @@ def marbled(grid: Grid, finish: Finish) -> Array:
 
 
 def checkered(grid: Grid, finish: Finish) -> Array:
-    """Squares of 30 cm in two colours, softly marbled."""
+    """Draws the texture of 30 cm squares in two colours."""
     x, y = grid.places()
     column, row = _number(x, 0.3), _number(y, 0.3)
     veins = grid.clouds(10, 10)
@@ -112,7 +112,7 @@ def checkered(grid: Grid, finish: Finish) -> Array:
 
 
 def parquet(grid: Grid, finish: Finish) -> Array:
-    """Squares of five slats that turn from square to square."""
+    """Draws the texture of mosaic parquet: squares of five slats."""
     x, y = grid.places()
     column, row = _number(x, 0.4), _number(y, 0.4)
     upright = (column + row) % 2 == 1
@@ -125,7 +125,7 @@ def parquet(grid: Grid, finish: Finish) -> Array:
 
 
 def herringbone(grid: Grid, finish: Finish) -> Array:
-    """Slats of 8 by 40 cm that meet at right angles."""
+    """Draws the texture of herringbone parquet with slats of 8 by 40 cm."""
     x, y = grid.places()
     column, row = _number(x, 0.08), _number(y, 0.08)
     phase = (column - row) % 10
@@ -142,17 +142,17 @@ def herringbone(grid: Grid, finish: Finish) -> Array:
 
 
 def tiles(grid: Grid, finish: Finish) -> Array:
-    """Square tiles of 30 cm, with a lighter and a darker edge where the light catches them."""
+    """Draws the texture of 30 cm tiles."""
     return _tiled(grid, finish, 0.3, 0.3, bond=False)
 
 
 def metro(grid: Grid, finish: Finish) -> Array:
-    """Glazed tiles of 20 by 10 cm in half bond."""
+    """Draws the texture of glazed metro tiles, 20 by 10 cm."""
     return _tiled(grid, finish, 0.2, 0.1, bond=True)
 
 
 def bricks(grid: Grid, finish: Finish) -> Array:
-    """Bricks of 24 by 8 cm in half bond, mortar included."""
+    """Draws the texture of a brick wall, 24 by 8 cm with mortar."""
     x, y = grid.places()
     row = _number(y, 0.08)
     shift = (row % 2) * 0.12
@@ -167,7 +167,7 @@ def bricks(grid: Grid, finish: Finish) -> Array:
 
 
 def stones(grid: Grid, finish: Finish) -> Array:
-    """Courses of hewn stones of many widths."""
+    """Draws the texture of a wall of hewn stones."""
     x, y = grid.places()
     heights = (0.26, 0.18, 0.3, 0.22, 0.2, 0.24, 0.2)
     bottoms = np.cumsum((0.0, *heights))
@@ -192,7 +192,7 @@ def stones(grid: Grid, finish: Finish) -> Array:
 
 
 def formwork(grid: Grid, finish: Finish) -> Array:
-    """Cast concrete: panels of 1.2 m with the marks of the ties that held the moulds."""
+    """Draws the texture of cast concrete in panels of 1.2 m."""
     x, y = grid.places()
     colors = _mix(finish.color, finish.second, np.clip(1.5 * (grid.clouds(5, 4, 5) - 0.5) + 0.5, 0, 1))
     colors = colors * (0.98 + 0.04 * grid.tones(_number(x, 1.2), _number(y, 1.2)))[..., None]
@@ -204,7 +204,7 @@ def formwork(grid: Grid, finish: Finish) -> Array:
 
 
 def panels(grid: Grid, finish: Finish) -> Array:
-    """Upright boards 14 cm wide with a groove between them."""
+    """Draws the texture of upright boards, 14 cm wide."""
     x, _ = grid.places()
     board = _number(x, 0.14)
     colors = _wood(finish, grid.tones(board), _grain(grid, 96, 5))
@@ -214,7 +214,7 @@ def panels(grid: Grid, finish: Finish) -> Array:
 
 
 def stripes(grid: Grid, finish: Finish) -> Array:
-    """Wallpaper with broad stripes and thin lines beside them."""
+    """Draws the texture of striped wallpaper."""
     x, _ = grid.places()
     place = x % 0.18
     colors = _mix(finish.color, finish.second, ((place > 0.06) & (place < 0.13)).astype(float))
@@ -223,7 +223,7 @@ def stripes(grid: Grid, finish: Finish) -> Array:
 
 
 def trellis(grid: Grid, finish: Finish) -> Array:
-    """Wallpaper with diamonds and a dot in each."""
+    """Draws the texture of wallpaper with diamonds."""
     x, y = grid.places()
     u, v = (x + y) % 0.2, (x - y) % 0.2
     edge = np.minimum(np.minimum(u, 0.2 - u), np.minimum(v, 0.2 - v))
@@ -234,7 +234,7 @@ def trellis(grid: Grid, finish: Finish) -> Array:
 
 
 def sprigs(grid: Grid, finish: Finish) -> Array:
-    """Wallpaper with twigs in leaf and blossom, one per 30 cm, every second one set lower."""
+    """Draws the texture of wallpaper with twigs."""
     x, y = grid.places()
     column = _number(x, 0.3)
     u, v = x % 0.3 - 0.15, (y + (column % 2) * 0.15) % 0.3 - 0.15

@@ -44,7 +44,7 @@ _PATTERNS: dict[Pattern, tuple[Callable[[Grid, Finish], NDArray[np.floating[Any]
 
 
 def texture_size_m(name: str) -> tuple[float, float] | None:
-    """Length to the right and up of one repetition, metres; `None`: the surface has one plain colour.
+    """Returns width and height of a texture tile in metres; `None` for a plain colour.
 
     Args:
         name: a surface, as in `floor_Tiles_white`.
@@ -58,7 +58,7 @@ def texture_size_m(name: str) -> tuple[float, float] | None:
 
 @lru_cache(maxsize=64)
 def texture(name: str) -> Pixels:
-    """A surface's picture: rows from top to bottom, red, green, blue; one pixel if it is plain."""
+    """Returns a surface's texture image: rows from top to bottom, RGB; one pixel for a plain colour."""
     finish = surface_finish(name)
     if finish.pattern == "plain":
         return _bytes(np.array([[finish.color[:3]]]))
@@ -70,7 +70,7 @@ def texture(name: str) -> Pixels:
 
 @lru_cache(maxsize=64)
 def texture_png(name: str) -> bytes:
-    """A surface's picture as PNG."""
+    """Returns a surface's texture as PNG."""
     # Of few colours, a third of the size; the eye does not see it.
     picture = Image.fromarray(texture(name)).quantize(
         _PALETTE_COLORS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE
@@ -82,13 +82,13 @@ def texture_png(name: str) -> bytes:
 
 @lru_cache(maxsize=64)
 def mean_color(name: str) -> tuple[float, float, float]:
-    """Average colour of a surface, as seen from far away: red, green, blue, 0 to 1."""
+    """Returns the average colour of a surface: red, green, blue, 0 to 1."""
     red, green, blue = texture(name).reshape(-1, 3).mean(axis=0) / 255
     return round(float(red), 3), round(float(green), 3), round(float(blue), 3)
 
 
 def sample(name: str, right_m: NDArray[np.floating[Any]], up_m: NDArray[np.floating[Any]]) -> Pixels:
-    """Colours of a surface at places on it.
+    """Samples a surface's texture colours at given positions.
 
     Args:
         name: the surface.
@@ -132,7 +132,7 @@ _TREES, _TREES_FAR = np.array([0.33, 0.46, 0.30]), np.array([0.55, 0.66, 0.58])
 
 @lru_cache(maxsize=1)
 def sky_png() -> bytes:
-    """The picture as PNG: three squares high, four wide."""
+    """Returns the sky's cube map texture as PNG: three squares high, four wide."""
     side = _SIDE_PIXELS
     # Every side is the same, so that trees go on from one to the next.
     picture = np.zeros((3 * side, 4 * side, 3))

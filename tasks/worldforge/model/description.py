@@ -18,7 +18,7 @@ from ..proofs.guarantees import violations
 
 
 def describe(world: World) -> WorldDescription:
-    """The description of a world."""
+    """Makes the description of a world (rooms, doors, furniture) for other programs."""
     plan = world.floorplan
     return WorldDescription(
         templateVersion=world.template_version,
@@ -37,7 +37,7 @@ def describe(world: World) -> WorldDescription:
 
 
 def description_text(world: World) -> str:
-    """The content of `world_description.json`."""
+    """Returns the content of `world_description.json`."""
     return describe(world).model_dump_json(exclude_none=True) + "\n"
 
 

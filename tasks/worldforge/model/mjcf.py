@@ -70,7 +70,7 @@ _GROUND = f'    <geom name="ground" type="plane" pos="0 0 {-SLAB_M:g}" size="0 0
 
 
 def world_mjcf(world: World, *, textured: bool = False) -> str:
-    """The world as MJCF text, by day; `relit` of `schemas/worlds/appearance.py` lights it otherwise.
+    """Converts a world to an MJCF (MuJoCo) model text, in daylight.
 
     Args:
         world: the world.
@@ -82,7 +82,7 @@ def world_mjcf(world: World, *, textured: bool = False) -> str:
 
 
 def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
-    """The decorated world as MJCF text, and the texts of the meshes that it names, by their paths beside it.
+    """Converts a world to decorated MJCF text, with the mesh files that it names.
 
     Args:
         world: the world.
@@ -93,7 +93,7 @@ def decorated_mjcf(world: World) -> tuple[str, dict[str, str]]:
 
 
 def proof_mjcf(world: World) -> str:
-    """Colliding geoms of a world, as MJCF: all that its proofs need, a third of its geoms.
+    """Converts a world to MJCF with colliding geoms only, for its checks.
 
     Args:
         world: the world.
@@ -163,7 +163,7 @@ def _visual(world: World) -> Iterator[str]:
 
 
 def surfaces(world: World) -> list[str]:
-    """Names of the floors and walls that a world shows."""
+    """Lists the names of the floor and wall surfaces of a world."""
     rooms = world.floorplan.rooms
     used = {surface_name("floor", room) for room in rooms} | {surface_name("wall", room) for room in rooms}
     return [*sorted(used), "wall_outside"]
@@ -215,7 +215,7 @@ def _surfaces(index: int, room: Room, ceiling_m: float | None) -> Iterator[str]:
 
 
 def wall_faces(wall: Wall, world: World) -> tuple[str, str]:
-    """Names of the materials on a wall's right and left face, looking from its start to its end."""
+    """Returns the material names of a wall's right and left side, seen from its start."""
     length = hypot(wall.end[0] - wall.start[0], wall.end[1] - wall.start[1])
     u, v = (wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length
     x, y = (wall.start[0] + wall.end[0]) / 2, (wall.start[1] + wall.end[1]) / 2
@@ -266,7 +266,7 @@ def _window(index: int, wall: Wall, world: World) -> Iterator[str]:
 def piece_geoms(
     item: Furniture, shapes: Shapes | None = None, mass_kg: float | None = None, *, solid_only: bool = False
 ) -> Iterator[str]:
-    """A piece of furniture as geoms of the body that it stands in.
+    """Yields the MJCF geoms of a piece of furniture.
 
     Args:
         item: the piece.

@@ -44,12 +44,12 @@ _text_of = _Texts().__getitem__
 
 
 def numbers(*values: float) -> str:
-    """Numbers as the MJCF has them."""
+    """Formats numbers for MJCF."""
     return " ".join(map(_text_of, values))
 
 
 class Ornament(NamedTuple):
-    """One geom that never collides."""
+    """A decorative geom that never collides."""
 
     name: str
     """Unique in the world."""
@@ -66,7 +66,7 @@ class Ornament(NamedTuple):
     """Name of the mesh that it has."""
 
     def line(self) -> str:
-        """The geom as MJCF."""
+        """Returns the geom as MJCF."""
         turn = f' quat="{self.quat}"' if self.quat else ""
         form = f'mesh="{self.mesh}"' if self.mesh else f'size="{numbers(*self.size)}"'
         place = f'pos="{numbers(*self.center)}"{turn}'
@@ -75,7 +75,7 @@ class Ornament(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles, counter-clockwise seen from outside."""
+    """Triangle mesh of a decoration; triangles are counter-clockwise seen from outside."""
 
     vertices: Floats
     """Shape (n, 3), metres."""
@@ -85,7 +85,7 @@ class Mesh:
     """Picture coordinates of the vertices, shape (n, 2): repetitions to the right and down; None: no picture."""
 
     def line(self, name: str) -> str:
-        """The mesh as an asset of MJCF: in a file of its own if it has a picture, else with all its numbers.
+        """Returns the mesh as an MJCF asset.
 
         MuJoCo before 3.1.6 crashes on places on pictures within MJCF, and reads them in files.
         """
@@ -95,7 +95,7 @@ class Mesh:
         return f'    <mesh name="{name}" vertex="{_list(self.vertices)}" face="{faces}"/>'
 
     def obj_text(self) -> str:
-        """The mesh, which has a picture, as a Wavefront OBJ file; that counts rows of pictures from the foot."""
+        """Returns the textured mesh as a Wavefront OBJ file."""
         assert self.places is not None
         lines = [f"v {x} {y} {z}" for x, y, z in zip(*_texts(self.vertices), strict=True)]
         right, up = _texts(np.stack([self.places[:, 0], 1 - self.places[:, 1]], axis=1))
@@ -105,7 +105,7 @@ class Mesh:
 
 
 def mesh_path(name: str) -> str:
-    """Path of a mesh's file, relative to the model."""
+    """Returns the path of a mesh's file, relative to the model."""
     return f"{MESHES_FOLDER}/{name}.obj"
 
 
@@ -119,12 +119,12 @@ def _list(values: Floats) -> str:
 
 
 def color_look(color: Color) -> str:
-    """The look of a plain colour."""
+    """Returns the MJCF attributes of a plain colour."""
     return f'rgba="{numbers(*color)}"'
 
 
 def sheet(corner: Vector, along: Vector, up: Vector, cells: tuple[int, int]) -> tuple[Floats, Ints]:
-    """A parallelogram of so many cells each way; it faces along x up.
+    """Makes a parallelogram mesh divided into cells; MuJoCo computes light at vertices only.
 
     MuJoCo works light out at vertices only: what lamps shine on needs some.
     """
@@ -145,7 +145,7 @@ def _grid(columns: int, rows: int) -> tuple[Floats, Floats, Ints]:
 
 
 def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Several pieces of one mesh, each with vertices of its own."""
+    """Joins several meshes into one."""
     vertices, triangles, count = [], [], 0
     for points, faces in parts:
         vertices.append(points)
@@ -155,7 +155,7 @@ def joined(parts: Iterable[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def turned(profile: Sequence[tuple[float, float]], sections: int) -> Mesh:
-    """Mesh of a profile of radii and heights turned about z, from the lowest point up; open at its end."""
+    """Makes a surface of revolution about z from a profile of radii and heights."""
     angles = np.arange(sections) * (2 * np.pi / sections)
     rings = [(radius, height) for radius, height in profile if radius > 0]
     vertices = [np.array([[0.0, 0.0, profile[0][1]]])]

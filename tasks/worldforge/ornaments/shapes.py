@@ -20,7 +20,7 @@ _GOLDEN = 2.399963
 
 
 def bevelled(size: Vector, radius: float) -> Mesh:
-    """A box with round edges."""
+    """Makes the mesh of a box with rounded edges."""
     half = np.array(size) / 2
     radius = min(radius, *(0.98 * half))
     points, triangles = _cube(np.array([-1.0, -0.5, 0.5, 1.0]))
@@ -33,13 +33,13 @@ def bevelled(size: Vector, radius: float) -> Mesh:
 
 
 def block(size: Vector) -> Mesh:
-    """A box with sharp edges, which costs a renderer a tenth of a geom's."""
+    """Makes the mesh of a box with sharp edges."""
     points, triangles = _cube(np.array([-1.0, 1.0]))
     return Mesh(points[triangles.ravel()] * (np.array(size) / 2), np.arange(triangles.size).reshape(-1, 3))
 
 
 def stuffed(size: Vector) -> Mesh:
-    """A cushion: thick in its middle, thin at its seam, along its shortest side."""
+    """Makes the mesh of a cushion."""
     through = int(np.argmin(size))
     across = [axis for axis in range(3) if axis != through]
     count = 9
@@ -73,7 +73,7 @@ def stuffed(size: Vector) -> Mesh:
 
 
 def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
-    """Shape turned about z; the profile of radii and heights, 0 to 1, goes up outside and, if hollow, down inside."""
+    """Makes a shape that is rotated about z from a profile of radii and heights, 0 to 1."""
 
     def make(size: Vector) -> Mesh:
         return _filling(_turned(profile), size)
@@ -82,7 +82,7 @@ def lathed(profile: Sequence[tuple[float, float]]) -> Shape:
 
 
 def mug(size: Vector) -> Mesh:
-    """A cup with an ear towards +y."""
+    """Makes the mesh of a mug with its handle towards +y."""
     body = _turned(((0.86, 0.0), (1.0, 0.1), (1.0, 1.0), (0.9, 1.0), (0.88, 0.12)))
     # The ear stands out of the box, as a cylinder of the cup's size is what collides.
     ear = _tube([(0.0, 1.0 + 0.62 * sin(a), 0.5 - 0.3 * cos(a)) for a in np.linspace(0.1, pi - 0.1, 6)], 0.1)
@@ -91,7 +91,7 @@ def mug(size: Vector) -> Mesh:
 
 
 def bush(size: Vector) -> Mesh:
-    """Broad leaves on all sides, the upper ones upright."""
+    """Makes the mesh of a plant with broad leaves."""
     leaves = []
     for index in range(30):
         share = (index + 0.5) / 30
@@ -102,7 +102,7 @@ def bush(size: Vector) -> Mesh:
 
 
 def sprigs(size: Vector) -> Mesh:
-    """Long narrow leaves that spring from one spot and bend."""
+    """Makes the mesh of a plant with long narrow leaves."""
     leaves = [
         _leaf((0.0, 0.0, 0.0), index * _GOLDEN, 0.15 + 0.9 * (index / 22), 1.0 - 0.2 * (index % 4) / 4, 0.07)
         for index in range(22)
@@ -111,7 +111,7 @@ def sprigs(size: Vector) -> Mesh:
 
 
 def flowers(size: Vector) -> Mesh:
-    """Blossoms on the ends of stems that are not seen."""
+    """Makes the mesh of flowers."""
     heads = []
     for index in range(7):
         turn, out = index * _GOLDEN, 0.75 * (index / 6) ** 0.6
@@ -122,7 +122,7 @@ def flowers(size: Vector) -> Mesh:
 
 
 def crumpled(size: Vector) -> Mesh:
-    """Cloth that was dropped: folds of many heights in a ragged outline."""
+    """Makes the mesh of crumpled cloth."""
     sections, rings = 16, 5
     angles = np.arange(sections) * (2 * pi / sections)
     outline = 1 + 0.16 * np.sin(3 * angles + 1) + 0.1 * np.sin(7 * angles)
@@ -136,14 +136,14 @@ def crumpled(size: Vector) -> Mesh:
 
 
 def fruit(size: Vector) -> Mesh:
-    """A heap of round fruit."""
+    """Makes the mesh of a heap of fruit."""
     spots = [(0.42 * cos(a), 0.42 * sin(a), 0.0) for a in np.arange(5) * (2 * pi / 5)] + [(0.0, 0.0, 0.45)]
     ball = _turned([(sin(a), 1 - cos(a)) for a in np.linspace(0.5, pi - 0.5, 3)], sections=7)
     return _filling(joined([(ball[0] * 0.34 + np.array(spot), ball[1]) for spot in spots]), size)
 
 
 def kettle(size: Vector) -> Mesh:
-    """A kettle with a spout towards +x and a bow over its lid."""
+    """Makes the mesh of a kettle with its spout towards +x."""
     body = _turned(((0.7, 0.0), (0.75, 0.1), (0.62, 0.6), (0.4, 0.74), (0.1, 0.8)))
     spout = _tube([(0.5, 0.0, 0.3), (0.85, 0.0, 0.5), (1.0, 0.0, 0.68)], 0.1)
     bow = _tube([(-0.6 * cos(a), 0.0, 0.55 + 0.45 * sin(a)) for a in np.linspace(0.0, 0.8 * pi, 6)], 0.06)
@@ -151,7 +151,7 @@ def kettle(size: Vector) -> Mesh:
 
 
 def pan(size: Vector) -> Mesh:
-    """A pan with its handle towards +x."""
+    """Makes the mesh of a pan with its handle towards +x."""
     body = _turned(((0.8, 0.0), (1.0, 1.0), (0.95, 1.0), (0.76, 0.12)))
     handle = _tube([(0.95, 0.0, 0.8), (2.3, 0.0, 1.1)], 0.13)
     points, triangles = joined([body, handle])
@@ -159,7 +159,7 @@ def pan(size: Vector) -> Mesh:
 
 
 def curtain(size: Vector) -> Mesh:
-    """A closed strip of cloth in waves along x, gathered a little at the top."""
+    """Makes the mesh of a curtain in waves along x."""
     wide, deep, tall = size
     count = _FOLDS * 5 + 1
     share = np.arange(count) / (count - 1)
@@ -193,7 +193,7 @@ def _side(first: int, count: int) -> Ints:
 
 
 def draped(size: Vector) -> Mesh:
-    """A towel over a rail along y: two sheets in shallow folds, thicker at the rail."""
+    """Makes the mesh of a towel over a rail along y."""
     count = 17
     y = np.linspace(-0.5, 0.5, count)
     wave = 0.18 * np.sin(y * 2 * pi * 3)
@@ -355,7 +355,7 @@ _TURNED = ("bottle", "bowl", "glass", "jar", "kettle", "mug", "plate", "pot", "s
 
 
 def form_of(kind: str, part: Part) -> str:
-    """How a part is drawn: a name in `FORMS`; empty: as the primitive that it is."""
+    """Returns the name in `FORMS` of the mesh that replaces a furniture part; empty for none."""
     return _form(kind, part.name, part.shape)
 
 
@@ -370,25 +370,25 @@ def _form(kind: str, part: str, shape: str) -> str:
 
 
 class Shapes:
-    """The meshes that a world's file has, each once."""
+    """Collects the meshes of a world's model, each once."""
 
     def __init__(self) -> None:
         """Begins without any."""
         self._lines: dict[str, str] = {}
 
     def named(self, form: str, size: Vector) -> str:
-        """The name of a mesh of this form and size; it is made if there is none yet."""
+        """Returns the name of a mesh of this form and size, making it if necessary."""
         name = "_".join(["shape", form, *(str(round(1000 * extent)) for extent in size)])
         if name not in self._lines:
             self._lines[name] = _mesh_line(name, form, size)
         return name
 
     def drawn(self, name: str, form: str, size: Vector, center: Vector, color: Color, yaw: float) -> Ornament:
-        """A shape that is seen somewhere, turned about z."""
+        """Makes a decorative geom of a mesh, at a position and turned about z."""
         return Ornament(name, "mesh", center, (), color_look(color), turned_quat(yaw), self.named(form, size))
 
     def lines(self) -> Iterator[str]:
-        """All of them as assets of MJCF."""
+        """Yields all collected meshes as MJCF assets."""
         return iter(self._lines.values())
 
 
@@ -399,5 +399,5 @@ def _mesh_line(name: str, form: str, size: Vector) -> str:
 
 
 def turned_quat(yaw: float) -> str:
-    """A turn about z as MJCF; empty: none."""
+    """Formats a rotation about z as MJCF attribute; empty for none."""
     return f"{cos(yaw / 2):.6f} 0 0 {sin(yaw / 2):.6f}" if yaw else ""

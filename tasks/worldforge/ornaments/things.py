@@ -23,7 +23,7 @@ SPINES = (*_PAPER, rgb("6b4a63"), rgb("2f3b4a"), rgb("a9b7a0"))
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """One shape of a thing."""
+    """A shape of a decorative object."""
 
     form: str
     size: Vector
@@ -93,7 +93,7 @@ THINGS: dict[str, tuple[Piece, ...]] = {
 
 
 def footprint_m(thing: str) -> tuple[float, float]:
-    """Depth and width of what a thing covers."""
+    """Returns depth and width of a decorative object, in metres."""
     pieces = THINGS[thing]
     return max(piece.size[0] for piece in pieces), max(piece.size[1] for piece in pieces)
 
@@ -101,7 +101,7 @@ def footprint_m(thing: str) -> tuple[float, float]:
 def placed(
     name: str, thing: str, spot: Vector, yaw: float, shapes: Shapes, dice: Random
 ) -> Iterator[Ornament]:  # fmt: skip
-    """A thing as geoms; the first has its name, others are numbered."""
+    """Yields the geoms of a decorative object at a position."""
     for index, piece in enumerate(THINGS[thing]):
         center = (spot[0], spot[1], spot[2] + piece.up + piece.size[2] / 2)
         numbered, color = name if index == 0 else f"{name}_{index}", dice.choice(piece.colors)
@@ -118,7 +118,7 @@ _DEEP_M = 0.12
 def book_row(
     name: str, foot: Vector, yaw: float, size: Vector, shapes: Shapes, dice: Random
 ) -> Iterator[Ornament]:  # fmt: skip
-    """Books that fill a box.
+    """Yields the geoms of a row of books.
 
     Args:
         name: of the row; books are numbered.
@@ -141,7 +141,7 @@ def book_row(
 
 
 def shaped(item: Furniture, shapes: Shapes) -> Iterator[tuple[Solid, list[Ornament]]]:
-    """A piece's parts, each with what is drawn in its place; nothing: it is drawn as it is."""
+    """Yields a piece of furniture's parts, each with the decorative meshes that replace it."""
     for part, solid in zip(parts_of(item), solids_of(item), strict=True):
         if item.model_type == "Bookcases" and part.name.startswith("books-"):
             yield solid, list(_books(item, part, solid, shapes))

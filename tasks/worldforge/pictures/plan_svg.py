@@ -45,7 +45,7 @@ Box = tuple[float, float, float, float]
 
 
 class Label(NamedTuple):
-    """A room's label: its text as far as it fits, its middle in metres, and whether it runs upwards."""
+    """A room's label in a floor plan drawing: text, position in metres, and whether it is vertical."""
 
     name: str
     area: str
@@ -55,7 +55,7 @@ class Label(NamedTuple):
 
 
 def place_label(room: Room, furniture: Iterable[Furniture], scale: float) -> Label:
-    """Places a room's label.
+    """Chooses the position of a room's label in a floor plan drawing.
 
     Args:
         room: the room.
@@ -98,7 +98,7 @@ def _bounds(item: Furniture) -> Box:
 
 
 def widest_box(room: Room) -> Box:
-    """The largest rectangle inside a rectilinear room whose sides lie on lines through its corners."""
+    """Returns the largest rectangle inside a room, as the place for its label."""
     xs, ys = sorted({x for x, _ in room.polygon}), sorted({y for _, y in room.polygon})
     gaps = [
         ((x0 + x1) / 2, (y0 + y1) / 2)
@@ -174,7 +174,7 @@ class _Sheet:
 
 
 def floorplan_svg(world: World) -> str:
-    """Draws the plan of a world.
+    """Draws the floor plan of a world as SVG.
 
     Args:
         world: the world; names in it are untrusted and come out escaped.

@@ -16,13 +16,13 @@ Symbol = Callable[[float, float], str]
 
 
 def number(value: float) -> str:
-    """A coordinate, to the millimetre, without trailing zeros."""
+    """Formats a coordinate in metres for SVG, to the millimetre."""
     text = f"{value:.3f}".rstrip("0").rstrip(".")
     return "0" if text == "-0" else text
 
 
 def symbol(model_type: str, depth: float, width: float) -> str:
-    """The SVG of one piece of furniture; a plain outline for types without a symbol of their own."""
+    """Returns the SVG symbol of a furniture type; a plain outline for unknown types."""
     kind = CATALOGUE.get(model_type)
     return _SYMBOLS[kind.symbol if kind else "plain"](depth, width)
 
@@ -229,7 +229,7 @@ DARK_DOOR_STYLE = """
 
 
 def door_svg(door: Door) -> str:
-    """The SVG of a door, in metres and the world's axes."""
+    """Returns the SVG of a door with its swing."""
     corners = "L".join(f"{number(x)} {number(y)}" for x, y in leaf_corners(door))
     closed, opened = _free_edge(door, 0.0), _free_edge(door, door.max_angle_rad)
     radius = number(door.leaf_width_m)

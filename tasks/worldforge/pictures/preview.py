@@ -39,7 +39,7 @@ Colors = NDArray[np.uint8]
 
 
 def render_preview(world: World) -> bytes:
-    """Draws a world.
+    """Renders a preview picture of a world from above at an angle.
 
     Returns:
         A PNG of 960 x 720 pixels.

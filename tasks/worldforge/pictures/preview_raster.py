@@ -38,7 +38,7 @@ def _axes(azimuth_deg: float, elevation_deg: float) -> tuple[tuple[float, float]
 
 @dataclass(frozen=True)
 class View:
-    """Direction and scale of the camera, and the pixels that it fills."""
+    """Direction and scale of the parallel-projection camera for a preview, and the picture's pixels."""
 
     azimuth_deg: float
     """Turn of the camera about the vertical, from looking north."""
@@ -53,24 +53,24 @@ class View:
 
     @property
     def axes(self) -> tuple[tuple[float, float], tuple[float, float], float, float]:
-        """Right and away on the ground, sine and cosine of the elevation."""
+        """Ground directions to the right and away, and sine and cosine of the camera's elevation."""
         return _axes(self.azimuth_deg, self.elevation_deg)
 
     def vector(self, direction: Vector) -> Vector:
-        """A direction in pixels to the right, pixels down, and pixels towards the camera."""
+        """Converts a direction to pixels: right, down, and towards the camera."""
         right, away, up, flat = self.axes
         x, y, z = direction
         u, w = x * right[0] + y * right[1], x * away[0] + y * away[1]
         return u * self.scale, -(w * up + z * flat) * self.scale, (z * up - w * flat) * self.scale
 
     def point(self, place: Vector) -> Vector:
-        """A place in pixels from the left, pixels from the top, and pixels towards the camera."""
+        """Converts a position to pixels: from the left, from the top, and towards the camera."""
         u, v, depth = self.vector(place)
         return u + self.offset[0], v + self.offset[1], depth
 
 
 class Raster:
-    """Colour numbers and depths of a picture while it is drawn.
+    """Colour numbers and depths (z-buffer) of a picture while it is drawn.
 
     Attributes:
         depth: pixels towards the camera, minus infinity where nothing is.
@@ -86,11 +86,11 @@ class Raster:
         self._ys = (np.arange(height) + 0.5).astype(np.float32)[:, None]
 
     def parallelogram(self, corner: Vector, along: Vector, across: Vector, color: int) -> None:
-        """Draws a flat face from one of its corners and its two edges, in the world's frame."""
+        """Draws a flat face from one of its corners and its two edges."""
         self._face(self.view.point(corner), self.view.vector(along), self.view.vector(across), color, False)
 
     def disc(self, center: Vector, along: Vector, across: Vector, color: int) -> None:
-        """Draws an ellipse from its middle and two of its half axes."""
+        """Draws an ellipse from its centre and two half axes."""
         x, y, z = self.view.point(center)
         a, b = self.view.vector(along), self.view.vector(across)
         corner = (x - a[0] - b[0], y - a[1] - b[1], z - a[2] - b[2])
@@ -117,7 +117,7 @@ class Raster:
             self._draw(rows, columns, seen, (xs * dx + d0) + ys * dy, color)
 
     def post(self, center: Vector, radius: float, height: float, colors: int) -> None:
-        """Draws the side of a standing cylinder; `center` is the middle of its foot."""
+        """Draws the side of an upright cylinder; `center` is the middle of its foot."""
         right, away, up, flat = self.view.axes
         x, y, z = self.view.point(center)
         scale = self.view.scale
@@ -138,7 +138,7 @@ class Raster:
             )
 
     def ball(self, center: Vector, radii: Vector, colors: int) -> None:
-        """Draws an ellipsoid whose axes are those of the world."""
+        """Draws an ellipsoid with axes parallel to the world's."""
         right, away, up, flat = self.view.axes
         x, y, z = self.view.point(center)
         rx, ry, rz = (radius * self.view.scale for radius in radii)
@@ -220,7 +220,7 @@ GROUND = rgb("eeece6")[:3]
 
 
 class Palette:
-    """Colour numbers, each with its red, green, blue as it looks in full light.
+    """Colour table of a preview picture, with the shading of each colour.
 
     Attributes:
         patterned: surfaces that are to be filled with their patterns, and the share of light on them: `z`
@@ -234,13 +234,13 @@ class Palette:
         self._patterns: dict[int, int] = {}
 
     def add(self, color: Color, shade: float = 1.0) -> int:
-        """A colour, darkened or not; returns its number."""
+        """Adds a colour, shaded or not; returns its number."""
         red, green, blue, _ = color
         self._colors.append((red * shade, green * shade, blue * shade))
         return len(self._colors) - 1
 
     def add_side(self, color: Color, normal: tuple[float, float]) -> int:
-        """An upright face; one that is turned from the light takes no shadow besides."""
+        """Adds a colour for a vertical face, shaded by its direction; returns its number."""
         facing = normal[0] * LIGHT[0] + normal[1] * LIGHT[1]
         number = self.add(color, _side_share(normal))
         if facing <= 0:
@@ -248,20 +248,20 @@ class Palette:
         return number
 
     def add_curved(self, color: Color) -> int:
-        """A curved surface: one number per shade, of which the darkest, the first, is returned."""
+        """Adds shades for a curved surface; returns the number of the first and darkest."""
         first = len(self._colors)
         for level in range(LEVELS):
             self.add(color, 0.62 + 0.42 * (level + 0.5) / LEVELS)
         return first
 
     def add_floor(self, name: str) -> int:
-        """A floor by its name in the MJCF."""
+        """Adds a floor surface by its MJCF name; returns its number."""
         number = self.add((*mean_color(name), 1.0))
         self._fill(number, name, "z", 1.0)
         return number
 
     def add_wall(self, name: str, normal: tuple[float, float]) -> int:
-        """An upright face of a wall by its name in the MJCF."""
+        """Adds a wall surface by its MJCF name; returns its number."""
         number = self.add_side((*mean_color(name), 1.0), normal)
         if texture_size_m(name) is not None:
             self._fill(number, name, "x" if normal[0] == 0 else "y", _side_share(normal))
@@ -274,19 +274,19 @@ class Palette:
         self._patterns[number] = self.patterned.index(pattern) + 1
 
     def patterns(self) -> NDArray[np.uint8]:
-        """Patterns by colour number: 0 for none, else one more than the index in `patterned`."""
+        """Returns the pattern of each colour number: 0 for none, else an index in `patterned` plus one."""
         table = np.zeros(len(self._colors), np.uint8)
         table[list(self._patterns)] = list(self._patterns.values())
         return table
 
     def sunny(self) -> NDArray[np.float32]:
-        """1 for colours that shadows fall on, 0 for those turned from the light."""
+        """Returns for each colour whether shadows fall on it: 1, or 0 for faces turned from the light."""
         sunny = np.ones(len(self._colors), np.float32)
         sunny[self._in_shade] = 0
         return sunny
 
     def table(self) -> NDArray[np.uint8]:
-        """Red, green and blue by colour number, 0 to 255."""
+        """Returns red, green and blue of each colour number, 0 to 255."""
         return np.rint(np.clip(np.array(self._colors), 0, 1) * 255).astype(np.uint8)
 
 
@@ -304,7 +304,7 @@ Block = tuple[float, float, float, float, float]
 
 @dataclass(frozen=True)
 class LightMap:
-    """Per cell of the ground: how high the shade reaches, and how much stands around."""
+    """Shadow map of a preview: height of the shadow and surrounding objects, for each ground cell."""
 
     origin: tuple[float, float]
     shade: Image
@@ -314,7 +314,7 @@ class LightMap:
 
     @classmethod
     def of(cls, blocks: Iterable[Block], extent: tuple[float, float, float, float]) -> "LightMap":
-        """Casts shadows of blocks that stand on the ground."""
+        """Computes the shadows of blocks that are on the ground."""
         x0, y0 = extent[0] - _MARGIN_M, extent[1] - _MARGIN_M
         shape = (ceil((extent[3] + _MARGIN_M - y0) / _CELL_M), ceil((extent[2] + _MARGIN_M - x0) / _CELL_M))
         heights = np.zeros(shape, np.float32)
@@ -329,7 +329,7 @@ class LightMap:
         return cls((x0, y0), np.asarray(shade, np.float32), np.asarray(crowd, np.float32) / 2)
 
     def brightness(self, x: Image, y: Image, z: Image, sunny: Image) -> Image:
-        """How bright the light is at places of the scene, 0 to 1; shadows fall where `sunny` is 1."""
+        """Returns the brightness at positions of the scene, 0 to 1."""
         rows = np.clip(((y - self.origin[1]) / _CELL_M).astype(np.int32), 0, self.shade.shape[0] - 1)
         columns = np.clip(((x - self.origin[0]) / _CELL_M).astype(np.int32), 0, self.shade.shape[1] - 1)
         cells = rows * self.shade.shape[1] + columns

@@ -35,7 +35,7 @@ _SKIN_M = 0.004
 
 @dataclass(frozen=True, slots=True)
 class Camera:
-    """Position, direction and angle of view of a camera."""
+    """Position, direction and field of view of a camera."""
 
     place: Vector
     """Metres."""
@@ -47,7 +47,7 @@ class Camera:
     """Angle of view from left to right."""
 
     def rays(self, width: int, height: int, columns: Array, rows: Array) -> Array:
-        """Unit directions through places of the picture, in pixels; shape (n, 3)."""
+        """Returns unit direction vectors through pixel positions, shape (n, 3)."""
         reach = tan(radians(self.fov_deg) / 2)
         right = (columns + 0.5 - width / 2) * (2 * reach / width)
         down = (rows + 0.5 - height / 2) * (2 * reach / width)
@@ -63,7 +63,7 @@ class Camera:
 
 @dataclass(frozen=True, slots=True)
 class Lamp:
-    """A small source of light."""
+    """A small light source in a ray-traced picture."""
 
     place: Vector
     power: float
@@ -75,7 +75,7 @@ class Lamp:
 
 @dataclass(frozen=True, slots=True)
 class Hits:
-    """Geoms that rays hit, with the places and normals."""
+    """Points where rays hit geoms, with geom ids and normals."""
 
     geoms: Ids
     """-1: nothing."""
@@ -91,7 +91,7 @@ Look = Callable[[Hits], Array]
 
 
 class RayPicture:
-    """A world ready to be looked at.
+    """Ray tracer for pictures of a world.
 
     Args:
         model: the compiled world.
@@ -117,7 +117,7 @@ class RayPicture:
         self._glass = np.array([0, 0, 0, 0, 0, 1], np.uint8)
 
     def trace(self, origin: Vector, rays: Array, groups: NDArray[np.uint8] | None = None) -> tuple[Ids, Array, Array]:
-        """Geom, distance and normal for rays from one place; geom -1: nothing was met."""
+        """Casts rays from one point; returns geom (-1 for none), distance and normal of each hit."""
         count = len(rays)
         geoms, distances = np.full(count, -1, np.int32), np.full(count, -1.0)
         normals = np.zeros(3 * count)
@@ -129,7 +129,7 @@ class RayPicture:
         return geoms, distances, normals.reshape(-1, 3)
 
     def glass_share(self, camera: Camera, width: int, height: int) -> float:
-        """Share of a picture that one sees through panes."""
+        """Returns the share of a picture that is seen through window panes."""
         if not self._is_glass.any():
             return 0.0
         rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:height, 0:width])
@@ -144,7 +144,7 @@ class RayPicture:
         self, camera: Camera, lamps: Sequence[Sequence[Lamp]], width: int, height: int, *, ambient: float = 0.1,
         extra: Callable[["RayPicture", Hits], Array] | None = None,
     ) -> NDArray[np.uint8]:  # fmt: skip
-        """Takes the picture.
+        """Renders the picture.
 
         Args:
             camera: from where.
@@ -227,7 +227,7 @@ class _Light:
         return cls(few, _shared(light, few, index.shape), (index.shape[0], index.shape[1]))
 
     def at(self, hits: Hits, rows: Array, columns: Array) -> Array:
-        """Light at places that pixels see, from the pixels around that see the same surface."""
+        """Returns the light at points, smoothed over neighbouring pixels of the same surface."""
         total, weight = np.zeros((len(hits.geoms), 3)), np.full(len(hits.geoms), 1e-6)
         row, column = np.floor(rows / _STEP).astype(np.int64), np.floor(columns / _STEP).astype(np.int64)
         height, width = self.shape

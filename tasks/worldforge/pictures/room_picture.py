@@ -34,7 +34,7 @@ Array = NDArray[np.floating[Any]]
 
 
 def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 600) -> bytes:
-    """Draws the inside of a room.
+    """Renders a picture of the inside of a room.
 
     Args:
         world: the world.
@@ -64,7 +64,7 @@ def room_picture(world: World, room: str, width_px: int = 960, height_px: int = 
 
 
 def best_camera(picture: RayPicture, room: Room) -> Camera:
-    """The corner that shows most of a room: far walls, and nothing close before the eyes."""
+    """Chooses the camera position in a room's corner that shows most of the room."""
     best, best_score = Camera((room.goal[0], room.goal[1], EYE_M), 0.0, _PITCH, FOV_DEG), -np.inf
     rows, columns = (axis.ravel().astype(float) for axis in np.mgrid[0:20, 0:32])
     for x, y in _corners(room):
@@ -168,7 +168,7 @@ class _Looks:
         self._head = min(WINDOW_HEAD_M, world.floorplan.ceiling_height_m - 0.2)
 
     def colors(self, hits: Hits) -> Array:
-        """Colours as eyes see them; what shines is negative."""
+        """Returns the surface colours at ray hits; those of shining surfaces are negative."""
         colors = self._plain[np.maximum(hits.geoms, 0)].astype(float)
         materials = np.where(hits.geoms >= 0, self._materials[np.maximum(hits.geoms, 0)], -1)
         for index in np.unique(materials[materials >= 0]):
@@ -223,7 +223,7 @@ class _Sun:
         self._building = np.array([name.split("_")[0] in ("wall", "ceiling", "window", "floor") for name in names])
 
     def light(self, picture: RayPicture, hits: Hits) -> Array:
-        """Sunlight at places, shape (n, 3)."""
+        """Returns the sunlight at points, shape (n, 3)."""
         light = np.zeros((len(hits.geoms), 3))
         for window in self._windows:
             inward = _inward(window, self._room)

@@ -45,7 +45,7 @@ def check_world(
     settle_s: float | None = None,
     pushed: bool = False,
 ) -> WorldChecks:
-    """Measures a world.
+    """Measures everything that a world's guarantees need: overlaps, reachability, stability.
 
     Args:
         world: the world.
@@ -90,7 +90,7 @@ def check_world(
 
 
 def prove(world: World, model_file: Path, *, pushed: bool) -> WorldChecks:
-    """Measures a world of a bundle anew, whichever generator made it.
+    """Measures a stored world again, whichever generator version made it.
 
     Args:
         world: the world.

@@ -25,7 +25,7 @@ Verdict = Literal["holds", "broken", "not measured", ""]
 
 
 class ProofLine(NamedTuple):
-    """One measurement of a world, for people."""
+    """A measurement of a world, as a line for people."""
 
     name: str
     value: str
@@ -34,7 +34,7 @@ class ProofLine(NamedTuple):
 
 
 def violations(checks: WorldChecks) -> list[str]:
-    """The broken guarantees, one sentence each; empty for a valid world."""
+    """Lists the guarantees that a world breaks, one sentence each; empty for a valid world."""
     found: list[str] = []
     for name, cells in checks.reachable_cells.items():
         if cells < MIN_CELLS:
@@ -65,7 +65,7 @@ def _pushed_way(stability: StabilityChecks) -> str:
 
 
 def rooms_apart(checks: WorldChecks) -> list[str]:
-    """Rooms that the room graph does not join to the first one; none where an older world has no graph."""
+    """Lists the rooms that are not connected to the first one."""
     left = [room.name for room in checks.rooms]
     fresh = left[:1]
     while fresh:
@@ -77,7 +77,7 @@ def rooms_apart(checks: WorldChecks) -> list[str]:
 
 
 def proof_lines(world: World) -> list[ProofLine]:
-    """Measurements of a world, line by line; a world that was never checked has only the lines of its origin."""
+    """Lists the measurements of a world, as lines for people."""
     checks = world.checks
     measured = [] if checks is None else [*_plan_lines(checks), *_room_lines(checks), *_physics_lines(checks)]
     return [*measured, *_origin_lines(world)]

@@ -16,7 +16,7 @@ _LEAST_M = 1e-4
 
 
 class Overlap(NamedTuple):
-    """Two solid parts that overlap."""
+    """Two solid parts of a world that overlap, and how deep."""
 
     depth_m: float
     """How far one of them would have to be moved."""
@@ -25,7 +25,7 @@ class Overlap(NamedTuple):
 
 
 def find_overlaps(model: mujoco.MjModel, data: mujoco.MjData) -> list[Overlap]:
-    """Finds all solid parts of different pieces that overlap, the deepest first.
+    """Finds all solid parts of different objects that overlap, deepest first.
 
     A piece is a body, a piece of furniture, or the whole building: its own parts are built into each other.
 
@@ -100,7 +100,7 @@ _SHARES = np.array([1.0, 1.0, 0.5, 5.0, 5.0, 5.0])
 
 
 def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
-    """How far the middle of each body that can move goes by itself."""
+    """Simulates, and returns how far each movable body moves by itself, in metres."""
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     bodies = np.asarray(model.jnt_bodyid)
@@ -141,7 +141,7 @@ def motion_of_bodies(
 
 
 def measure_stability(model: mujoco.MjModel, seed: int) -> StabilityChecks:
-    """Pushes all loose objects a little, several times, and watches each time where they come to rest.
+    """Pushes all loose objects slightly, several times, and measures where they come to rest.
 
     Args:
         model: a world.

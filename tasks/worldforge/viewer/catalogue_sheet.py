@@ -29,7 +29,7 @@ _FLOOR = (0.9, 0.88, 0.85)
 
 
 def catalogue_sheet(kinds: tuple[str, ...] = (*MODEL_TYPES, *LOOSE_TYPES)) -> bytes:
-    """Draws all styles of some kinds of furniture, one kind after the other.
+    """Renders a picture of all styles of some furniture types.
 
     Args:
         kinds: the kinds, in order.
@@ -50,7 +50,7 @@ def catalogue_sheet(kinds: tuple[str, ...] = (*MODEL_TYPES, *LOOSE_TYPES)) -> by
 
 
 def style_picture(kind: str, style: Style, width: int = CELL_WIDTH, height: int = CELL_HEIGHT) -> NDArray[np.uint8]:
-    """One piece on a plain floor, seen from its front and left.
+    """Renders one piece of furniture on a plain floor.
 
     Returns:
         Red, green, blue, shape (height, width, 3).
@@ -88,7 +88,7 @@ class _Look:
         self._colors[model.geom("floor").id] = _FLOOR
 
     def colors(self, hits: Hits) -> NDArray[np.floating[Any]]:
-        """Colours as eyes see them."""
+        """Returns the surface colours at ray hits."""
         return self._colors[np.maximum(hits.geoms, 0)]
 
 

@@ -22,7 +22,7 @@ _FOLDER = Path(__file__).parent
 
 
 def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str = "", **values: Any) -> str:
-    """Renders a page.
+    """Renders an HTML page from a template, with style sheet and scripts inlined.
 
     Args:
         template: file name of the template, which puts in `policy`, `style` and, if there is one, `script`.
@@ -55,13 +55,13 @@ def page(template: str, style: str, scripts: tuple[str, ...] = (), library: str 
 
 
 def json_island(value: Any) -> Markup:
-    """A value as JSON that cannot end the element it stands in."""
+    """Converts a value to JSON that is safe inside an HTML script element."""
     text = json.dumps(value, ensure_ascii=False).replace("<", "\\u003c")
     return Markup(text)  # noqa: S704
 
 
 def write_whole(text: str, path: Path) -> Path:
-    """Writes a page into a file, which appears only when it is whole; its folder is made if need be."""
+    """Writes an HTML page to a file, atomically; creates its folder if needed."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -108,7 +108,7 @@ _INKS = {"holds": "#00694d", "broken": "#a33f00", "not checked": "#6f5200", "gon
 
 @dataclass(frozen=True)
 class SheetWorld:
-    """One world on the sheet."""
+    """A world on a contact sheet (overview page of generated worlds)."""
 
     name: str
     arn: str
@@ -125,7 +125,7 @@ class SheetWorld:
 
     @property
     def verdict_text(self) -> str:
-        """The verdict in words."""
+        """The world's verdict in words."""
         if self.verdict == "broken":
             return f"{len(self.problems)} guarantee{'s' if len(self.problems) != 1 else ''} broken"
         return _WORDS[self.verdict]
@@ -133,7 +133,7 @@ class SheetWorld:
 
 @dataclass(frozen=True)
 class SheetFailure:
-    """Worlds that were not made, for one reason."""
+    """Number of worlds that failed for one reason, on a contact sheet."""
 
     count: int
     code: str
@@ -142,7 +142,7 @@ class SheetFailure:
 
 @dataclass(frozen=True)
 class Sheet:
-    """Everything on a contact sheet."""
+    """Content of a contact sheet, the overview page of generated worlds."""
 
     title: str
     lines: tuple[str, ...]
@@ -153,7 +153,7 @@ class Sheet:
 
 
 def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> SheetWorld:
-    """Entry of the sheet for a world that can be read."""
+    """Makes the contact sheet's entry of a world."""
     broken = tuple(violations(world.checks)) if world.checks else ()
     plan = world.floorplan
     return SheetWorld(
@@ -170,18 +170,18 @@ def sheet_world(name: str, arn: str, world: World, preview: bytes | None) -> She
 
 
 def problems_first(worlds: Sequence[SheetWorld]) -> tuple[SheetWorld, ...]:
-    """The worlds in the sheet's order: those that cannot be read, broken ones, then the others as they were."""
+    """Sorts worlds for the contact sheet: unreadable ones first, then invalid ones, then the others."""
     return tuple(sorted(worlds, key=lambda world: _ORDER.index(world.verdict)))
 
 
 def sheet_page(sheet: Sheet) -> str:
-    """The sheet as an HTML page that fetches nothing."""
+    """Renders the contact sheet as a self-contained HTML page."""
     worlds = [{"world": world, "picture": _inline(world.preview)} for world in sheet.worlds]
     return page("contact_sheet.html.j2", "contact_sheet.css", sheet=sheet, worlds=worlds)
 
 
 def sheet_png(sheet: Sheet) -> bytes:
-    """The sheet as one picture."""
+    """Renders the contact sheet as one picture (PNG)."""
     columns = max(1, min(_MOST_COLUMNS, len(sheet.worlds)))
     rows = -(-len(sheet.worlds) // columns)
     width, height = _TILE

@@ -29,7 +29,7 @@ _BEFORE, _AFTER = "<script>", "var camera,controls,scene,renderer"
 
 
 def viewer_page(bundle: Path, title: str) -> str:
-    """The page of a bundle's world.
+    """Renders a self-contained HTML page with a 3D view of a world.
 
     Args:
         bundle: the world's bundle.
@@ -56,7 +56,7 @@ def viewer_page(bundle: Path, title: str) -> str:
 
 @cache
 def three_js() -> str:
-    """three.js with its reader of GLB files, which trimesh carries for pages of its own.
+    """Returns the JavaScript of three.js with its GLB loader, from the installed trimesh.
 
     Raises:
         RuntimeError: the trimesh that is installed carries it in another way.
@@ -109,7 +109,7 @@ def _bounds(world: World) -> tuple[list[float], list[float]]:
 
 
 def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
-    """Writes the pictures; those that are there already are replaced.
+    """Writes pictures of a world: floor plan, view from above, and one for each room.
 
     Args:
         world: the world.
@@ -132,6 +132,6 @@ def write_pictures(world: World, bundle: Path, folder: Path) -> list[Path]:
 
 
 def preview_png(world: World, bundle: Path) -> bytes:
-    """The world from above: the bundle's picture, or a new one where it was left out."""
+    """Returns the picture of a world from above: the stored one, or a new one."""
     stored = bundle / PREVIEW_FILE
     return stored.read_bytes() if stored.is_file() else render_preview(world)

@@ -13,12 +13,12 @@ import sys
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker completion` to its parser."""
     parser.add_argument("shell", metavar="SHELL", choices=("bash", "zsh", "fish"), help="bash, zsh or fish")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the shell's code."""
+    """Runs `robomaker completion`: prints the code for command completion in a shell."""
     from argcomplete.shell_integration import shellcode
 
     sys.stdout.write(shellcode(["robomaker"], shell=arguments.shell))

@@ -17,7 +17,7 @@ _MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker doctor` to its parser."""
     parser.add_argument("--notify", action="store_true", help="send a test message to the channels of ROBOMAKER_NOTIFY")
     parser.add_argument(
         "--backend", metavar="B", help="also run one job on a backend, such as dask:tcp://10.0.0.7:8786 or local"
@@ -26,7 +26,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints all findings; exit code 3 if something is broken, 0 if there are at most warnings."""
+    """Runs `robomaker doctor`: checks the installation; exit code 3 if something is broken."""
     from .....schemas.settings import Settings
     from ...health import examine
 

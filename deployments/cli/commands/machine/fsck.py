@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fsck` to its parser."""
     parser.add_argument(
         "--read-content", action="store_true", help="read every object and compare its SHA-256, not only its size"
     )
@@ -31,7 +31,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Checks; exit code 3 if problems are left."""
+    """Runs `robomaker fsck`: checks that catalog and object store agree; exit code 3 if problems are left."""
     from .....tasks.consistency.checking import check_consistency
 
     report = check_consistency(open_service(), read_content=arguments.read_content, mend=arguments.mend)

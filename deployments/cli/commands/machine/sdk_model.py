@@ -15,7 +15,7 @@ from ...output.answers import print_either
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker sdk-model` to its parser."""
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--install", action="store_true", help="copy it to ~/.aws/models, where they look anyway")
     where.add_argument("--uninstall", action="store_true", help="remove it from there")
@@ -24,7 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints where the service model is and how SDKs find it; installs or removes it when asked.
+    """Runs `robomaker sdk-model`: shows, installs or removes the API model by which AWS SDKs know RoboMaker.
 
     Raises:
         ConfigurationError: a model from elsewhere is in the way, or `--force` has nothing to force.

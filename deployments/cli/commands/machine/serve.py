@@ -9,7 +9,7 @@ from ...arguments import add_open, add_output
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker serve` to its parser."""
     parser.add_argument("--host", default="127.0.0.1", help="address to listen at (default: 127.0.0.1)")
     parser.add_argument("--port", type=int, default=8057, help="port to listen at; 0: any (default: 8057)")
     parser.add_argument(
@@ -36,7 +36,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Serves until it is told to stop."""
+    """Runs `robomaker serve`: serves the API and web console until stopped."""
     from ...serving import serve
 
     return serve(arguments)

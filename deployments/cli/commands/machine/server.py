@@ -22,12 +22,12 @@ _PAGES = "Its pages, for one login within ten minutes: "
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker server` to its parser."""
     parser.add_argument("action", choices=("start", "stop", "status", "env"))
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Starts, stops or shows the server; `status` exits with 3 when none runs."""
+    """Runs `robomaker server`: starts, stops or shows the Prefect server; `status` exits with 3 if none runs."""
     from .....schemas.settings import Settings
     from ....prefect_server.local_server import stop_server
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker call` to its parser."""
     parser.add_argument("operation", metavar="OPERATION", help="operation: DescribeWorld, describe-world, …")
     parser.add_argument(
         "--input", metavar="INPUT", default="{}", help="request: a file, JSON text, or - for standard input"
@@ -28,7 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Calls the operation and prints its response."""
+    """Runs `robomaker call`: calls an API operation and prints its response."""
     from .....schemas.operations.registry import OPERATIONS
     from .....schemas.settings import Settings
     from ...inputs.specifications import operation_name, read_request

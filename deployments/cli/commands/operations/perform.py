@@ -8,13 +8,13 @@ from ...arguments import add_output
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker perform` to its parser."""
     parser.add_argument("arn", metavar="ARN", help="ARN of the job, as `call` printed it, or the id of the run")
     add_output(parser, "json", "yaml")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs the job to its end and prints its final description; the exit code tells its outcome."""
+    """Runs `robomaker perform`: runs a stored job to its end; the exit code tells its outcome."""
     from .....schemas.settings import Settings
     from .....schemas.wire.arns import ResourceArn
     from ....worker.pools import job_pools

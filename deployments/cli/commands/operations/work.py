@@ -10,7 +10,7 @@ import argparse
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker work` to its parser."""
     parser.add_argument("batch", metavar="BATCH", help="ARN of the batch")
     parser.add_argument(
         "--end-with-input",
@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs jobs; the exit code says nothing of their verdicts."""
+    """Runs `robomaker work`: runs a job worker for a batch; the exit code is independent of the jobs' verdicts."""
     from ...working import work
 
     return work(arguments.batch, end_with_input=arguments.end_with_input)

@@ -16,7 +16,7 @@ from ...output.answers import print_either
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker compare` to its parser."""
     parser.add_argument("before", metavar="A", help="id of the run to compare with")
     parser.add_argument("after", metavar="B", help="id of the run that may be better, or latest")
     parser.add_argument(
@@ -37,7 +37,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the comparison; the exit code is its answer."""
+    """Runs `robomaker compare`: compares two runs; the exit code tells whether the second is better or worse."""
     from .....schemas.settings import Settings
 
     _check(arguments)

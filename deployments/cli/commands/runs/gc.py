@@ -24,7 +24,7 @@ _LEFT = "to be removed"
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker gc` to its parser."""
     parser.add_argument("--older-than", metavar="TIME", help="keep what ended within this time: 30d, 12h, 8w")
     parser.add_argument("--keep-runs", metavar="N", type=int, help="keep the newest N runs of each specification")
     parser.add_argument("--keep-failures", action="store_true", help="keep runs that did not succeed")
@@ -43,7 +43,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Removes; exit code 3 if something could not be removed."""
+    """Runs `robomaker gc`: deletes old runs and worlds; exit code 3 if something could not be deleted."""
     from .....schemas.settings import Settings
 
     policy = _policy(arguments)

@@ -24,7 +24,7 @@ _MOST_TOLD = 3
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker history` to its parser."""
     parser.add_argument("name", metavar="NAME", help="name of a specification, as in its file or after `run --name`")
     parser.add_argument("--runs", type=int, default=100, metavar="N", help="look at the latest N runs (default: 100)")
     parser.add_argument("--to", metavar="FILE", help="put the page there (default: history/NAME.html in the data home)")
@@ -33,7 +33,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the history and writes the page."""
+    """Runs `robomaker history`: prints the history of a specification's runs and writes its page."""
     from .....schemas.settings import Settings
 
     if arguments.runs < 1:

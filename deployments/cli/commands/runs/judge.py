@@ -15,7 +15,7 @@ from ...inputs.options import output_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker judge` to its parser."""
     parser.add_argument("recording", metavar="RECORDING", help="a .mcap, .db3 or .bag, or the folder of a ROS 2 bag")
     parser.add_argument(
         "--requirements", metavar="FILE", required=True, help="requirements, and the topics they are measured by: YAML"
@@ -28,7 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Judges the recording; the exit code says the verdict."""
+    """Runs `robomaker judge`: judges a ROS recording by requirements; the exit code is the verdict."""
     from .....schemas.settings import Settings
     from .....schemas.specs.check import load_spec
     from .....schemas.specs.text import parse, plain
@@ -58,7 +58,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def again(arguments: argparse.Namespace) -> list[str]:
-    """The command that does the same again."""
+    """Returns the command line that repeats the same judging."""
     command = ["robomaker", "judge", arguments.recording, "--requirements", arguments.requirements]
     for option in ("world", "name", "report"):
         if (value := getattr(arguments, option)) is not None:

@@ -10,7 +10,7 @@ from ...output.answers import open_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker report` to its parser."""
     parser.add_argument("run", metavar="RUN", nargs="?", default="latest", help="id of a run, or latest (the default)")
     parser.add_argument("--junit", metavar="FILE", help="write it as JUnit XML too, for CI systems")
     add_output(parser, "text", "json")
@@ -18,7 +18,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the report's path, or its numbers."""
+    """Runs `robomaker report`: prints the path of a run's report, or its numbers."""
     from .....schemas.settings import Settings
 
     junit = output_file(arguments.junit, "--junit")

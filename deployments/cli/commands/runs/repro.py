@@ -13,7 +13,7 @@ from ...inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker repro` to its parser."""
     add_simulation(parser)
     parser.add_argument("--to", metavar="FOLDER", help="put it there (default: repro-<job id>)")
     parser.add_argument("--no-video", action="store_true", help="do not record a video of the rerun")
@@ -21,7 +21,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the folder and says what to run."""
+    """Runs `robomaker repro`: writes a folder with everything to repeat a simulation run."""
     from .....schemas.runs.verification import ROBOT_IN_WORDS
     from .....tasks.inspection.replays import reproduce_run
 

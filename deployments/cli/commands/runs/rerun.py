@@ -13,7 +13,7 @@ from ...inputs.options import output_file, read_record
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker rerun` to its parser."""
     parser.add_argument("run", metavar="RUN", help="id of a run, its folder, or latest")
     parser.add_argument(
         "--failed", action="store_true", help="only jobs without a good result: failed, broken, cancelled, never begun"
@@ -31,7 +31,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs the jobs; the exit code says how they ended."""
+    """Runs `robomaker rerun`: runs jobs of an earlier run again; the exit code says how they ended."""
     from .....schemas.specs.check import load_spec
     from ...pipelines import carry_out, settings_of
 
@@ -61,7 +61,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def again(arguments: argparse.Namespace, run_id: str) -> list[str]:
-    """The command that does the same again, also when another run is the latest."""
+    """Returns the command line that repeats the same rerun, also when another run is the latest."""
     command = ["robomaker", "rerun", run_id, *(["--failed"] if arguments.failed else [])]
     for option in ("job", "world"):
         for value in getattr(arguments, option):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker upload` to its parser."""
     parser.add_argument("--kept", action="store_true", required=True, help="outputs that were kept on this machine")
     parser.add_argument("job", metavar="JOB", nargs="?", help="ARN or id of a simulation job (default: all)")
     parser.add_argument("--dry-run", action="store_true", help="only list them")
@@ -26,7 +26,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Stores them; exit code 3 if some could not be stored, which stay."""
+    """Runs `robomaker upload`: uploads outputs whose upload failed; exit code 3 if some fail again."""
     from .....schemas.reports.retention import KeptReport
     from .....tasks.jobs.job_folders import find_kept
 

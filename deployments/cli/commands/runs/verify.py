@@ -12,7 +12,7 @@ from ...inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker verify` to its parser."""
     add_simulation(parser)
     parser.add_argument(
         "--run-program",
@@ -23,7 +23,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints what came of it; the exit code says the same."""
+    """Runs `robomaker verify`: repeats a simulation run and compares all states; the exit code is the result."""
     from .....schemas.runs.verification import EXIT_CODES
     from .....tasks.inspection.replays import verify_run
 

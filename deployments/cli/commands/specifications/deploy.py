@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker deploy` to its parser."""
     parser.add_argument("specs", metavar="SPEC", nargs="*", help="specification, a YAML file")
     parser.add_argument("--operations", action="store_true", help="deploy the flows of all operations, too")
     parser.add_argument(
@@ -53,7 +53,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Deploys everything that is named, or nothing."""
+    """Runs `robomaker deploy`: creates Prefect deployments of specifications or operations; all or none."""
     from .....schemas.settings import Settings
     from ....deploying.deployables import job_worker_deployable, operation_deployables
     from ....deploying.job_variables import block_of_word, environment_of_words

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker plan` to its parser."""
     add_spec(parser)
     parser.add_argument("--reuse", action="store_true", help="say what a run with --reuse would run, and why")
     parser.add_argument("--probe", action="store_true", help="run one job of each step and forecast the whole run")
@@ -39,7 +39,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the plan."""
+    """Runs `robomaker plan`: prints the steps of a specification, without running them."""
     from ...inputs.specifications import read_spec
     from ...planning import planned
 

@@ -11,7 +11,7 @@ import sys
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker pool-template` to its parser."""
     parser.add_argument("type", metavar="TYPE", choices=("process", "docker", "kubernetes"), help="type of the pool")
     parser.add_argument("--image", help="container image of its runs, which has prefect-robomaker")
     parser.add_argument(
@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the template."""
+    """Runs `robomaker pool-template`: prints the job template for a Prefect work pool."""
     from .....schemas.settings import Settings
     from ....deploying.job_variables import check_image, environment_of_words
     from ...prefect_server import use_server

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker run` to its parser."""
     add_spec(parser)
     parser.add_argument("--name", help="name of the run, in place of the specification's")
     parser.add_argument(
@@ -34,7 +34,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs the specification; the exit code says how it ended."""
+    """Runs `robomaker run`: runs a specification; the exit code says how it ended."""
     from ...pipelines import carry_out, settings_of
 
     spec = _chosen(arguments)
@@ -62,7 +62,7 @@ def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> Non
 
 
 def again(arguments: argparse.Namespace) -> list[str]:
-    """The command that does the same again."""
+    """Returns the command line that repeats the same run."""
     command = ["robomaker", "run", arguments.spec]
     for option in ("name", "seed", "backend", "report"):
         if (value := getattr(arguments, option)) is not None:

@@ -10,12 +10,12 @@ from .....schemas.specs import __file__ as specs_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker schema` to its parser."""
     parser.add_argument("operation", metavar="OPERATION", nargs="?", help="an operation, such as CreateWorldTemplate")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints a schema."""
+    """Runs `robomaker schema`: prints a JSON schema, such as that of specifications."""
     if arguments.operation is None:
         if named("requirements"):  # the file knows the kinds of this package only
             from .....schemas.specs.json_schema import schema_text

@@ -14,13 +14,13 @@ from ...output.answers import print_problems
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker validate` to its parser."""
     parser.add_argument("specs", metavar="SPEC", nargs="+", help="specification, a YAML file")
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Checks every file, also after problems in others; exit code 2 if any has a problem."""
+    """Runs `robomaker validate`: checks specification files; exit code 2 if any has a problem."""
     from ...inputs.specifications import InputFileError, read_spec
 
     answers = []

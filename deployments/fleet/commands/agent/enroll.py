@@ -7,14 +7,14 @@ import argparse
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker agent enroll` to its parser."""
     from .....tasks.fleet.agent.command_line import declare_enroll
 
     declare_enroll(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Enrols the robot."""
+    """Runs the command that enrols a robot's agent at the service."""
     from .....schemas.wire.errors import ConfigurationError
     from .....tasks.fleet.agent import command_line
     from .....tasks.fleet.agent.errors import AgentError

@@ -7,14 +7,14 @@ import argparse
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker agent run` to its parser."""
     from .....tasks.fleet.agent.command_line import declare_run
 
     declare_run(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Runs the agent until it is stopped."""
+    """Runs the agent on a robot until it is stopped."""
     from .....schemas.wire.errors import ConfigurationError
     from .....tasks.fleet.agent import command_line
     from .....tasks.fleet.agent.errors import AgentError

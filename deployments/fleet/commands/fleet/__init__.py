@@ -6,10 +6,10 @@ __all__: list[str] = []
 
 
 def add_deployment(parser: argparse.ArgumentParser) -> None:
-    """Adds the deployment job that a person decides about."""
+    """Adds the argument for the deployment job to decide about to a command's parser."""
     parser.add_argument("job", metavar="ARN", help="ARN of the deployment job")
 
 
 def add_who(parser: argparse.ArgumentParser) -> None:
-    """Adds who decides."""
+    """Adds the option for the person who decides to a command's parser."""
     parser.add_argument("--by", metavar="NAME", help="who says so, as DescribeDeploymentJob shows it (default: you)")

@@ -12,13 +12,13 @@ from . import add_deployment, add_who
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet approve` to its parser."""
     add_deployment(parser)
     add_who(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Approves it."""
+    """Runs `robomaker fleet approve`: approves a deployment that waits for approval."""
     from .....tasks.fleet.control.decisions import approve
     from ....cli.inputs.options import who
 

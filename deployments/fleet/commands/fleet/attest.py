@@ -12,14 +12,14 @@ from ....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet attest` to its parser."""
     parser.add_argument("batch", metavar="BATCH", help="ARN of a simulation job batch")
     parser.add_argument("--application-version", metavar="N", help="number of the version that it is attested of")
     parser.add_argument("--file", metavar="PATH", type=Path, help="where the envelope goes (default: standard output)")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the envelope; a batch that has not passed is an error, which says why."""
+    """Runs `robomaker fleet attest`: writes the signed attestation that a simulation batch passed."""
     from .....schemas.wire.arns import ResourceArn
     from .....schemas.wire.errors import DeploymentError
     from .....tasks.fleet.attestations.required_batches import signed

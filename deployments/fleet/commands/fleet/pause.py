@@ -12,13 +12,13 @@ from . import add_deployment, add_who
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet pause` to its parser."""
     add_deployment(parser)
     add_who(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Pauses it."""
+    """Runs `robomaker fleet pause`: pauses a deployment."""
     from .....tasks.fleet.control.decisions import pause
     from ....cli.inputs.options import who
 

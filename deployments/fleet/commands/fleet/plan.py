@@ -19,7 +19,7 @@ _COLUMNS = ("wave", "robot", "has", "would get", "notes")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet plan` to its parser."""
     parser.add_argument(
         "--input", metavar="INPUT", required=True, help="request: a file, JSON text, or - for standard input"
     )
@@ -27,7 +27,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the plan."""
+    """Runs `robomaker fleet plan`: prints what a deployment would do."""
     from .....tasks.fleet.operations.deployment_jobs import plan_deployment
     from ....cli.inputs.specifications import read_request
 

@@ -11,13 +11,13 @@ from . import add_deployment, add_who
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet reject` to its parser."""
     add_deployment(parser)
     add_who(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Cancels it."""
+    """Runs `robomaker fleet reject`: cancels a deployment that waits for approval."""
     from .....tasks.fleet.control.decisions import reject
     from ....cli.inputs.options import who
 

@@ -14,7 +14,7 @@ from ....cli.output.answers import open_file
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet report` to its parser."""
     text = "ARN of a deployment job; or name or ARN of a fleet, for its latest"
     parser.add_argument("deployment", metavar="DEPLOYMENT", help=text)
     parser.add_argument("--out", metavar="FILE", help="where to write it (default: deployments/ in ROBOMAKER_HOME)")
@@ -22,7 +22,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the report."""
+    """Runs `robomaker fleet report`: writes the report of a deployment."""
     from .....schemas.settings import Settings
 
     out = output_file(arguments.out, "--out")

@@ -11,12 +11,12 @@ from . import add_deployment
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet resume` to its parser."""
     add_deployment(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Resumes it."""
+    """Runs `robomaker fleet resume`: resumes a paused deployment."""
     from .....tasks.fleet.control.decisions import resume
 
     service = open_service()

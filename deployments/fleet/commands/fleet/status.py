@@ -12,14 +12,14 @@ from ....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet status` to its parser."""
     parser.add_argument("fleet", metavar="FLEET", nargs="?", help="name or ARN of a fleet (default: all)")
     parser.add_argument("--all", action="store_true", help="all robots of large fleets")
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the fleets."""
+    """Runs `robomaker fleet status`: prints the fleets with their robots and deployments."""
     from .....tasks.fleet.views.standings import find_fleet, fleet_standing, fleets
 
     service = open_service()

@@ -13,7 +13,7 @@ from ....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet verify` to its parser."""
     parser.add_argument("deployment", metavar="DEPLOYMENT", help="ARN of a deployment job")
     key = "public key that has to have signed, in PEM (default: that of this data home)"
     parser.add_argument("--public-key", metavar="FILE", type=Path, help=key)
@@ -21,7 +21,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints what came of it; the exit code says the same."""
+    """Runs `robomaker fleet verify`: checks that a deployment delivered what its attestation covers."""
     from .....schemas.wire.arns import ResourceArn
     from .....tasks.fleet.attestations.envelopes import known_public_key, read_public_key
     from .....tasks.fleet.attestations.required_batches import EXIT_CODES, check_deployment

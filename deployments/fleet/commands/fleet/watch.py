@@ -17,13 +17,13 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker fleet watch` to its parser."""
     text = "name or ARN of a fleet, for its latest deployment; or ARN of one (default: the only one that goes on)"
     parser.add_argument("deployment", metavar="FLEET|DEPLOYMENT", nargs="?", help=text)
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Shows each look; returns how it ended."""
+    """Runs `robomaker fleet watch`: shows a deployment's progress until it ends."""
     from .....tasks.fleet.views.standings import find_deployment, follow
     from ...live_fleets import fleet_watcher
 

@@ -22,7 +22,7 @@ _TENANT = "DEFAULT"
 
 
 class Enrolment(NamedTuple):
-    """Connection data of a robot: the server's address, the robot's id and token, and the certificate."""
+    """Data with which a robot connects: server address, robot id, token and certificate."""
 
     url: str
     tenant: str
@@ -32,13 +32,13 @@ class Enrolment(NamedTuple):
 
     @property
     def swupdate(self) -> list[str]:
-        """The words behind `swupdate`."""
+        """The command line arguments for `swupdate` on the robot."""
         server = f"-t {self.tenant} -u {self.url} -i {self.controller_id} -k {self.token}"
         return ["-k", "certificate.pem", "-H", "robot:1.0", "-u", server]
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker robots enroll` to its parser."""
     parser.add_argument("name", metavar="NAME", help="name of the robot, as in CreateRobot")
     parser.add_argument("--agent", action="store_true", help="for our own agent; without it, for updaters of hawkBit")
     parser.add_argument("--rotate", action="store_true", help="replace the token that it has")
@@ -46,7 +46,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Stores the token's hash; prints the token and what the robot needs besides."""
+    """Runs `robomaker robots enroll`: gives a robot a login token and prints its connection data."""
     from .....schemas.fleet.settings import FleetSettings
 
     service = open_service()

@@ -23,12 +23,12 @@ Row = dict[str, str | bool | None]
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker robots list` to its parser."""
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the robots."""
+    """Runs `robomaker robots list`: prints the robots."""
     rows = list(_rows(open_service()))
     print_either(arguments.output, {"schema_version": 1, "robots": rows}, _lines(rows))
     return 0

@@ -9,12 +9,12 @@ import sys
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker storage init` to its parser."""
     parser.add_argument("--dry-run", action="store_true", help="say what would be made, and make nothing")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Makes what is missing, and says what."""
+    """Runs `robomaker storage init`: creates missing buckets and users on the object store."""
     from ......schemas.settings import Settings
     from ......tasks.storage import open_store
     from ......tasks.storage.roles.initialisation import initialise

@@ -10,11 +10,11 @@ from pathlib import Path
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds no arguments."""
+    """Adds no arguments: `robomaker systemd install` has none."""
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the units and prints their paths."""
+    """Runs `robomaker systemd install`: writes the systemd units and prints their paths."""
     from .....systemd.installation import install
 
     del arguments

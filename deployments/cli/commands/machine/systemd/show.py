@@ -6,11 +6,11 @@ from pathlib import Path
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds no arguments."""
+    """Adds no arguments: `robomaker systemd show` has none."""
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the units."""
+    """Runs `robomaker systemd show`: prints the systemd units."""
     from .....systemd.installation import units
 
     del arguments

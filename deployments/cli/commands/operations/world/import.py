@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world import` to its parser."""
     parser.add_argument(
         "plan",
         metavar="PLAN",
@@ -55,7 +55,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Makes the world, stores it and says how far it is as drawn."""
+    """Runs `robomaker world import`: makes a world of a drawing or map, and reports deviations from it."""
     from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......tasks.worldforge.gazebo.importing import SUFFIXES
     from ....inputs.worlds import find_world

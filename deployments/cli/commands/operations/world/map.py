@@ -14,7 +14,7 @@ from ....arguments import add_world
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world map` to its parser."""
     add_world(parser)
     parser.add_argument("folder", metavar="FOLDER", help="a new folder for the map")
     parser.add_argument(
@@ -23,7 +23,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the map and prints its path."""
+    """Runs `robomaker world map`: writes a Nav2 map of a world for a robot's height."""
     from ......schemas.exit_codes import OK
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worldforge.bundle.robot_map import write_robot_map

@@ -12,7 +12,7 @@ from ....arguments import add_output, add_world
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world prove` to its parser."""
     add_world(parser)
     parser.add_argument(
         "--pushed",
@@ -23,7 +23,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints the proofs; the exit code says whether they hold."""
+    """Runs `robomaker world prove`: prints a world's measured guarantees; the exit code says whether they hold."""
     from dataclasses import replace
 
     from ......schemas.exit_codes import OK, VERDICT_FAILED

@@ -13,7 +13,7 @@ from ....arguments import add_world
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world relight` to its parser."""
     add_world(parser)
     parser.add_argument(
         "appearance",
@@ -26,7 +26,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the model and prints its path."""
+    """Runs `robomaker world relight`: writes a world's MJCF model with another lighting."""
     from ......schemas.exit_codes import OK
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.appearance import appearance_named, relit

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world sheet` to its parser."""
     parser.add_argument("job", metavar="JOB", help="ARN of a world generation job")
     parser.add_argument("--to", metavar="FOLDER", help="put both there (default: a folder in the data home)")
     add_output(parser, "text", "json")
@@ -31,7 +31,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Writes the sheet as a picture and as a page; prints where they are."""
+    """Runs `robomaker world sheet`: writes an overview of worlds as a picture and a page."""
     from ......schemas.wire.arns import ResourceArn
     from ....inputs.worlds import output_file
 
@@ -52,7 +52,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def job_sheet(job: "Resource", service: "Service") -> "Sheet":
-    """The sheet of a job's worlds that there are now; those that cannot be read are on it as such."""
+    """Makes the contact sheet (overview page) of a generation job's worlds so far."""
     from ......tasks.worldforge.viewer.contact_sheet import Sheet, SheetFailure, problems_first
 
     worlds = sorted(

@@ -10,7 +10,7 @@ from ....arguments import add_output, add_world
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world show` to its parser."""
     add_world(parser)
     parser.add_argument(
         "--pictures", metavar="FOLDER", help="put the plan, a view from above and one from inside each room there"
@@ -19,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints what there is to say of a world; draws it if a folder for pictures is given."""
+    """Runs `robomaker world show`: prints facts about a world, and draws it if asked."""
     from ....inputs.worlds import find_world
     from ....output.world_facts import print_facts, world_facts
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world vary` to its parser."""
     from ......schemas.worlds.world import Light
 
     add_world(parser)
@@ -49,7 +49,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Makes and stores the world; the exit code says whether its guarantees hold."""
+    """Runs `robomaker world vary`: makes and stores a variation of a world."""
     from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......tasks.worldforge.generator import Wanted, vary
     from ......tasks.worlds.keeping import keep_world

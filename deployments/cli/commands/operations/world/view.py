@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker world view` to its parser."""
     add_world(parser)
     parser.add_argument("--html", metavar="FILE", help="write the page there, whether there is a display or not")
     add_open(parser, "show the page in a browser, or do not (either makes a page)")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Shows the world; prints the page's path where that is how."""
+    """Runs `robomaker world view`: shows a world in 3D, in a window or a web page."""
     from ....inputs.worlds import find_world, output_file
 
     found = find_world(arguments.world)
@@ -45,7 +45,7 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def has_display(environ: Mapping[str, str] | None = None, platform: str = sys.platform) -> bool:
-    """Whether a window can be opened here: on a desktop, not in a session from elsewhere."""
+    """Whether a window can be opened here: on a desktop, not in a remote session."""
     environ = os.environ if environ is None else environ
     if environ.get("CI"):
         return False

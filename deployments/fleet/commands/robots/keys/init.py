@@ -11,7 +11,7 @@ from .....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker robots keys init` to its parser."""
     parser.add_argument("--root-keys", type=int, default=3, metavar="N", help="how many root keys (default: 3)")
     parser.add_argument(
         "--threshold", type=int, default=2, metavar="M", help="how many of them have to sign a root (default: 2)"
@@ -35,7 +35,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Makes the keys and the first root."""
+    """Runs `robomaker robots keys init`: creates the signing keys and first TUF root for updates."""
     from ......tasks.fleet.attestations.envelopes import read_public_key
     from ......tasks.fleet.trust.ceremonies import AttestedChange, begin_apart
     from ......tasks.fleet.trust.publishing import publisher_of

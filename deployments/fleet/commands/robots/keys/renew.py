@@ -10,11 +10,11 @@ from .....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds no arguments."""
+    """Adds no arguments: `robomaker robots keys renew` has none."""
 
 
 def execute(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - the signature of all commands
-    """Signs what is due."""
+    """Runs `robomaker robots keys renew`: renews signatures of the update repository that are due."""
     from ......tasks.fleet.trust.publishing import publisher_of
 
     now = publisher_of(open_service()).keep_up()

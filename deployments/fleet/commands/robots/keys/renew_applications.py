@@ -10,11 +10,11 @@ from .....cli.inputs.options import open_service
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds no arguments."""
+    """Adds no arguments: `robomaker robots keys renew-applications` has none."""
 
 
 def execute(arguments: argparse.Namespace) -> int:  # noqa: ARG001 - the signature of all commands
-    """Replaces the key."""
+    """Runs `robomaker robots keys renew-applications`: replaces the key that signs applications."""
     from ......tasks.fleet.trust.ceremonies import rotate_applications
     from ......tasks.fleet.trust.publishing import publisher_of
 

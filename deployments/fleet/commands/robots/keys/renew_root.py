@@ -15,7 +15,7 @@ _ROLES = ("root", "targets", "snapshot", "timestamp")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker robots keys renew-root` to its parser."""
     parser.add_argument(
         "--key", type=Path, action="append", default=[], metavar="FILE", help="a root key, from where it is kept"
     )
@@ -44,7 +44,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Signs, and publishes the root once there are enough signatures."""
+    """Runs `robomaker robots keys renew-root`: signs the next TUF root, and publishes it once signed enough."""
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.fleet.attestations.envelopes import read_public_key
     from ......tasks.fleet.trust.ceremonies import AttestedChange, renew_root

@@ -19,12 +19,12 @@ _COLUMNS = ("role", "version", "expires", "keys")
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments."""
+    """Adds the arguments of `robomaker robots keys status` to its parser."""
     add_output(parser, "text", "json")
 
 
 def execute(arguments: argparse.Namespace) -> int:
-    """Prints how the roles stand."""
+    """Runs `robomaker robots keys status`: prints the state of the signing roles."""
     from ......tasks.fleet.trust.upkeep import attested_of, standing_of
 
     service = open_service()

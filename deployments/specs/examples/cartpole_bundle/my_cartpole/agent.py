@@ -7,7 +7,7 @@ GAINS = np.array([1.0, 40.0, 2.0, 8.0]) / 10.0
 
 
 def make_agent(context, environment):
-    """Makes a linear controller for the environment's action; the variable GAIN scales it."""
+    """Makes a linear controller for the cart-pole; the variable GAIN scales it."""
     gains = GAINS * float(context.environment.get("GAIN", "1"))
     spec = environment.action_spec()
 

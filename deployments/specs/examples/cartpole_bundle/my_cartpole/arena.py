@@ -34,14 +34,14 @@ FALLEN_RAD = 0.5
 
 
 class Balance(control.Task):
-    """Upright is angle 0; the episode is over when the pole has fallen."""
+    """Cart-pole task: balance the pole; the episode ends when it has fallen."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self._rng = rng
         self.largest_angle = 0.0
 
     def initialize_episode(self, physics: mujoco.Physics):
-        """Starts a little off balance."""
+        """Starts with the pole slightly off balance."""
         physics.named.data.qpos["hinge"] = self._rng.uniform(-0.05, 0.05)
 
     def before_step(self, action: np.ndarray, physics: mujoco.Physics):
@@ -49,19 +49,19 @@ class Balance(control.Task):
         physics.set_control(action)
 
     def after_step(self, physics: mujoco.Physics):
-        """Remembers the worst."""
+        """Records the largest angle so far."""
         self.largest_angle = max(self.largest_angle, abs(physics.named.data.qpos["hinge"].item()))
 
     def action_spec(self, physics: mujoco.Physics):
-        """One push between -1 and 1."""
+        """Returns the spec of the action: one push between -1 and 1."""
         return mujoco.action_spec(physics)
 
     def get_observation(self, physics: mujoco.Physics):
-        """Positions and velocities of cart and pole."""
+        """Returns positions and velocities of cart and pole."""
         return {"position": physics.position(), "velocity": physics.velocity()}
 
     def get_reward(self, physics: mujoco.Physics):
-        """One at the top."""
+        """Returns the reward: 1 when the pole is upright."""
         return math.cos(physics.named.data.qpos["hinge"].item())
 
     def get_termination(self, physics: mujoco.Physics):
@@ -71,12 +71,12 @@ class Balance(control.Task):
 
 
 class Cartpole(control.Environment):
-    """The environment, with a verdict."""
+    """Cart-pole environment that gives a verdict on its run."""
 
     video_camera = "side"
 
     def run_result(self) -> dict:
-        """PASS if the pole never fell."""
+        """Returns the verdict: PASS if the pole never fell."""
         angle = self.task.largest_angle
         upright = angle <= FALLEN_RAD
         detail = f"leaned {angle:.3f} rad at most, {FALLEN_RAD} rad is fallen"
@@ -89,7 +89,7 @@ class Cartpole(control.Environment):
 
 
 def make_environment(context) -> Cartpole:
-    """Makes the environment; the variable TIME_LIMIT_S changes its ten seconds."""
+    """Makes the cart-pole environment; the variable TIME_LIMIT_S changes its ten seconds."""
     limit = float(context.environment.get("TIME_LIMIT_S", "10"))
     print(f"cartpole with seed {context.plan.seed}, {limit:g} s")  # noqa: T201 (goes to logs/stdout.log)
     physics = mujoco.Physics.from_xml_string(MODEL)

@@ -15,7 +15,7 @@ GAINS = [float(os.environ.get("GAIN", "1")) * each for each in (0.1, 4.0, 0.2, 0
 
 
 def main() -> None:
-    """Drives until the simulation ends."""
+    """Drives the cart-pole until the simulation ends."""
     with connect() as simulation:
         print("balancing in run", os.environ["AWS_ROBOMAKER_SIMULATION_RUN_ID"])  # noqa: T201 (goes to the log)
         for step in simulation:
