@@ -30,19 +30,19 @@ Bounds: TypeAlias = tuple[float, float]
 
 
 class FormulaError(ValueError):
-    """A formula cannot be read; the text says where and what would be right."""
+    """Raised for a temporal logic formula (requirement) that cannot be parsed; says where and what would be right."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A number that is written, or the value of a signal."""
+    """Node of a formula: a number, or the value of a signal."""
 
     value: float | str
 
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """`+`, `-` or `*` of two numbers, `abs` of one."""
+    """Node of a formula: `+`, `-` or `*` of two numbers, or `abs` of one."""
 
     sign: str
     parts: tuple["Number | Arithmetic", ...]
@@ -50,7 +50,7 @@ class Arithmetic:
 
 @dataclass(frozen=True)
 class Comparison:
-    """A comparison of two numbers."""
+    """Node of a formula: a comparison of two numbers."""
 
     sign: str
     left: Number | Arithmetic
@@ -59,7 +59,7 @@ class Comparison:
 
 @dataclass(frozen=True)
 class Join:
-    """`not`, `and`, `or` or `->`."""
+    """Node of a formula: `not`, `and`, `or` or `->`."""
 
     word: str
     parts: tuple["Formula", ...]
@@ -67,7 +67,7 @@ class Join:
 
 @dataclass(frozen=True)
 class Temporal:
-    """`always`, `eventually` or `until`, with bounds, or until the run ends."""
+    """Node of a formula: `always`, `eventually` or `until`, with time bounds or until the run ends."""
 
     word: str
     parts: tuple["Formula", ...]
@@ -79,7 +79,7 @@ _Node: TypeAlias = Number | Arithmetic | Comparison | Join | Temporal
 
 
 def read_formula(text: str, signals: Collection[str]) -> Formula:
-    """Reads a formula.
+    """Parses a temporal logic formula over signals of a run.
 
     Args:
         text: The formula.
@@ -95,7 +95,7 @@ def read_formula(text: str, signals: Collection[str]) -> Formula:
 
 
 def signals_of(node: _Node) -> Iterator[str]:
-    """Names of the signals in a formula, each as often as it is used."""
+    """Yields the names of the signals in a formula, each as often as it is used."""
     if isinstance(node, Number):
         if isinstance(node.value, str):
             yield node.value
@@ -105,7 +105,7 @@ def signals_of(node: _Node) -> Iterator[str]:
 
 
 def bounds_of(formula: Formula) -> Iterator[Bounds]:
-    """All bounds in a formula."""
+    """Yields all time bounds in a formula."""
     if isinstance(formula, Comparison):
         return
     if isinstance(formula, Temporal) and formula.bounds is not None:
@@ -115,7 +115,7 @@ def bounds_of(formula: Formula) -> Iterator[Bounds]:
 
 
 def in_words(node: _Node) -> str:
-    """A formula as it may be written, with all brackets."""
+    """Formats a formula as text, with all brackets."""
     if isinstance(node, Number):
         return node.value if isinstance(node.value, str) else f"{node.value:g}"
     if isinstance(node, Comparison):
@@ -296,6 +296,6 @@ class _Reader:
 
 
 def off_grid(formula: Formula, period_s: float) -> Sequence[float]:
-    """Bounds of a formula that are no multiples of a period."""
+    """Returns the time bounds of a formula that are no multiples of the sampling period."""
     ends = [end for bounds in bounds_of(formula) for end in bounds]
     return [end for end in ends if abs(end / period_s - round(end / period_s)) > 1e-6]  # sums of floats are not exact

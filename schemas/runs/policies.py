@@ -28,7 +28,7 @@ _STARTS = ("command", "launchFile", "packageName")
 
 @dataclass(frozen=True)
 class PolicyReference:
-    """A policy by its text."""
+    """Reference to a policy that drives the robot: an ONNX file, or a Python callable."""
 
     text: str
     file: str | None
@@ -42,12 +42,12 @@ class PolicyReference:
 
     @property
     def is_onnx(self) -> bool:
-        """Whether it is an ONNX file."""
+        """Whether the policy is an ONNX file."""
         return self.attribute is None
 
     @property
     def package(self) -> str:
-        """Dotted package that holds it, as far as its name says so; the robot's `robot.yaml` is looked for there."""
+        """Dotted package that contains the policy, in which the robot's `robot.yaml` is looked for."""
         if self.module is not None:
             return self.module
         folder = PurePosixPath(self.file or "").parent
@@ -55,7 +55,7 @@ class PolicyReference:
 
 
 def parse_policy(policy: str) -> PolicyReference:
-    """Reads a policy's text.
+    """Parses the text that names a policy (ONNX file or Python callable).
 
     Raises:
         ValueError: it is none; the text says what would be right.
@@ -89,21 +89,21 @@ Policy = Annotated[str, ShapeName("Policy"), text(1, 1024), AfterValidator(_is_p
 
 
 class PolicyRequest(JobRequest, Protocol):
-    """A request for a job that may name a policy."""
+    """Interface of a simulation job request that may name a policy to drive the robot."""
 
     @property
     def policy(self) -> str | None:
-        """The policy."""
+        """Text that names the policy; `None` for none."""
         ...
 
     @property
     def trials(self) -> Trials | None:
-        """The trials."""
+        """Trials of the job; `None` for a single episode."""
         ...
 
 
 def policy_in(request: Mapping[str, Any]) -> str | None:
-    """The policy that a checked request on the wire names, by its member or by a launch variable."""
+    """Returns the policy that a simulation job request names, by its member or by a launch variable."""
     if (policy := request.get("policy")) is not None:
         return policy
     configs: list[Mapping[str, Any]] = [
@@ -114,7 +114,7 @@ def policy_in(request: Mapping[str, Any]) -> str | None:
 
 
 def check_policy(request: PolicyRequest) -> None:
-    """Finds out whether a request's policy is one, given once, and the only thing that shall drive the robot.
+    """Raises an error if a request's policy is invalid, or something else drives the robot, too.
 
     Raises:
         ValueError: it is not.

@@ -26,7 +26,7 @@ Samples = Mapping[str, Sequence[float]]
 
 @dataclass(frozen=True)
 class Robustness:
-    """Least and most robustness of a formula at the beginning of a run."""
+    """Lower and upper bound of a formula's robustness, the margin by which a run satisfies it."""
 
     least: float
     """With the worst of what could have come after the end; above 0 the formula holds in any case."""
@@ -39,7 +39,7 @@ class Robustness:
 
 
 def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustness:
-    """Computes the robustness of a formula.
+    """Computes the robustness of a temporal logic formula: the margin by which samples satisfy it.
 
     Args:
         formula: The formula; its bounds are multiples of the period.

@@ -37,7 +37,7 @@ def _upright(polygon: list[Point]) -> list[Point]:
 
 
 class NotedRoom(Model):
-    """A room of the world."""
+    """A room in the notes file of an imported Gazebo world: name and area."""
 
     type: RoomType = Field(default="Area", description="Its type.")
     polygon: Annotated[list[Spot], AfterValidator(_upright)] = Field(
@@ -48,7 +48,7 @@ class NotedRoom(Model):
 
 
 class GazeboNotes(Model):
-    """Facts that a world file does not say."""
+    """Facts that a Gazebo world file does not contain, such as its rooms."""
 
     rooms: dict[str, NotedRoom] = Field(
         default={}, max_length=200, description="Rooms by name; absent: the whole world is one area."

@@ -306,7 +306,7 @@ class DrawnSource(Model):
 
 
 class LeftOut(Model):
-    """Things of one kind that a world file has and the world has not, or has otherwise."""
+    """Things of one kind in a world file that the import left out or changed."""
 
     what: str = Field(description="Kind of thing, in the plural.")
     count: int = Field(description="How many there are.")
@@ -314,7 +314,7 @@ class LeftOut(Model):
 
 
 class GazeboSource(Model):
-    """The world in Gazebo's format that a world was imported from."""
+    """The Gazebo world file that a world was imported from."""
 
     form: Literal["gazebo"] = Field(default="gazebo", description="How it was read.")
     file: str = Field(description="Name of the world file.")

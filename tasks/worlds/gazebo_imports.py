@@ -19,7 +19,7 @@ _MOST_S = 3600.0
 
 @dataclass(frozen=True, slots=True)
 class GazeboImport:
-    """An import that is wished."""
+    """Order to import a Gazebo world: file and options."""
 
     path: Path
     model_paths: Sequence[Path] = ()
@@ -30,7 +30,7 @@ class GazeboImport:
 
 
 def write_gazebo_bundle(wanted: GazeboImport, folder: Path) -> None:
-    """Imports a world and writes its bundle.
+    """Imports a Gazebo world in a child process, and writes its files.
 
     Args:
         wanted: the import.

@@ -47,7 +47,7 @@ def keep_bundle(
     *,
     origin: str | None = None,
 ) -> Resource:
-    """Stores a bundle and adds its world to the catalog.
+    """Stores a world's files, and adds the world to the catalog.
 
     Args:
         write: writes the bundle into a new folder.

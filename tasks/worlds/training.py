@@ -18,7 +18,7 @@ def robot_env(
     time_limit_s: float | None = None,
     variables: Mapping[str, str] | None = None,
 ) -> "RobotEnv":
-    """Makes the `gymnasium.Env` of a robot in a world: what a simulation job has, with the same bits.
+    """Makes the Gymnasium environment of a robot in a world, identical to a simulation job's, for training.
 
     Args:
         world: ARN of a world, or the folder of its bundle.

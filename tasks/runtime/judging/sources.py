@@ -53,7 +53,7 @@ class Source:
         self._last_s = max(self._last_s, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Takes note of a silence that is too long already, before requirements are measured by what is old."""
+        """Records a silence that is too long, before requirements are measured by old data."""
         if time_s - self._last_s > self._max_gap_s + ROUNDING_S:
             words = f"no message on {self.name} from {self._last_s:.2f} to {time_s:.2f} s"
             self._break(f"{words}, longer than max_gap_s ({self._max_gap_s:g} s), so something could have been missed")

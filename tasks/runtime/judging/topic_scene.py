@@ -74,7 +74,7 @@ class Measurements:
         return [*found, *([self._scan.topic] if self._scan else [])]
 
     def is_pose(self, topic: str) -> bool:
-        """Whether a topic tells where things are, which counts from before the run as well."""
+        """Whether a topic contains poses, which are also read from before the run."""
         return topic == _TF or (self._topic_pose is not None and topic == self._topic_pose.source.name)
 
     def take(self, message: Message, time_s: float) -> None:
@@ -92,7 +92,7 @@ class Measurements:
             self._contacts.take(message, time_s)
 
     def look_back(self, time_s: float) -> None:
-        """Takes note of what has been silent for too long."""
+        """Records which topics have been silent for too long."""
         for source in self._steady_sources():
             source.look_back(time_s)
 

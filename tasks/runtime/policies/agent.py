@@ -22,7 +22,7 @@ Policy = Callable[[Observed], Any]
 
 
 def make_agent(context: SimulationContext, environment: dm_env.Environment) -> "PolicyAgent":
-    """Makes the agent that follows the policy of the job.
+    """Makes the agent that drives the robot by the policy of a simulation job.
 
     Raises:
         LoadError: It cannot be found, read or fed; the text says why.
@@ -34,7 +34,7 @@ def make_agent(context: SimulationContext, environment: dm_env.Environment) -> "
 
 
 class PolicyAgent:
-    """An agent that calls a policy with the arrays of each observation.
+    """Agent that drives the robot by a policy, which it calls with each observation.
 
     Args:
         policy: The policy's text, as in a specification.

@@ -28,11 +28,11 @@ Observed = dict[str, NDArray[Any]]
 
 
 class NotFiniteError(RobotProgramError):
-    """An action has numbers that are infinite or none."""
+    """Raised when a policy's action contains infinite numbers or NaN."""
 
 
 class ObservedArrays:
-    """The arrays of an environment's observation.
+    """Converts observations of an environment to the arrays that a policy gets.
 
     Args:
         spec: The environment's observation spec.
@@ -53,7 +53,7 @@ class ObservedArrays:
         return {name: _as_numbers(values[name], spec) for name, spec in self.specs.items()}
 
     def vector(self, observed: Observed) -> NDArray[Any]:
-        """All numbers of an observation in one row."""
+        """Returns all numbers of an observation as one vector."""
         rows = [observed[name].reshape(-1) for name in self.specs]
         return np.concatenate(rows) if rows else np.zeros(0)
 
@@ -63,7 +63,7 @@ class ObservedArrays:
 
 
 def number_type(spec: specs.Array) -> "np.dtype[Any]":
-    """The type of an array's numbers; that of truth values is `int8`."""
+    """Returns the NumPy type of an array's numbers for a policy; booleans become `int8`."""
     return np.dtype(np.int8) if spec.dtype == np.bool_ else np.dtype(spec.dtype)
 
 
@@ -84,7 +84,7 @@ def _is_numeric(spec: Any) -> bool:
 
 
 def single_action(spec: Any, policy: str) -> specs.Array:
-    """The action spec of an environment whose actions are one array.
+    """Returns the action spec of an environment whose action is a single array.
 
     Raises:
         LoadError: They are something else.
@@ -95,7 +95,7 @@ def single_action(spec: Any, policy: str) -> specs.Array:
 
 
 def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
-    """Reads an action.
+    """Checks a policy's action, and converts it to the environment's type.
 
     Args:
         action: The action.

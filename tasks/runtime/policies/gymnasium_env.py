@@ -39,7 +39,7 @@ MakeEnvironment = Callable[[SimulationContext], dm_env.Environment]
 
 
 class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
-    """A robot in a world: the environment that a simulation job has, with the same bits for the same seed and actions.
+    """Gymnasium environment of a robot in a world, identical to that of a simulation job, for training.
 
     Observations are a `Dict` of arrays and the action is a `Box`, as the environment's specs say. An episode that
     reaches the limit of simulated time is truncated, any other end terminates it. The `info` of its last step has the
@@ -81,13 +81,13 @@ class RobotEnv(gymnasium.Env[Any, NDArray[Any]]):
 
     @property
     def environment(self) -> dm_env.Environment:
-        """The environment that is stepped."""
+        """The dm_env environment inside."""
         return self._environment
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observed, dict[str, Any]]:
-        """Begins an episode; that of a seed is the episode of a job with this seed."""
+        """Starts an episode; a seed gives the same episode as in a simulation job."""
         super().reset(seed=seed, options=options)
         if seed is None:
             seed = int(self.np_random.integers(_SEEDS))

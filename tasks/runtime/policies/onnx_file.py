@@ -43,7 +43,7 @@ class _Input:
 
 
 class OnnxPolicy:
-    """A network: a function of an observation's arrays.
+    """Policy of an ONNX neural network, called with the arrays of an observation.
 
     An input that has the name of an array gets that array; a network whose one input has another name gets all numbers
     in a row. The action is the output `action`, or the only one.
@@ -80,7 +80,7 @@ class OnnxPolicy:
         return {}
 
     def restore(self, state: dict[str, Any]) -> None:
-        """Has nothing to put back."""
+        """Does nothing: the network has no state."""
 
     def _input(self, found: Any, arrays: ObservedArrays) -> _Input:
         dtype = _TYPES.get(found.type)

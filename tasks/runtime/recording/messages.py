@@ -211,7 +211,7 @@ class CompressedImage(NamedTuple):
 
 
 class Image(NamedTuple):
-    """`sensor_msgs/Image`: rows from the top, pixels from the left."""
+    """ROS message `sensor_msgs/Image`: rows from the top, pixels from the left."""
 
     header: Header
     encoding: str
@@ -224,7 +224,7 @@ class Image(NamedTuple):
 
 
 class PointCloud2(NamedTuple):
-    """`sensor_msgs/PointCloud2` of points x, y, z in a picture's order; those of pixels that see nothing are NaN."""
+    """ROS message `sensor_msgs/PointCloud2` with one point x, y, z for each pixel; NaN for pixels without depth."""
 
     header: Header
     points: NDArray[np.float32]

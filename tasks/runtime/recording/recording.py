@@ -50,12 +50,12 @@ class Recorder:
         """Records an already encoded ROS message; see `write`."""
 
     def is_heard(self, topic: str) -> bool:
-        """Say whether ROS nodes listen to a topic."""
+        """Whether ROS nodes listen to a topic."""
         del topic
         return False
 
     def tell(self, topic: str, message: Any) -> None:
-        """Publish a message to ROS nodes that listen, and record nothing."""
+        """Publishes a message to ROS nodes that listen, without recording it."""
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
         """Records the poses of frames that do not move, on `/tf_static`."""

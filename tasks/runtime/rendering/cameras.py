@@ -138,7 +138,7 @@ class Camera(Protocol):
         ...
 
     def depths(self, data: mujoco.MjData, view: View) -> Depths:
-        """Returns how far away is what `view` sees, for pictures of the camera's size.
+        """Renders a depth image: the distance of what each pixel of a view sees.
 
         Args:
             data: The state.

@@ -149,7 +149,7 @@ class ViewRenderer:
         return picture
 
     def depths(self, data: mujoco.MjData) -> Depths:
-        """Measures how far away is what the picture of a state shows."""
+        """Renders a depth image of a state."""
         return self._camera.depths(data, self._view)
 
     def look(self, data: mujoco.MjData, scene: mujoco.MjvScene) -> mujoco.MjvCamera:

@@ -42,7 +42,7 @@ def write_bundle(world: World, folder: Path) -> str:
 
 
 def write_files(files: Mapping[str, bytes], folder: Path) -> str:
-    """Writes the files of a bundle; the folder appears whole or not at all.
+    """Writes the files of a world to a new folder, all or none; returns their hash.
 
     Args:
         files: contents by their paths in the bundle.

@@ -22,7 +22,7 @@ Points = NDArray[np.float64]
 def solid_outlines(
     model: mujoco.MjModel, data: mujoco.MjData, low_m: float, high_m: float
 ) -> Iterator[tuple[int, list[Point]]]:
-    """Yields the outlines, counter-clockwise, of all solid parts between two heights, with the numbers of their geoms.
+    """Yields the outlines of all solid parts between two heights, with their geom numbers.
 
     Planes and height fields have none.
 

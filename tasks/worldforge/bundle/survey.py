@@ -48,7 +48,7 @@ _STEPS = 40
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """Cells of a world at one height of the floor."""
+    """Grid of a world at one floor height: cells with floor, and cells with obstacles."""
 
     grid: OccupancyGrid
     """All that is occupied; nothing is known yet."""
@@ -61,19 +61,19 @@ class Ground:
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Cells with a floor and nothing on it."""
+        """Mask of the cells with a floor and without obstacle."""
         return self.supported & ~self.grid.occupied
 
 
 def floor_under(model: mujoco.MjModel, data: mujoco.MjData, point: Point) -> float | None:
-    """Returns the height of the floor at a point; nothing where there is none."""
+    """Returns the height of the floor at a point; `None` if there is none."""
     start, down = np.array([*point, _ABOVE_FLOOR_M]), np.array([0.0, 0.0, -1.0])
     far = mujoco.mj_ray(model, data, start, down, None, True, -1, np.zeros(1, np.int32))
     return _ABOVE_FLOOR_M - float(far) if 0 <= far <= _DEEPEST_M else None
 
 
 def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
-    """Returns the commonest height of the floor, over the whole world; nothing where there is no floor anywhere."""
+    """Returns the most common floor height of a world; `None` if there is no floor."""
     low, high = world_bounds(model, data)
     heights = [
         height
@@ -90,7 +90,7 @@ def usual_floor(model: mujoco.MjModel, data: mujoco.MjData) -> float | None:
 
 
 def world_bounds(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Returns the lowest and highest corner of all that collides and has an end."""
+    """Returns the lowest and highest corner of all finite solid geometry."""
     solid = (model.geom_contype | model.geom_conaffinity != 0) & (model.geom_type != mujoco.mjtGeom.mjGEOM_PLANE)
     geoms = np.flatnonzero(solid)
     half = _BARE_SIDE_M / 2
@@ -109,7 +109,7 @@ def ground_at(
     near: Point = (0.0, 0.0),
     high_m: float = ROBOT_HIGH_M,
 ) -> Ground:
-    """Looks at a world from above.
+    """Scans a world from above for floor and obstacles at one floor height.
 
     Args:
         model: its compiled model.
@@ -216,7 +216,7 @@ def _fill_terrain(
 
 
 def free_start(ground: Ground) -> Point | None:
-    """Returns the free place nearest to the world's origin, with enough around it; nothing where there is none."""
+    """Returns the free position nearest to the world's origin where a robot can start."""
     known = OccupancyGrid(ground.grid.origin, ~ground.free, np.ones_like(ground.free))
     # The origin need not be on the middle of a cell, and half a cell more hides that.
     fits = fitting(known, START_RADIUS_M + RESOLUTION_M)
@@ -236,7 +236,7 @@ def free_start(ground: Ground) -> Point | None:
 
 
 def in_the_way(ground: Ground, start: Point) -> list[int] | None:
-    """Returns the geoms within `START_RADIUS_M` of a start; nothing where it is free, an empty list without a floor."""
+    """Returns the geoms that block a start position; `None` if it is free, empty if it has no floor."""
     x, y = _centers(ground.grid)
     near = np.hypot(*np.broadcast_arrays(x - start[0], y - start[1])) < START_RADIUS_M
     if not (near & ~ground.free).any():
@@ -245,7 +245,7 @@ def in_the_way(ground: Ground, start: Point) -> list[int] | None:
 
 
 def survey(model: mujoco.MjModel, high_m: float = ROBOT_HIGH_M) -> OccupancyGrid:
-    """Returns the map of a world whose robot starts at the origin, on a floor at 0.
+    """Computes the occupancy grid of a world whose robot starts at the origin.
 
     Args:
         model: its compiled model.
@@ -257,7 +257,7 @@ def survey(model: mujoco.MjModel, high_m: float = ROBOT_HIGH_M) -> OccupancyGrid
 
 
 def known_map(ground: Ground, start: Point) -> OccupancyGrid:
-    """Returns the map from a start: what is joined to it without a wall between, and the faces of what is around.
+    """Computes the occupancy grid of the area that can be seen from a start position.
 
     Args:
         ground: the world from above.
@@ -284,7 +284,7 @@ def known_map(ground: Ground, start: Point) -> OccupancyGrid:
 
 
 def on_map(cells: NDArray[np.bool_], ground: Ground, grid: OccupancyGrid) -> NDArray[np.bool_]:
-    """Returns cells of the world from above as cells of its map, which is a part of it.
+    """Converts cells of the scan from above to cells of the occupancy grid.
 
     Args:
         cells: cells of `ground`.
@@ -299,7 +299,7 @@ def on_map(cells: NDArray[np.bool_], ground: Ground, grid: OccupancyGrid) -> NDA
 
 
 def reached_cells(grid: OccupancyGrid, radius_m: float) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Returns the cells that a disc reaches from the origin, and those where it fits."""
+    """Returns masks of the cells that a disc-shaped robot reaches from the origin, and where it fits."""
     fits = fitting(grid, radius_m)
     return connected(fits, grid.cell((0.0, 0.0))), fits
 
@@ -308,7 +308,7 @@ _MOST_WALLS = 3000
 
 
 def wall_boxes(cells: NDArray[np.bool_], grid: OccupancyGrid) -> list[tuple[float, float, float, float]]:
-    """Covers cells with rectangles: west, south, east and north, in metres.
+    """Covers cells with rectangles (west, south, east, north in metres), as walls of the world.
 
     Args:
         cells: cells of the grid.
@@ -356,7 +356,7 @@ def _run(cells: NDArray[np.bool_]) -> int:
 
 
 def nearest_cell(cells: NDArray[np.bool_], grid: OccupancyGrid, to: Point) -> Point | None:
-    """Returns the middle of the cell that is nearest to a point."""
+    """Returns the centre of the cell nearest to a point."""
     rows, columns = np.nonzero(cells)
     if not len(rows):
         return None

@@ -145,7 +145,7 @@ Notes = TypeVar("Notes", bound=Model)
 
 
 def read_yaml(path: Path, form: type[Notes]) -> Notes:
-    """Reads and checks a file of notes.
+    """Reads and checks a YAML notes file.
 
     Args:
         path: the file.

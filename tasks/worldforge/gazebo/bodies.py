@@ -17,7 +17,7 @@ _SMALLEST_M = 0.01
 
 @dataclass(slots=True)
 class Body:
-    """One rigid body, or all that never moves."""
+    """A rigid body of an imported Gazebo world, made of links that move together."""
 
     name: str
     links: list[Link]
@@ -34,12 +34,12 @@ class Body:
 
     @property
     def model(self) -> str:
-        """Name of the outermost model that it is part of."""
+        """Name of the outermost Gazebo model that the body is part of."""
         return self.links[0].model
 
 
 def tie_bodies(world: SdfWorld) -> tuple[list[Body], list[Link]]:
-    """Finds the bodies that can move and the links that never do.
+    """Groups the links of a Gazebo world into bodies that can move, and links that never do.
 
     Args:
         world: the world; joints that cannot be made are noted in its list.
@@ -123,7 +123,7 @@ def _in_order(bodies: Iterable[Body]) -> list[Body]:
 
 
 def make_solids(bodies: list[Body], fixed: list[Link], maker: SolidMaker) -> list[tuple[Link, Solid]]:
-    """Gives bodies their solids.
+    """Makes the collision shapes of all bodies of a Gazebo world.
 
     Args:
         bodies: all that can move.
@@ -139,7 +139,7 @@ def make_solids(bodies: list[Body], fixed: list[Link], maker: SolidMaker) -> lis
 
 
 def body_inertia(body: Body) -> Inertia:
-    """Returns the mass, centre and moments of a body, in the world's axes about its centre of mass."""
+    """Computes a body's mass, centre of mass and moments of inertia."""
     parts = [link.inertia or Inertia(_USUAL_MASS_KG, _middle(body), None) for link in body.links]
     whole_kg = sum(part.mass_kg for part in parts)
     center = sum((part.mass_kg * part.pose.position for part in parts), np.zeros(3)) / whole_kg
@@ -156,7 +156,7 @@ def _turned(moments: Matrix, rotation: Matrix) -> Matrix:
 
 
 def solid_corners(solid: Solid) -> Vector:
-    """Returns corners of a box around a solid in the world, or its own; shape (n, 3)."""
+    """Returns the corners of a box around a collision shape, shape (n, 3)."""
     if solid.corners is not None:
         return solid.pose.position + solid.corners @ solid.pose.rotation.T
     size = solid.size
@@ -201,7 +201,7 @@ def _box_moments(body: Body, mass_kg: float) -> Matrix:
 
 
 def moved(world: SdfWorld, shift: Pose) -> None:
-    """Moves a whole world.
+    """Moves a whole Gazebo world by a pose.
 
     Args:
         world: the world, which is changed.

@@ -34,7 +34,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class BoxPart:
-    """A box."""
+    """A box as convex part of a split mesh."""
 
     center: Points
     rotation: Points
@@ -42,14 +42,14 @@ class BoxPart:
 
     @property
     def corners(self) -> Points:
-        """Its corners, shape (8, 3)."""
+        """Corners of the box, shape (8, 3)."""
         signs = np.array(np.meshgrid((-1, 1), (-1, 1), (-1, 1), indexing="ij")).reshape(3, -1).T
         return self.center + (signs * self.half) @ self.rotation.T
 
 
 @dataclass(frozen=True, slots=True)
 class HullPart:
-    """The convex hull of some points."""
+    """A convex hull of points as convex part of a split mesh."""
 
     corners: Points
 
@@ -67,7 +67,7 @@ class _Faces(NamedTuple):
 
 
 def convex_parts(triangles: Triangles) -> list[ConvexPart]:
-    """Splits a mesh.
+    """Splits a mesh into convex parts, which MuJoCo can collide.
 
     Args:
         triangles: the mesh.
@@ -369,7 +369,7 @@ _MOST_SAMPLES = 20_000_000
 
 
 def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
-    """Covers the surface of a mesh with boxes on a grid; bodies get thicker by up to a cell.
+    """Approximates the surface of a mesh by boxes on a grid.
 
     Args:
         triangles: the mesh.

@@ -25,7 +25,7 @@ Build = Callable[[Collection[str], Mapping[str, Pose]], mujoco.MjModel]
 
 @dataclass(slots=True)
 class Rest:
-    """Result of letting a world come to rest."""
+    """Result of letting an imported world come to rest: which objects moved or are held."""
 
     held: dict[str, str] = field(default_factory=dict)
     """Reasons why bodies are held, by their names."""
@@ -34,7 +34,7 @@ class Rest:
 
 
 def come_to_rest(build: Build) -> Rest:
-    """Holds what overlaps something by more than 5 mm or does not stay, and lets the rest settle.
+    """Lets an imported world settle in simulation, and fixes objects that overlap or do not stay.
 
     Args:
         build: compiles the world.
@@ -68,7 +68,7 @@ def come_to_rest(build: Build) -> Rest:
 
 
 def pieces_around_joints(model: mujoco.MjModel) -> set[str]:
-    """Returns the fixed pieces that a body with a joint overlaps: a door's leaf its frame, for example.
+    """Returns the fixed objects that a jointed body overlaps, such as a door's frame.
 
     Args:
         model: the compiled world.

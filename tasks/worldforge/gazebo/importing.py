@@ -48,7 +48,7 @@ SUFFIXES = (".world", ".sdf")
 
 
 class Start(NamedTuple):
-    """Start of robots, in the frame of the world file."""
+    """Start position of robots in a Gazebo world file's frame."""
 
     x: float
     y: float
@@ -57,7 +57,7 @@ class Start(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """Options of an import."""
+    """Options of the import of a Gazebo world."""
 
     model_paths: Sequence[Path] = ()
     start: Start | None = None
@@ -68,7 +68,7 @@ class Wishes:
 
 
 def import_gazebo_world(path: Path, wishes: Wishes, folder: Path) -> World:
-    """Imports a world, and writes its bundle.
+    """Imports a Gazebo world (SDF), and writes its files for MuJoCo.
 
     Args:
         path: the world file.

@@ -35,13 +35,13 @@ _NOT_EACH_OTHER = {"frame": ' contype="2" conaffinity="1"', "leaf": ' contype="4
 
 
 class Names:
-    """Plain names, each given once."""
+    """Gives unique MJCF names to the objects of a Gazebo world."""
 
     def __init__(self) -> None:
         self._taken: set[str] = set()
 
     def new(self, name: str) -> str:
-        """Returns a name in letters, digits, `_` and `-` that nothing has yet.
+        """Returns a unique name of letters, digits, `_` and `-`.
 
         Args:
             name: the name in the world file.
@@ -58,7 +58,7 @@ class Names:
 
 @dataclass(slots=True)
 class Scene:
-    """A world that is ready to be written."""
+    """An imported Gazebo world that is ready to be written as MJCF."""
 
     fixed: list[tuple[str, Solid]]
     """Solids that never move, by the piece that they are part of."""
@@ -74,7 +74,7 @@ class Scene:
 
 
 def scene_text(scene: Scene, bounds: Bounds, visuals: Visuals | None, heightmaps: Heightmaps) -> str:
-    """Returns the world as MJCF.
+    """Writes an imported Gazebo world as MJCF text.
 
     Args:
         scene: the world.
@@ -260,12 +260,12 @@ def _cameras(bounds: Bounds) -> Iterator[str]:
 
 
 def numbers(*values: float) -> str:
-    """Returns numbers as MJCF has them, to a hundredth of a millimetre."""
+    """Formats numbers for MJCF, to a hundredth of a millimetre."""
     return " ".join(f"{round(float(value), 5) + 0.0:.10g}" for value in values)
 
 
 def pose_attributes(pose: Pose) -> str:
-    """Returns `pos` and, unless it is not turned, `quat`."""
+    """Formats a pose as MJCF attributes `pos` and `quat`."""
     place = f'pos="{numbers(*pose.position)}"'
     if np.allclose(pose.rotation, np.eye(3), atol=1e-7):
         return place
@@ -273,7 +273,7 @@ def pose_attributes(pose: Pose) -> str:
 
 
 def quaternion(rotation: Matrix) -> Vector:
-    """Returns a rotation as w, x, y, z."""
+    """Converts a rotation matrix to a quaternion w, x, y, z."""
     import mujoco
 
     quat = np.zeros(4)

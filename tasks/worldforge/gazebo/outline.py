@@ -55,7 +55,7 @@ _HIGHEST_CEILING_M = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Drawn:
-    """A compiled world, its map and its pieces."""
+    """A compiled imported world with its map and objects."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
@@ -72,7 +72,7 @@ class Drawn:
 
 
 class NamedArea(NamedTuple):
-    """A room of the notes, in the world."""
+    """A room from the notes file, in the imported world's frame."""
 
     name: str
     type: RoomType
@@ -80,13 +80,13 @@ class NamedArea(NamedTuple):
 
 
 def is_upright(polygon: Sequence[Point]) -> bool:
-    """Returns whether all edges of a polygon run along x or y, to two centimetres."""
+    """Whether all edges of a polygon run along x or y, to two centimetres."""
     edges = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
     return all(min(abs(x0 - x1), abs(y0 - y1)) < 0.02 for (x0, y0), (x1, y1) in edges)
 
 
 def world_of(drawn: Drawn, source: GazeboSource, generator: str) -> World:
-    """Returns the world, proved.
+    """Makes the world record (rooms, furniture, checks) of an imported Gazebo world.
 
     Args:
         drawn: the world.
@@ -159,7 +159,7 @@ def _squared(polygon: Sequence[Point]) -> list[Point]:
 
 
 def check_imported(world: World, model: mujoco.MjModel, grid: OccupancyGrid, ground: Ground) -> WorldChecks:
-    """Measures an imported world: rest, start, reach and goals.
+    """Measures whether an imported world is stable, and whether robots can start and reach their goals.
 
     Args:
         world: the world.
@@ -336,7 +336,7 @@ def _cells(grid: OccupancyGrid, low: NDArray[np.float64], high: NDArray[np.float
 
 
 def prove_imported(world: World, model_file: Path) -> WorldChecks:
-    """Measures an imported world anew.
+    """Measures a stored imported world again.
 
     Args:
         world: the world.

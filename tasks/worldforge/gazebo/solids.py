@@ -29,7 +29,7 @@ COARSE = "collision meshes that are coarser than drawn"
 
 @dataclass(frozen=True, slots=True)
 class Solid:
-    """One shape that collides."""
+    """A collision shape of an imported Gazebo world."""
 
     kind: SolidKind
     pose: Pose
@@ -51,7 +51,7 @@ class _Key(NamedTuple):
 
 
 class SolidMaker:
-    """Makes the solids of a world, coarser ones where there would be too many.
+    """Makes collision shapes of Gazebo links, coarser ones if there would be too many.
 
     Args:
         world: the world; what had to be made coarser is noted in its list.
@@ -65,7 +65,7 @@ class SolidMaker:
         self._parts = self._all_parts()
 
     def solids(self, link: Link) -> list[Solid]:
-        """Returns the solids of a link."""
+        """Returns the collision shapes of a link."""
         return [solid for collision in link.collisions for solid in self._of(collision, link.path in self._loose)]
 
     def _of(self, collision: Collision, is_loose: bool) -> Iterator[Solid]:
@@ -165,7 +165,7 @@ def _prism_parts(geometry: Geometry) -> list[ConvexPart]:
 
 
 def ears(outline: Sequence[tuple[float, float]]) -> list[tuple[int, int, int]]:
-    """Cuts a simple polygon into triangles, as numbers of its corners, counter-clockwise.
+    """Triangulates a simple polygon (ear clipping); returns corner numbers.
 
     Args:
         outline: its corners, in either direction.
@@ -199,7 +199,7 @@ def _turn(a: Points, b: Points, c: Points) -> Points:
 
 
 def prism_triangles(geometry: Geometry) -> Triangles:
-    """The surface of a polyline's prism, which begins at z = 0.
+    """Returns the surface triangles of an extruded polyline, which begins at z = 0.
 
     Args:
         geometry: a prism.
@@ -218,7 +218,7 @@ def prism_triangles(geometry: Geometry) -> Triangles:
 
 
 def primitive(geometry: Geometry, pose: Pose, friction: float, *, is_static: bool = True) -> Solid:
-    """Returns a primitive shape as MuJoCo has it.
+    """Converts a primitive Gazebo shape to a MuJoCo collision shape.
 
     Args:
         geometry: the shape.

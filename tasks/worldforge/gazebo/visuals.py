@@ -27,7 +27,7 @@ _PLAIN_REPEAT = 'texrepeat="1 1"'
 
 @dataclass(frozen=True, slots=True)
 class SeenGeom:
-    """A shape that is drawn."""
+    """A visual shape of an imported Gazebo world."""
 
     kind: str
     pose: Pose
@@ -38,7 +38,7 @@ class SeenGeom:
 
 
 class Visuals:
-    """Collects meshes, pictures and materials, each once.
+    """Collects meshes, textures and materials of an imported Gazebo world, each once.
 
     Args:
         meshes: meshes of the world.
@@ -58,7 +58,7 @@ class Visuals:
         return sorted(self._lines.values(), key=lambda line: ("<texture" not in line, "<material" not in line, line))
 
     def seen(self, link: Link) -> list[SeenGeom]:
-        """Returns what is drawn of a link."""
+        """Returns the visual shapes of a link."""
         found: list[SeenGeom] = []
         for visual in link.visuals:
             geometry, pose = visual.geometry, visual.pose
@@ -205,13 +205,13 @@ def _short(value: float) -> str:
 
 
 class Heightmaps:
-    """Terrain, as height fields of MuJoCo."""
+    """Terrain of an imported Gazebo world, as MuJoCo height fields."""
 
     def __init__(self) -> None:
         self._read: dict[Geometry, tuple[str, NDArray[np.float64]]] = {}
 
     def heights(self, geometry: Geometry) -> NDArray[np.float64]:
-        """Returns heights over the lowest, metres; rows from south to north.
+        """Returns the terrain's heights above its lowest point in metres, rows from south to north.
 
         Raises:
             SdfError: the picture cannot be read.
@@ -219,7 +219,7 @@ class Heightmaps:
         return self._of(geometry)[1]
 
     def asset(self, geometry: Geometry) -> tuple[str, str]:
-        """Returns a name and the line of MJCF."""
+        """Returns the name and MJCF line of a terrain's height field."""
         name, heights = self._of(geometry)
         top = max(float(heights.max()), 1e-3)
         x, y, _ = geometry.size

@@ -29,7 +29,7 @@ CPU_S = 600
 
 
 def main() -> None:
-    """Imports the world that standard input names."""
+    """Entry point of a child process that imports a Gazebo world."""
     # What a library prints must not come between the answers.
     answers = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)
@@ -46,7 +46,7 @@ def _end_with_input() -> None:
 
 
 def answer(request: dict[str, Any]) -> dict[str, str]:
-    """Imports one world.
+    """Imports one Gazebo world on request.
 
     Args:
         request: as above.

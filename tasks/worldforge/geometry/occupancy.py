@@ -129,7 +129,7 @@ def furniture_corners(item: Furniture) -> list[Point]:
 
 
 def fill(grid: OccupancyGrid, cells: NDArray[np.bool_], corners: Sequence[Point]) -> None:
-    """Marks every cell that a convex polygon enters, by the separating axis theorem.
+    """Marks every grid cell that a convex polygon touches.
 
     Args:
         grid: where the cells are.

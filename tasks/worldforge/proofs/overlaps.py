@@ -112,7 +112,7 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
 def motion_of_bodies(
     model: mujoco.MjModel, settle_s: float
 ) -> tuple[dict[str, float], dict[str, tuple[NDArray[np.float64], NDArray[np.float64]]]]:
-    """Lets physics run, and says how far each body with a joint went.
+    """Simulates a world, and returns how far each jointed body moved.
 
     Args:
         model: a world.

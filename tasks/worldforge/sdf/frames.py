@@ -15,7 +15,7 @@ _FRAME_TAGS = ("link", "frame", "joint", "model")
 
 
 def own_pose(element: ET.Element) -> Pose:
-    """Returns what the `<pose>` of an element says, in the frame that it is relative to.
+    """Returns the pose in an SDF element's `<pose>`, in the frame that it is relative to.
 
     Raises:
         SdfError: it is no pose.
@@ -34,7 +34,7 @@ def own_pose(element: ET.Element) -> Pose:
 
 
 def relative_to(element: ET.Element) -> str:
-    """Returns the frame that an element's pose is given in; empty: the usual one."""
+    """Returns the name of the frame that an SDF element's pose is relative to; empty for the default."""
     pose = element.find("pose")
     if pose is None:
         return ""
@@ -56,7 +56,7 @@ def _quaternion_matrix(w: float, x: float, y: float, z: float) -> np.ndarray:
 
 @dataclass(slots=True)
 class Scope:
-    """The frames of one model, in its own frame; or those of a world."""
+    """The named frames of one SDF model or world."""
 
     element: ET.Element
     nested: Mapping[str, "Scope"] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class Scope:
     _resolving: set[str] = field(default_factory=set)
 
     def resolve(self, name: str) -> Pose:
-        """Returns the pose of a frame in this model's frame.
+        """Returns the pose of a named frame in the model's frame.
 
         Args:
             name: of a link, frame, joint or model in it; empty: its own frame.
@@ -117,15 +117,15 @@ class Scope:
         return self.resolve(base) @ own_pose(element)
 
     def has(self, name: str) -> bool:
-        """Returns whether it has a frame of this name."""
+        """Whether the model has a frame of this name."""
         return name.partition("::")[0] in self.nested or self._element(name) is not None
 
     def model_pose(self, name: str) -> Pose:
-        """Returns the pose of a model in it."""
+        """Returns the pose of a nested model."""
         return self.pose_of(self.nested[name])
 
     def pose_of(self, model: "Scope") -> Pose:
-        """Returns the pose of a model's frame in this one."""
+        """Returns the pose of a model's frame in this scope's frame."""
         stated = model.pose_of_model if model.pose_of_model is not None else own_pose(model.element)
         base = model.relative_to if model.relative_to is not None else relative_to(model.element)
         placed = model.resolve(model.placement_frame)

@@ -22,14 +22,14 @@ _MOST_LISTED = 20_000
 
 
 class FoundModel(NamedTuple):
-    """A model's file, and the folder that its own files are named from."""
+    """A Gazebo model's file, and the folder from which its other files are named."""
 
     file: Path
     folder: Path
 
 
 class Lookup:
-    """Search paths of one world.
+    """Finds models, meshes and textures that an SDF world file names.
 
     Args:
         world: the world file.
@@ -46,7 +46,7 @@ class Lookup:
         self._roots = [folder.resolve() for folder in dict.fromkeys(roots) if folder != folder.parent]
 
     def model(self, uri: str, base: Path) -> FoundModel | None:
-        """Finds a model's newest description.
+        """Finds the newest description of a Gazebo model.
 
         Args:
             uri: as the file names it.
@@ -61,7 +61,7 @@ class Lookup:
         return FoundModel(found, found.parent) if found.is_file() else _described(found)
 
     def file(self, uri: str, base: Path) -> Path | None:
-        """Finds a mesh or picture; the name has to be right to the letter.
+        """Finds a mesh or texture file, by its exact name.
 
         Args:
             uri: as the file names it.
@@ -71,7 +71,7 @@ class Lookup:
         return found if found is not None and found.is_file() else None
 
     def folder(self, uri: str, base: Path) -> Path | None:
-        """Finds a folder.
+        """Finds a folder that an SDF file names.
 
         Args:
             uri: as the file names it.
@@ -81,7 +81,7 @@ class Lookup:
         return found if found is not None and found.is_dir() else None
 
     def similar(self, uri: str) -> list[str]:
-        """Returns up to three names of models that are there and look like one that is not."""
+        """Returns up to three existing models with similar names."""
         wanted = next((part for part in reversed(_rest(uri).split("/")) if part), "")
         there: dict[str, str] = {}
         for folder in self.folders:

@@ -31,7 +31,7 @@ Triangles = NDArray[np.float64]
 
 
 class MeshError(SdfError):
-    """A mesh that cannot be read."""
+    """Raised for a mesh file that cannot be read."""
 
     def __init__(self, path: Path, reason: str) -> None:
         super().__init__(f"{path}: {reason}")
@@ -41,7 +41,7 @@ class MeshError(SdfError):
 
 @dataclass(frozen=True, slots=True)
 class MeshPart:
-    """The triangles of a mesh that have one material."""
+    """Triangles of a mesh with one material."""
 
     triangles: Triangles
     places: NDArray[np.float64] | None
@@ -52,7 +52,7 @@ class MeshPart:
 
 
 class Meshes:
-    """Meshes of a world, each read once.
+    """Reads the mesh files of an SDF world, each once.
 
     Args:
         lookup: where pictures are.
@@ -63,7 +63,7 @@ class Meshes:
         self._read = lru_cache(maxsize=64)(self._parts)
 
     def parts(self, geometry: Geometry) -> tuple[MeshPart, ...]:
-        """Returns a mesh by its materials, scaled as its geometry says.
+        """Returns a mesh's parts by material, scaled.
 
         Args:
             geometry: a mesh.

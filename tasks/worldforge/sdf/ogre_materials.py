@@ -35,7 +35,7 @@ GAZEBO_COLORS: dict[str, Rgba] = {
 
 
 class OgreMaterials:
-    """Scripts that were read, each once.
+    """Reads OGRE material scripts of an SDF world, each once.
 
     Args:
         lookup: where files are.
@@ -46,7 +46,7 @@ class OgreMaterials:
         self._read: dict[Path, dict[str, tuple[str, Path]]] = {}
 
     def find(self, name: str, uris: list[str], base: Path) -> Material | None:
-        """Finds a material.
+        """Finds a material by name in OGRE scripts.
 
         Args:
             name: its name.

@@ -56,7 +56,7 @@ class _Model:
 
 
 def read_world(path: Path, model_paths: Sequence[Path], environment: Mapping[str, str]) -> SdfWorld:
-    """Reads a world file.
+    """Reads an SDF world file with all models that it includes.
 
     Args:
         path: the file, `.world` or `.sdf`; one with a model alone is a world with that model.
@@ -373,5 +373,5 @@ def _axis(axis: ET.Element | None, scope: Scope, model: Pose, joint: Pose, versi
 
 
 def missing_models(world: SdfWorld) -> Iterator[str]:
-    """Yields the models that were not found, with the nearest names that are there."""
+    """Yields the models that were not found, with similar names that exist."""
     yield from world.left_out.names("models that are missing")

@@ -10,7 +10,7 @@ from .xml_files import numbers_of, place
 
 @dataclass(frozen=True, slots=True)
 class SavedModel:
-    """Saved pose and scale of a model."""
+    """Pose and scale of a model in the saved state of a Gazebo world."""
 
     pose: Pose | None
     scale: tuple[float, float, float]
@@ -18,7 +18,7 @@ class SavedModel:
 
 @dataclass(slots=True)
 class SavedState:
-    """All that was saved, by paths of names joined by `::`."""
+    """Saved state (`<state>`) of a Gazebo world: poses of models and links."""
 
     models: dict[str, SavedModel] = field(default_factory=dict)
     links: dict[str, Pose] = field(default_factory=dict)
@@ -27,7 +27,7 @@ class SavedState:
 
 
 def read_saved_state(world: ET.Element) -> SavedState:
-    """Reads the state of a world; it is empty where the file has none.
+    """Reads the saved state of a Gazebo world; empty if the file has none.
 
     Raises:
         SdfError: a pose in it is none.

@@ -26,7 +26,7 @@ GRAY: Rgba = (0.7, 0.7, 0.7, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """A place and a turn."""
+    """A pose in SDF: position and rotation matrix."""
 
     position: Vector
     rotation: Matrix
@@ -36,17 +36,17 @@ class Pose:
         return Pose(self.position + self.rotation @ other.position, self.rotation @ other.rotation)
 
     def inverse(self) -> "Pose":
-        """Returns the pose of the frame around, seen from this one."""
+        """Returns the inverse pose."""
         return Pose(-self.rotation.T @ self.position, self.rotation.T)
 
 
 def identity() -> Pose:
-    """Returns the pose that changes nothing."""
+    """Returns the identity pose."""
     return Pose(np.zeros(3), np.eye(3))
 
 
 def euler_matrix(roll: float, pitch: float, yaw: float) -> Matrix:
-    """Returns the rotation about x, then about the fixed y, then about the fixed z, in radians."""
+    """Returns the rotation matrix of roll, pitch and yaw in radians, about fixed axes."""
     (cr, sr), (cp, sp), (cy, sy) = ((cos(angle), sin(angle)) for angle in (roll, pitch, yaw))
     return np.array([
         [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
@@ -57,7 +57,7 @@ def euler_matrix(roll: float, pitch: float, yaw: float) -> Matrix:
 
 @dataclass(frozen=True, slots=True)
 class Geometry:
-    """The shape of a collision or a visual."""
+    """Shape of an SDF collision or visual."""
 
     kind: ShapeKind
     size: tuple[float, ...] = ()
@@ -79,7 +79,7 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """The look of a visual."""
+    """Material (colour and textures) of an SDF visual."""
 
     color: Rgba = GRAY
     texture: Path | None = None
@@ -89,7 +89,7 @@ class Material:
 
 @dataclass(frozen=True, slots=True)
 class Collision:
-    """A shape that collides."""
+    """A collision shape of an SDF link."""
 
     name: str
     pose: Pose
@@ -100,7 +100,7 @@ class Collision:
 
 @dataclass(frozen=True, slots=True)
 class Visual:
-    """A shape that is drawn."""
+    """A visual shape of an SDF link."""
 
     name: str
     pose: Pose
@@ -110,7 +110,7 @@ class Visual:
 
 @dataclass(frozen=True, slots=True)
 class Inertia:
-    """Mass of a link, and its moments of inertia about its centre of mass, in the axes of `pose`."""
+    """Mass and moments of inertia of an SDF link."""
 
     mass_kg: float
     pose: Pose
@@ -120,7 +120,7 @@ class Inertia:
 
 @dataclass(slots=True)
 class Link:
-    """A rigid part of a model."""
+    """A link (rigid part) of an SDF model."""
 
     path: str
     """Names of the models around it and its own, joined by `::`."""
@@ -135,7 +135,7 @@ class Link:
 
 @dataclass(frozen=True, slots=True)
 class Joint:
-    """A joint between two links, or a link and the world."""
+    """A joint between two SDF links, or a link and the world."""
 
     path: str
     kind: JointKind
@@ -154,7 +154,7 @@ class Joint:
 
 @dataclass(frozen=True, slots=True)
 class Light:
-    """A lamp, or the sun."""
+    """A light of an SDF world."""
 
     name: str
     kind: Literal["point", "spot", "directional"]
@@ -166,13 +166,13 @@ class Light:
 
 
 class Omissions:
-    """List of what was left out of a world, by kind."""
+    """Collects what an import left out of a world, by kind."""
 
     def __init__(self) -> None:
         self._found: dict[str, list[str]] = defaultdict(list)
 
     def add(self, kind: str, name: str) -> None:
-        """Notes one thing.
+        """Records one thing that was left out.
 
         Args:
             kind: what kind of thing, in the plural: `plugins`.
@@ -184,11 +184,11 @@ class Omissions:
         return kind in self._found
 
     def names(self, kind: str) -> list[str]:
-        """Returns what was left out of a kind, each once."""
+        """Returns the names of what was left out of a kind."""
         return sorted(set(self._found.get(kind, [])))
 
     def as_list(self, most_names: int = 12) -> list[LeftOut]:
-        """Returns the list with counts, and the first names of each kind.
+        """Returns what was left out, with counts and some names of each kind.
 
         Args:
             most_names: names that are told of a kind.
@@ -201,7 +201,7 @@ class Omissions:
 
 @dataclass(slots=True)
 class SdfWorld:
-    """A world file with all that it includes."""
+    """An SDF world file with all models that it includes, parsed."""
 
     name: str
     version: str
@@ -215,10 +215,10 @@ class SdfWorld:
     """Files that were read."""
 
     def geometries(self) -> Iterator[Geometry]:
-        """Yields all shapes."""
+        """Yields the shapes of all links."""
         for link in self.links:
             yield from (each.geometry for each in (*link.collisions, *link.visuals))
 
 
 class SdfError(ConfigurationError):
-    """A world file that cannot be read, with its name and line."""
+    """Raised for an SDF world file that cannot be read; names file and line."""

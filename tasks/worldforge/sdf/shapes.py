@@ -20,7 +20,7 @@ _ONES = (1.0, 1.0, 1.0)
 
 
 class ShapeReader:
-    """Reads shapes of one world; notes what cannot be read.
+    """Parses shapes, materials and inertias of SDF elements.
 
     Args:
         lookup: where files are.
@@ -32,7 +32,7 @@ class ShapeReader:
         self._ogre = OgreMaterials(lookup)
 
     def geometry(self, parent: ET.Element, base: Path, where: str) -> Geometry | None:  # noqa: C901 (one line a shape)
-        """Returns the shape in a collision or visual; nothing where it has none that can be read.
+        """Parses the shape of a collision or visual; `None` if there is none that can be read.
 
         Args:
             parent: the collision or visual.
@@ -103,7 +103,7 @@ class ShapeReader:
         return Geometry("heightmap", size, file=path, offset=(x, y, z))
 
     def friction(self, collision: ET.Element, where: str) -> float:
-        """Returns the sliding friction of a collision, clamped to what MuJoCo can use."""
+        """Returns the sliding friction of a collision, limited to MuJoCo's range."""
         ode = collision.find("surface/friction/ode")
         wanted = min(number_of(ode, "mu", 1.0), number_of(ode, "mu2", 1.0)) if ode is not None else 1.0
         if wanted > MOST_FRICTION or wanted < 0:
@@ -111,7 +111,7 @@ class ShapeReader:
         return min(max(wanted, 0.0), MOST_FRICTION)
 
     def material(self, visual: ET.Element, base: Path, where: str) -> Material:
-        """Returns the look of a visual: PBR first, then OGRE scripts, then plain colours."""
+        """Parses the material of a visual: PBR first, then OGRE scripts, then plain colours."""
         element = visual.find("material")
         if element is None:
             return Material()
@@ -140,7 +140,7 @@ class ShapeReader:
         return Material((*color[:3], color[3] * (1.0 - transparency)), None, True)
 
     def inertia(self, link: ET.Element, link_pose: Pose, where: str) -> Inertia | None:
-        """Returns a link's inertia, mended where no body can have it; nothing where the file says none."""
+        """Parses a link's inertia, and corrects impossible values; `None` if the file has none."""
         element = link.find("inertial")
         if element is None:
             return None
@@ -176,5 +176,5 @@ def _color(element: ET.Element | None) -> Rgba | None:
 
 
 def cone_half_angle(outer_rad: float) -> float:
-    """Returns half the angle of a spot's cone, within what renderers take."""
+    """Returns half the angle of a spotlight's cone, within renderers' limits."""
     return min(max(outer_rad / 2, 0.05), pi / 2)

@@ -14,7 +14,7 @@ _TEXTS = {"sun": _SUN, "ground_plane": _GROUND_PLANE}
 
 
 def usual_model(uri: str) -> Element | None:
-    """Returns the sun or the ground plane, by any address that ends with its name.
+    """Returns the built-in SDF model of the sun or ground plane, if an address names one.
 
     Args:
         uri: as a world names it.

@@ -14,14 +14,14 @@ _MOST_ELEMENTS = 2_000_000
 
 
 class Element(ET.Element):
-    """An element that knows its line."""
+    """An XML element that knows its line in the file."""
 
     line: int = 0
     file: str = ""
 
 
 def read_bytes(path: Path, most_bytes: int) -> bytes:
-    """Reads a regular file.
+    """Reads a regular file of limited size.
 
     Args:
         path: the file.
@@ -57,7 +57,7 @@ def read_xml(path: Path) -> Element:
 
 
 def parse_xml(content: bytes) -> Element:
-    """Parses XML that is no file.
+    """Parses XML text into elements that know their line.
 
     Args:
         content: the text.
@@ -120,18 +120,18 @@ class _Reader:
 
 
 def place(element: ET.Element) -> str:
-    """Returns file and line of an element."""
+    """Returns file and line of an XML element, for messages."""
     return f"{getattr(element, 'file', '')}:{getattr(element, 'line', 0)}"
 
 
 def text_of(parent: ET.Element, tag: str, otherwise: str = "") -> str:
-    """Returns the text of a child, without spaces around it."""
+    """Returns the text of an XML child element, stripped."""
     child = parent.find(tag)
     return otherwise if child is None or child.text is None else child.text.strip()
 
 
 def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, ...]) -> tuple[float, ...]:
-    """Returns the numbers in an element.
+    """Parses the numbers in an XML element.
 
     Args:
         element: the element; absent: what is meant otherwise.
@@ -157,7 +157,7 @@ def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, .
 
 
 def number_of(parent: ET.Element, tag: str, otherwise: float) -> float:
-    """Returns the number in a child.
+    """Parses the number in an XML child element.
 
     Raises:
         SdfError: it is no finite number.
@@ -166,6 +166,6 @@ def number_of(parent: ET.Element, tag: str, otherwise: float) -> float:
 
 
 def flag_of(parent: ET.Element, tag: str, otherwise: bool = False) -> bool:
-    """Returns whether a child says `true` or `1`."""
+    """Whether an XML child element says `true` or `1`."""
     said = text_of(parent, tag).lower()
     return otherwise if not said else said in ("true", "1")

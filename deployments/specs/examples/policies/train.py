@@ -15,7 +15,7 @@ from prefect_robomaker import robot_env
 
 
 def rewarded(env, weights, seed):
-    """Drives an episode; returns its rewards, 1 for each room that was entered, and the way in metres."""
+    """Runs an episode with a policy; returns its rewards and the distance driven in metres."""
     observation, _ = env.reset(seed=seed)
     rewards, is_over = 0.0, False
     while not is_over:
@@ -26,7 +26,7 @@ def rewarded(env, weights, seed):
 
 
 def network(weights):
-    """The same policy as a network; rays that meet nothing are infinitely long, so that they are limited."""
+    """Converts the policy to an ONNX network."""
     graph = helper.make_graph(
         [
             helper.make_node("Min", ["proximity", "limit"], ["near"]),
@@ -46,7 +46,7 @@ def network(weights):
 
 
 def main(world, file, tries="20"):
-    """Keeps the best of some random policies."""
+    """Tries random policies, and saves the best as ONNX file."""
     env = robot_env(world, time_limit_s=10.0)
     rng = np.random.default_rng(0)
     guesses = [rng.normal(0.0, 0.3, (15, 2)) for _ in range(int(tries))]
