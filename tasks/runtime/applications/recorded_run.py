@@ -69,7 +69,7 @@ class RecordedRun(dm_env.Environment):
         self._path: list[tuple[float, float, float]] = []
         self._heard: dict[str, int] = {}
         self._held: list[tuple[Message, float]] = []
-        """What was touched and seen in the first moment: requirements begin to look after it."""
+        """Contacts and scans of the first moment: requirements begin to look after it."""
 
     @property
     def physics(self) -> Physics:

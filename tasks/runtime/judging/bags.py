@@ -222,7 +222,7 @@ class Bag:
         return store
 
     def _remedy(self, error: Exception) -> str:
-        """What would do, for a recording that cannot be read."""
+        """Advice on usable formats, for a recording that cannot be read."""
         text = str(error)
         if "empty" in text:
             return "; record a run"

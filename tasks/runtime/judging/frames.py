@@ -19,7 +19,7 @@ def matrix_of(position: Any, orientation: Any) -> Matrix | None:
     """
     numbers = np.array((orientation.w, orientation.x, orientation.y, orientation.z, position.x, position.y, position.z))
     length = float(np.linalg.norm(numbers[:4]))
-    if not np.isfinite(numbers).all() or length < 1e-6:  # a quaternion of zeros says that nobody set it
+    if not np.isfinite(numbers).all() or length < 1e-6:  # a quaternion of zeros was never set
         return None
     w, x, y, z = (numbers[:4] / length).tolist()
     return np.array((

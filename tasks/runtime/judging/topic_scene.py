@@ -386,7 +386,7 @@ class TopicScene:
         return load_judging_function(self._plan, rule, attribute)
 
     def __getattr__(self, name: str) -> Any:
-        """What a kind of requirement measures that no topic tells yet: an error of that requirement."""
+        """Measurements that kinds of requirements need and no topic has yet: an error of that requirement."""
         if name.startswith("_"):
             raise AttributeError(name)
 

@@ -255,7 +255,7 @@ def applications_of(plan: RunPlan) -> tuple[ApplicationPlan, ApplicationPlan]:
     """Returns which applications make the environment and the agent of a run."""
     simulation = plan.simulation_application or BUILT_IN_ENVIRONMENT
     if (simulation.attribute or "").startswith(f"{_RECORDED_RUN}."):
-        return simulation, RECORDED_AGENT  # whoever drove has driven already
+        return simulation, RECORDED_AGENT  # the robot has driven already
     return simulation, plan.robot_application or BUILT_IN_AGENT
 
 

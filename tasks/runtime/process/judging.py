@@ -37,7 +37,7 @@ class JudgingRequest(Model):
     plan: RunPlan = Field(description="The run, with its requirements and its world.")
     recording: Path = Field(description="The recording.")
     sources: RecordingSources = Field(default=RecordingSources(), description="Topics that it is judged by.")
-    ended_by: str | None = optional("What ended the run; absent: it ended by itself.")
+    ended_by: str | None = optional("Cause of the end of the run; absent: it ended by itself.")
 
 
 class _NeverStopped:
