@@ -9,7 +9,7 @@ from .kind import Look, Metres, Numbers, Rule, Scene, Seconds, ThingsRequirement
 
 
 class ClearanceRequirement(ThingsRequirement):
-    """The robot has to keep its distance from everything but the floor."""
+    """Pass criterion: the robot keeps a minimum distance from everything but the floor."""
 
     violated_when = "its surface comes nearer than `min_m` to anything"
     more_members = "`others`, `ignore`: what counts, by name, `*` for any text"
@@ -20,14 +20,14 @@ class ClearanceRequirement(ThingsRequirement):
 
 
 class ClearanceRule(Rule[ClearanceRequirement]):
-    """Smallest clearance of the robot."""
+    """Measures the smallest clearance of the robot, and judges the clearance requirement."""
 
     nearest_m = math.inf
     """The smallest distance so far."""
     _other = ""
 
     def bind(self, scene: Scene) -> Look:
-        """Measures distances."""
+        """Connects the rule to a simulation's distance meter."""
         measure = scene.clearance(self)
 
         def look(time_s: float) -> None:
@@ -38,14 +38,14 @@ class ClearanceRule(Rule[ClearanceRequirement]):
         return look
 
     def update(self, time_s: float, distance_m: float, other: str) -> None:
-        """Takes note of the smallest distance now, and of what is so near."""
+        """Records the current smallest distance and the nearest object."""
         if distance_m < self.nearest_m:
             self.nearest_m, self._other = distance_m, other
         if distance_m < self.asked.min_m:
             self.violate(time_s)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the smallest distance, where there was anything to come near to."""
+        """Adds the smallest distance to the run's metrics, if there was anything near."""
         if self._other:
             nearest_m = metrics.get("min_clearance_m", math.inf)
             metrics["min_clearance_m"] = min(nearest_m, round(self.nearest_m, 6))

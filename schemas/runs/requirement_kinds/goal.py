@@ -31,7 +31,7 @@ _MAKES_SENSE = ("after", "by_s", "body")
 
 
 class GoalRequirement(RobotRequirement):
-    """The robot has to get somewhere: into a room of the world, or near a point."""
+    """Pass criterion: the robot reaches a room of the world, or a point."""
 
     violated_when = "the robot's body never was in `room`, or within `within_m` (0.5) of `x`, `y`; or not before `by_s`"
     more_members = "`after`: name of a goal above that has to be reached first"
@@ -61,11 +61,11 @@ class GoalRequirement(RobotRequirement):
 
     @property
     def asked_room(self) -> str | None:
-        """The room to get to."""
+        """Name of the room to reach; `None` for a point."""
         return self.room
 
     def check_after(self, before: Sequence[RequirementKind]) -> None:
-        """Checks that the goal it comes after is one of those above."""
+        """Checks that the goal that has to be reached first is listed above."""
         check_goal(self, "after", before)
 
 
@@ -83,7 +83,7 @@ def check_goal(requirement: RequirementKind, member: str, before: Sequence[Requi
 
 
 class GoalRule(Rule[GoalRequirement]):
-    """Score of a goal: reached or not, and at which time."""
+    """Records whether and when the robot reaches a goal, and judges the goal requirement."""
 
     is_reached = False
 
@@ -101,7 +101,7 @@ class GoalRule(Rule[GoalRequirement]):
         self._before = goal_named(self.asked.after, before)
 
     def bind(self, scene: Scene) -> Look:
-        """Measures how far the body is from the point, or whether it is in the room."""
+        """Connects the rule to a simulation."""
         goal, position = self.asked, scene.position(self)
         if goal.room is None:
             x, y = goal.x or 0.0, goal.y or 0.0
@@ -115,7 +115,7 @@ class GoalRule(Rule[GoalRequirement]):
         return look
 
     def update(self, time_s: float, distance_m: float) -> None:
-        """Takes note of the distance to a goal; 0 inside a room, infinite outside of it."""
+        """Records the distance to the goal; 0 inside a room, infinite outside."""
         goal = self.asked
         is_its_turn = self.is_due
         if is_its_turn and math.isfinite(distance_m):
@@ -127,17 +127,17 @@ class GoalRule(Rule[GoalRequirement]):
             self.violate(latest_s - ROUNDING_S)
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Counts the goals, and those that were reached."""
+        """Adds the numbers of goals and of reached goals to the run's metrics."""
         for name, count in {"goals": 1.0, "goals_reached": float(self.reached_s is not None)}.items():
             metrics[name] = metrics.get(name, 0.0) + count
 
     @property
     def planned_s(self) -> float:
-        """Simulated time at which it has to be reached."""
+        """Simulated time in seconds at which the goal has to be reached."""
         return self.asked.by_s or 0.0
 
     def remark(self) -> str | None:
-        """Returns a line about a goal that was reached before the robot moved."""
+        """Returns a note about a goal that was reached before the robot moved."""
         is_ordinary = self._before is None and self.asked.by_s is None
         if self.reached_s == 0.0 and is_ordinary and self._end_s:
             return f"{self.asked.name}: reached where the robot starts, before it moved"
@@ -174,7 +174,7 @@ def goal_named(name: str | None, before: Sequence[Rule[Any]]) -> GoalRule | None
 
 
 def goals_at_start(requirements: Sequence[Any], start_room: str | None = None) -> Iterator[tuple[int, str, str]]:
-    """Finds goals that are reached before the robot moves: index, member, and what is wrong with it.
+    """Finds goals that are reached before the robot moves.
 
     Goals that another one comes after are places to begin at, and goals with `by_s` say that they are meant so.
 

@@ -47,7 +47,7 @@ Look = Callable[[float], None]
 
 
 class Requirement(Model):
-    """One thing the verdict depends on."""
+    """A requirement (pass criterion) of a run, with its outcome in the result."""
 
     name: str = Field(description="Short name, `rooms_visited`.")
     satisfied: bool = Field(description="Whether it held.")
@@ -67,11 +67,11 @@ class Requirement(Model):
 
 
 class RequirementError(LaunchError):
-    """A requirement cannot be checked; the fault is the request's, not an application's."""
+    """Raised for a requirement that cannot be checked; the request is blamed."""
 
 
 class NotMeasuredError(RequirementError):
-    """A scene does not have what a rule measures, as a recording without its topic: this requirement alone is ERROR."""
+    """Raised when a scene lacks what a requirement measures, as a recording without its topic."""
 
 
 NOT_READ = "it is judged by the topics that the run records, and there is no recording of a single run"
@@ -79,7 +79,7 @@ NOT_READ = "it is judged by the topics that the run records, and there is no rec
 
 
 class RequirementKind(Shape):
-    """One requirement. A kind is a subclass, whose member `kind` is a `Literal` of its name."""
+    """Base class of kinds of requirements (pass criteria of a simulation job)."""
 
     kind: Any = Field(description="Name of its kind.")
     name: RequirementName = Field(description="Its name, unique in the run.")
@@ -98,7 +98,7 @@ class RequirementKind(Shape):
 
     @staticmethod
     def names(kind: "type[RequirementKind]") -> tuple[str, ...]:
-        """The kind as requests write it; empty for a base of kinds.
+        """Returns the name of the kind in requests; empty for a base class.
 
         Raises:
             ConfigurationError: It has no rule.
@@ -115,18 +115,18 @@ class RequirementKind(Shape):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:  # noqa: ARG003 - for those who need it
-        """The packages whose code judges a requirement, as JSON, besides those of every run."""
+        """Returns the Python packages whose code judges a requirement."""
         own = cls.__module__.partition(".")[0]
         if own != __name__.partition(".")[0]:
             yield own
 
     @property
     def asked_room(self) -> str | None:
-        """The room of the world that it is about; `None`: it is about none."""
+        """Name of the world's room that the requirement is about; `None` for none."""
         return None
 
     def check_after(self, before: Sequence["RequirementKind"]) -> None:
-        """Checks it against those above it in the list.
+        """Checks the requirement against those above it in the list.
 
         Raises:
             ValueError: They do not go together.
@@ -134,7 +134,7 @@ class RequirementKind(Shape):
 
 
 class RobotRequirement(RequirementKind):
-    """A requirement about the robot's body."""
+    """Base class of requirements about the robot's body."""
 
     body: BodyName | None = optional(
         "Body of the robot; absent: the environment's `robot_body`, else the first free body that has actuators."
@@ -142,7 +142,7 @@ class RobotRequirement(RequirementKind):
 
 
 class ThingsRequirement(RobotRequirement):
-    """A requirement about the robot's body and the things around it, but the floor."""
+    """Base class of requirements about the robot and the objects around it."""
 
     others: NamePatterns | None = optional(
         "Names of what counts, with `*` for any text: furniture ids, `wall`, bodies; absent: everything."
@@ -174,20 +174,20 @@ class Floor(Protocol):
 
 
 class Scene(Protocol):
-    """A simulation as rules see it; `tasks/runtime/requirements/scene.py` reads MuJoCo."""
+    """Interface to a simulation for judging requirements: positions, contacts, distances."""
 
     @property
     def environment(self) -> Any:
-        """The environment, for what it says of itself."""
+        """The simulation's environment."""
         ...
 
     @property
     def world(self) -> World | None:
-        """The world of the run, if it has one."""
+        """World of the run, if any."""
         ...
 
     def position(self, rule: "Rule[Any]") -> Sequence[float]:
-        """Position of the robot's body, x, y, z in m, which changes with the simulation."""
+        """Returns the robot's position x, y, z in metres, as an array that follows the simulation."""
         ...
 
     def orientation(self, rule: "Rule[Any]") -> Sequence[float]:
@@ -215,21 +215,21 @@ class Scene(Protocol):
         ...
 
     def contacts(self, rule: "Rule[Any]") -> Callable[[], Mapping[str, float]]:
-        """Reader of the normal force in N of everything that touches the robot now, by name."""
+        """Returns a function that reads the contact force (N) of each object that touches the robot."""
         ...
 
     def clearance(self, rule: "Rule[Any]") -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the smallest distance in m to another thing, and its name; `None`: beyond the one given."""
+        """Returns a function that measures the smallest distance to other objects, in metres."""
         ...
 
     def function(self, rule: "Rule[Any]", attribute: str) -> Callable[..., Any]:
-        """A function of an application, or of an installed package."""
+        """Imports a predicate function of an application or installed package."""
         ...
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """Measured value of a requirement and its limit."""
+    """Measured value and limit of a requirement."""
 
     value: float | None = None
     limit: float | None = None
@@ -249,7 +249,7 @@ Asked = TypeVar("Asked", bound=RequirementKind)
 
 
 class Rule(ABC, Generic[Asked]):
-    """The score of one requirement. Checkpoints keep it, so it has nothing of the scene."""
+    """Judges one requirement during a run; its state can be saved in checkpoints."""
 
     looks_within_steps: ClassVar[bool] = False
     """True: it looks between two steps of an environment as well, where that lets others look."""
@@ -276,39 +276,39 @@ class Rule(ABC, Generic[Asked]):
 
     @abstractmethod
     def bind(self, scene: Scene) -> Look:
-        """Ties the rule to a simulation, at its beginning and where an environment replaces its model.
+        """Connects the rule to a simulation.
 
         Raises:
             RequirementError: It cannot be judged there: no such body, room, function.
         """
 
     def follow(self, before: Sequence["Rule[Any]"]) -> None:
-        """Gets to know the rules of the requirements above it."""
+        """Tells the rule about the rules of the requirements above it."""
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds its numbers to those of all requirements of its kind, for tables and comparisons."""
+        """Adds the rule's numbers to the run's metrics."""
 
     @property
     def first_look_s(self) -> float:
-        """Simulated time before which there is nothing to see."""
+        """Simulated time in seconds before which the rule need not look."""
         return 0.0
 
     @property
     def planned_s(self) -> float:
-        """Simulated time that the run would take if it was used up; 0: it says nothing of it."""
+        """Longest simulated time in seconds that the requirement allows; 0 if it says nothing."""
         return 0.0
 
     @property
     def is_over(self) -> bool:
-        """True: the run has to end now, as far as this requirement alone can say."""
+        """Whether the run can end now, as far as this requirement is concerned."""
         return self.asked.stop and (self.violated_s is not None or self.error is not None)
 
     def fail(self, error: str) -> None:
-        """Notes that it cannot be judged; the first reason stays."""
+        """Records that the requirement cannot be judged; the first reason is kept."""
         self.error = self.error or error[:_MAX_TEXT]
 
     def cannot(self, why: str) -> RequirementError:
-        """The error for a requirement that cannot be judged in a scene."""
+        """Makes the error for a requirement that cannot be judged."""
         return RequirementError(f"requirement {self.asked.name} ({self.asked.kind}): {why}")
 
     def polygon(self, room: str, scene: Scene) -> Sequence[Point]:
@@ -326,13 +326,13 @@ class Rule(ABC, Generic[Asked]):
         return rooms[room]
 
     def violate(self, time_s: float) -> bool:
-        """Notes that it is violated; returns whether this is the first time."""
+        """Records a violation; returns whether it is the first."""
         is_first = self.violated_s is None
         self.violated_s = time_s if self.violated_s is None else self.violated_s
         return is_first
 
     def judged(self, end_s: float, ended_by: str) -> Requirement:
-        """Judges the whole run.
+        """Judges the requirement at the end of the run.
 
         Args:
             end_s: Simulated time at its end.
@@ -366,7 +366,7 @@ class Rule(ABC, Generic[Asked]):
         return None
 
     def remark(self) -> str | None:
-        """Returns a line beside the verdict, once it is judged; None: there is nothing to say."""
+        """Returns a note to show beside the verdict; `None` if there is none."""
         return None
 
     def _until(self) -> str:
@@ -382,7 +382,7 @@ class Rule(ABC, Generic[Asked]):
 
 
 def is_meant(name: str, others: Sequence[str] | None, ignore: Sequence[str] | None) -> bool:
-    """Tells if a thing counts: its name fits one of `others`, if there are any, and none of `ignore`."""
+    """Whether an object counts for a requirement: its name matches `others` and none of `ignore`."""
     wanted = others is None or any(fnmatchcase(name, pattern) for pattern in others)
     return wanted and not any(fnmatchcase(name, pattern) for pattern in ignore or ())
 

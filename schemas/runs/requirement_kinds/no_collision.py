@@ -14,7 +14,7 @@ SEPARATION_S = 0.1
 
 
 class CollisionRequirement(ThingsRequirement):
-    """The robot must not touch anything but the floor harder than so."""
+    """Pass criterion: the robot does not hit anything but the floor harder than a limit."""
 
     violated_when = "it touches something harder than `max_force_N`, more than `max_count` (0) times"
     more_members = "`others`, `ignore`: what counts, by name, `*` for any text"
@@ -34,7 +34,7 @@ class _Touch:
 
 
 class CollisionRule(Rule[CollisionRequirement]):
-    """Contact forces and number of touches."""
+    """Records contact forces and collisions, and judges the collision requirement."""
 
     looks_within_steps = True  # touches are short
 
@@ -48,12 +48,12 @@ class CollisionRule(Rule[CollisionRequirement]):
         self._counts: dict[str, bool] = {}
 
     def bind(self, scene: Scene) -> Look:
-        """Reads contact forces."""
+        """Connects the rule to a simulation's contact forces."""
         read = scene.contacts(self)
         return lambda time_s: self.update(time_s, read())
 
     def update(self, time_s: float, forces: Mapping[str, float]) -> None:
-        """Takes note of the normal force in N of everything that touches the robot now, by name."""
+        """Records the normal force in newtons of everything that touches the robot now."""
         for other, force in forces.items():
             if self._matters(other):
                 self._note(time_s, other, force)
@@ -77,7 +77,7 @@ class CollisionRule(Rule[CollisionRequirement]):
         return self._counts[other]
 
     def add_metrics(self, metrics: dict[str, float]) -> None:
-        """Adds the hardest touch."""
+        """Adds the largest contact force to the run's metrics."""
         hardest = metrics.get("max_contact_force_N", 0.0)
         metrics["max_contact_force_N"] = max(hardest, round(self.max_force_N, 3))
 

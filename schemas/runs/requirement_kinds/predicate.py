@@ -9,7 +9,7 @@ from .kind import DottedName, Look, Numbers, RequirementKind, Rule, Scene, Secon
 
 
 class PredicateRequirement(RequirementKind):
-    """A function of the application has to say yes each time."""
+    """Pass criterion: a function of the application returns true whenever it is called."""
 
     violated_when = "a function of the application, `attribute`, says no"
     margins_compare = False  # it says yes or no
@@ -23,12 +23,12 @@ class PredicateRequirement(RequirementKind):
 
     @classmethod
     def packages(cls, requirement: Mapping[str, Any]) -> Iterator[str]:
-        """The function's package."""
+        """Returns the Python package of the function."""
         yield str(requirement.get("attribute", "")).partition(".")[0]
 
 
 class PredicateRule(Rule[PredicateRequirement]):
-    """Answers of an application's predicate function."""
+    """Calls an application's predicate function, and judges its requirement."""
 
     def __init__(self, asked: PredicateRequirement) -> None:
         super().__init__(asked)
@@ -36,7 +36,7 @@ class PredicateRule(Rule[PredicateRequirement]):
         self._violations = self._checks = 0
 
     def bind(self, scene: Scene) -> Look:
-        """Asks the function; one that raises, or answers something else, is an error."""
+        """Connects the rule to a simulation; errors of the function are errors of the requirement."""
         attribute, environment = self.asked.attribute, scene.environment
         function = scene.function(self, attribute)
 
@@ -58,7 +58,7 @@ class PredicateRule(Rule[PredicateRequirement]):
         return look
 
     def update(self, time_s: float, holds: bool, reason: str = "") -> None:
-        """Takes note of one answer; the reason of the first no is kept."""
+        """Records one answer of the function; the reason of the first failure is kept."""
         self._checks += 1
         if not holds:
             self._violations += 1

@@ -9,7 +9,7 @@ from .kind import ROUNDING_S, Look, Numbers, RequirementKind, Rule, Scene, Secon
 
 
 class TimeLimitRequirement(RequirementKind):
-    """The run has to be over in time."""
+    """Pass criterion: the run ends within a simulated time."""
 
     violated_when = "the run is not over at `limit_s`"
 
@@ -18,10 +18,10 @@ class TimeLimitRequirement(RequirementKind):
 
 
 class TimeLimitRule(Rule[TimeLimitRequirement]):
-    """Score of a time limit: the run ended in time, or not."""
+    """Judges the time limit requirement: whether the run ended in time."""
 
     def bind(self, scene: Scene) -> Look:
-        """Looks at the time; a limit that an environment never comes to, since it ends its runs before, is an error."""
+        """Connects the rule to a simulation's time."""
         environment, limit_s = scene.environment, self.asked.limit_s
         own_s = getattr(environment, "time_limit_s", None)
         if own_s is None and not hasattr(environment, "run_result"):
@@ -31,18 +31,18 @@ class TimeLimitRule(Rule[TimeLimitRequirement]):
         return self.update
 
     def update(self, time_s: float) -> None:
-        """Takes note of the time."""
+        """Records the simulated time."""
         if time_s > self.asked.limit_s + ROUNDING_S:
             self.violate(time_s)
 
     @property
     def first_look_s(self) -> float:
-        """The limit: nothing can happen before, and that it is over is to be seen at once."""
+        """Time limit in seconds, before which nothing can be violated."""
         return self.asked.limit_s
 
     @property
     def planned_s(self) -> float:
-        """The limit."""
+        """Time limit in seconds."""
         return self.asked.limit_s
 
     def _unjudgeable(self) -> str | None:

@@ -22,7 +22,7 @@ SUMMARIES = {
 
 
 def declare_enroll(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `enroll`."""
+    """Adds the arguments of `robomaker-agent enroll` to its parser."""
     parser.add_argument("token", metavar="TOKEN", help="as `robomaker robots enroll NAME --agent` printed it")
     parser.add_argument("--url", required=True, help="where the robot reaches `robomaker serve`")
     parser.add_argument("--name", required=True, help="name of the robot, as in CreateRobot")
@@ -32,7 +32,7 @@ def declare_enroll(parser: argparse.ArgumentParser) -> None:
 
 
 def declare_run(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `run`."""
+    """Adds the arguments of `robomaker-agent run` to its parser."""
     parser.add_argument("--user", help="user that applications and scripts run as; only root can say so")
     parser.add_argument("--sandbox", default="auto", help="auto, bwrap, setpriv or none (default: auto)")
     parser.add_argument("--architecture", help="X86_64, ARM64 or ARMHF (default: the machine's)")
@@ -51,13 +51,13 @@ def declare_run(parser: argparse.ArgumentParser) -> None:
 
 
 def declare_status(parser: argparse.ArgumentParser) -> None:
-    """Adds the arguments of `status`."""
+    """Adds the arguments of `robomaker-agent status` to its parser."""
     parser.add_argument("-o", "--output", choices=("text", "json"), default="text", help="form of the answer")
     _add_home(parser)
 
 
 def enroll(arguments: argparse.Namespace) -> int:
-    """Enrols the robot.
+    """Runs `robomaker-agent enroll`: enrols this robot at the service.
 
     Raises:
         AgentError: it cannot be enrolled.
@@ -72,7 +72,7 @@ def enroll(arguments: argparse.Namespace) -> int:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Runs the agent until it is stopped.
+    """Runs `robomaker-agent run`: runs the agent until it is stopped.
 
     Raises:
         AgentError: it cannot run.
@@ -86,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def status(arguments: argparse.Namespace) -> int:
-    """Prints what the agent does and runs.
+    """Runs `robomaker-agent status`: prints what the agent is doing and the installed version.
 
     Raises:
         AgentError: the robot is not enrolled.
@@ -107,7 +107,7 @@ COMMANDS = {"enroll": (declare_enroll, enroll), "run": (declare_run, run), "stat
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """The command `robomaker-agent`; the exit code is 1 where it says why it could not go on."""
+    """Runs the command `robomaker-agent`; the exit code is 1 after an error."""
     parser = argparse.ArgumentParser("robomaker-agent", description="Installs and runs applications on a robot.")
     chosen = parser.add_subparsers(dest="command", required=True)
     for name, (declare, execute) in COMMANDS.items():

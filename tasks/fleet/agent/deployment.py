@@ -23,7 +23,7 @@ _SHOWN = 80
 
 @dataclass(frozen=True)
 class Order:
-    """An order of the server: the deployment that this robot has to install."""
+    """Order of the server to this robot's agent: a deployment to install."""
 
     action_id: int
     target: str
@@ -35,7 +35,7 @@ class Order:
 
 @dataclass(frozen=True)
 class Launch:
-    """How an application is started: RoboMaker's `DeploymentLaunchConfig`."""
+    """Launch settings of an application on the robot: RoboMaker's `DeploymentLaunchConfig`."""
 
     package: str
     file: str
@@ -50,7 +50,7 @@ class Launch:
 
 @dataclass(frozen=True)
 class File:
-    """A file of the repository, as its signed metadata has it."""
+    """A file of the update repository, as its signed metadata describes it."""
 
     address: str
     """Below the repository's targets."""
@@ -61,7 +61,7 @@ class File:
 
 @dataclass(frozen=True)
 class Version:
-    """A version of an application on this robot, and how it is started."""
+    """An application version on this robot, and how it is started."""
 
     application: str
     version: str
@@ -82,7 +82,7 @@ class Version:
 
 @dataclass(frozen=True)
 class Deployment:
-    """An order whose document was verified."""
+    """An order whose deployment document has been verified."""
 
     version: Version
     bundle: File
@@ -93,7 +93,7 @@ class Deployment:
 
 @dataclass(frozen=True)
 class Document:
-    """A deployment document, before its files were looked up."""
+    """A parsed deployment document, before its files are looked up."""
 
     application: str
     version: str
@@ -112,7 +112,7 @@ class Document:
 
 
 def application_of(target: str) -> str:
-    """The application whose deployment a target is.
+    """Returns the application that a deployment document's path belongs to.
 
     Raises:
         StepFailed: it is no path of a deployment document.
@@ -124,7 +124,7 @@ def application_of(target: str) -> str:
 
 
 def parse_document(text: bytes, target: str, architecture: str) -> Document:
-    """Reads a deployment document.
+    """Parses a deployment document for this robot's architecture.
 
     Args:
         text: the document; its signature was checked.
@@ -161,12 +161,12 @@ def parse_document(text: bytes, target: str, architecture: str) -> Document:
 
 
 def version_of(content: Mapping[str, Any]) -> Version:
-    """Reads what `dataclasses.asdict` made of a version."""
+    """Reads an application version from its JSON."""
     return Version(**{**content, "launch": Launch(**content["launch"])})
 
 
 def deployment_of(content: Mapping[str, Any]) -> Deployment:
-    """Reads what `dataclasses.asdict` made of a deployment."""
+    """Reads a deployment from its JSON."""
     condition = content.get("condition")
     version, bundle = version_of(content["version"]), File(**content["bundle"])
     return Deployment(version, bundle, condition and File(**condition), content["number"])

@@ -12,7 +12,7 @@ from .settings import Home
 
 
 def prepare(home: Home) -> None:
-    """Makes the folders of a home; others may read them, as applications have users of their own."""
+    """Creates the folders of the agent's home."""
     for folder in (home.folder, home.versions, home.logs):
         folder.mkdir(parents=True, exist_ok=True)
         folder.chmod(0o755)
@@ -20,7 +20,7 @@ def prepare(home: Home) -> None:
 
 
 def switch(home: Home, version: Version | None) -> None:
-    """Makes `current` lead to a version, or to none; readers always see the one or the other.
+    """Points the link `current` to a version, atomically, or removes it.
 
     Raises:
         StepFailed: the version is not there, or the disk is full.
@@ -47,7 +47,7 @@ def _lead_to(home: Home, folder: str) -> None:
 
 
 def tidy(home: Home, kept: Collection[str]) -> None:
-    """Removes what was downloaded, and versions other than those; what cannot be removed stays for the next time.
+    """Deletes downloads and old versions from the robot.
 
     Args:
         home: the agent's.

@@ -34,7 +34,7 @@ A launcher is up for seconds before it says that a package or node is not there.
 
 
 class Effects:
-    """Does what phases stand for.
+    """Carries out the actions of each phase of a deployment on the robot.
 
     Args:
         home: the agent's.
@@ -73,7 +73,7 @@ class Effects:
         }
 
     def begin(self, state: State) -> Begun:
-        """Begins what the state's phase stands for."""
+        """Starts the action of the current phase."""
         try:
             return self._begin[state.phase](state)
         except StepFailed as error:

@@ -33,7 +33,7 @@ def enrol(
     again: bool = False,
     exchange: Exchange = exchange,
 ) -> Connection:
-    """Enrols a robot.
+    """Enrols a robot at the service with its one-time token.
 
     Args:
         home: where the agent keeps what it needs.

@@ -8,11 +8,11 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class AgentError(Exception):
-    """Base of all; its text is for the person at the robot."""
+    """Base class of the agent's errors; the text is for a person at the robot."""
 
 
 class StepFailed(AgentError):
-    """A step of a deployment failed, and repeating it would not help.
+    """Raised when a step of a deployment failed and repeating it would not help.
 
     Args:
         code: of the table `NUMBERS`.
@@ -26,11 +26,11 @@ class StepFailed(AgentError):
 
 
 class TryLater(AgentError):
-    """The server cannot be reached, or cannot answer now; the same may work later."""
+    """Raised when the server cannot be reached or answer now; a retry may succeed."""
 
 
 def disk_failure(error: OSError, doing: str) -> StepFailed:
-    """Describes a failed write to the robot's own disk as a failed step; a full disk is named as such."""
+    """Converts a write error of the robot's disk to a failed step."""
     if error.errno in _NO_SPACE:
         return StepFailed("EnvironmentSetupError", f"the disk is full: {doing}")
     return StepFailed("EnvironmentSetupError", f"{doing}: {error.strerror or error}")

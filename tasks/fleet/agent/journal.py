@@ -17,7 +17,7 @@ FORMAT = 1
 
 
 def write_durably(path: Path, content: bytes, mode: int = 0o600) -> None:
-    """Writes a file that afterwards is there whole, or as it was before; also when the power goes.
+    """Writes a file atomically, so that it survives a power loss.
 
     Raises:
         OSError: it cannot be written; the disk may be full.
@@ -43,7 +43,7 @@ def sync_file(path: Path) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Makes names in a folder survive a power loss."""
+    """Makes the names in a folder survive a power loss."""
     _sync(folder, os.O_RDONLY | os.O_DIRECTORY)
 
 
@@ -56,13 +56,13 @@ def _sync(path: Path, flags: int) -> None:
 
 
 class Journal:
-    """Keeps the state in `journal.json` of a folder."""
+    """Stores the agent's state in `journal.json`."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / "journal.json"
 
     def load(self) -> State:
-        """The state that was saved last; a new robot's if none was.
+        """Reads the stored state; returns that of a new robot if there is none.
 
         Raises:
             AgentError: the file is not one of this agent.
@@ -80,7 +80,7 @@ class Journal:
         return _state(content)
 
     def save(self, state: State) -> None:
-        """Saves a state.
+        """Stores a state durably.
 
         Raises:
             OSError: it cannot be written; what was saved before is still there.

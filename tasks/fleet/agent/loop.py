@@ -21,7 +21,7 @@ from .states import TRIED, Ended, Event, Failed, Phase, Restarted, State, Steady
 
 
 class Notifier:
-    """Tells systemd, where the agent is one of its services; else nothing.
+    """Notifies systemd of the agent's state, if it is a systemd service.
 
     Args:
         environ: the variables that systemd sets.
@@ -34,11 +34,11 @@ class Notifier:
         """How often `alive` has to be told; `None`: not at all."""
 
     def ready(self) -> None:
-        """The agent runs."""
+        """Notifies systemd that the agent is running."""
         self._send(b"READY=1")
 
     def alive(self) -> None:
-        """It is not stuck."""
+        """Notifies systemd's watchdog that the agent is not stuck."""
         self._send(b"WATCHDOG=1")
 
     def _send(self, message: bytes) -> None:
@@ -52,14 +52,14 @@ _HELD_S = 5.0
 
 
 class Keeper(Protocol):
-    """Storage of the agent's state: the journal."""
+    """Interface of the storage for the agent's state: the journal."""
 
     def save(self, state: State) -> None:
-        """Saves a state, durably."""
+        """Stores a state durably."""
 
 
 class Agent:
-    """An agent.
+    """Main loop of the agent, the program on a robot that installs deployments.
 
     Args:
         state: what the journal has.
@@ -104,7 +104,7 @@ class Agent:
         """Set by signals."""
 
     def run(self) -> None:
-        """Runs until `is_stopping`."""
+        """Runs the main loop until `is_stopping`."""
         self.start()
         self._notifier.ready()
         while not self.is_stopping:
@@ -114,7 +114,7 @@ class Agent:
         self.stop()
 
     def start(self) -> None:
-        """Goes on from the journal: first what has to run, then what was being done."""
+        """Continues from the journal: starts the application, then the interrupted phase."""
         self._events.append(Restarted())
         self._settle(begin=False)
         version = wanted(self.state)
@@ -122,7 +122,7 @@ class Agent:
             self._start_application()
 
     def step(self) -> None:
-        """Looks at everything once."""
+        """Does one pass of the main loop."""
         self._look_at_application()
         self._look_at_work()
         self._settle()
@@ -134,7 +134,7 @@ class Agent:
             self._settle()
 
     def stop(self) -> None:
-        """Ends what runs; the journal says what to start again."""
+        """Ends the application and all work; the journal says what to start again."""
         if self._work is not None:
             self._work.stop()
         self._application.stop()

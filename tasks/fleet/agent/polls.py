@@ -18,31 +18,31 @@ _MISSED = 3
 
 
 class Wire(Protocol):
-    """The server."""
+    """Interface to the update server, as the agent uses it."""
 
     def poll(self) -> Poll:
-        """Asks what there is to do."""
+        """Asks the server whether there is an order."""
         ...
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order."""
+        """Reads an order from the server."""
 
     def tell_end(self, end: End) -> bool:
-        """Says how an order ended."""
+        """Reports how an order ended."""
         ...
 
     def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
-        """Says what is being done."""
+        """Reports the current step and progress."""
 
     def refuse_cancellation(self, action_id: int) -> None:
-        """Says that an order cannot be given up."""
+        """Reports that an order can no longer be cancelled."""
 
     def tell_attributes(self, attributes: Mapping[str, str]) -> None:
-        """Says what the robot is."""
+        """Reports the robot's attributes."""
 
 
 class Polls:
-    """Talks with the server, and knows when to do so again.
+    """Polls the update server, and decides when to do so again.
 
     Args:
         server: the server.
@@ -77,7 +77,7 @@ class Polls:
         """When to poll next, by the monotonic clock."""
 
     def poll(self, state: State, percent: int | None) -> list[Event]:
-        """Polls once; returns what the server wants."""
+        """Polls the server once; returns what it wants."""
         try:
             self.tell_step(state, percent)
             found = self._server.poll()
@@ -92,7 +92,7 @@ class Polls:
         return events
 
     def deliver(self, end: End) -> list[Event]:
-        """Says how an order ended, when that is due; robots that never said they began would not be believed."""
+        """Reports how an order ended, when that is due."""
         if self._monotonic() < self._deliver_s:
             return []
         order = end.order
@@ -108,7 +108,7 @@ class Polls:
         return []
 
     def tell_step(self, state: State, percent: int | None = None) -> None:
-        """Says what is being done, if that is new; only a poll tells that the server is away."""
+        """Reports the current step if it is new."""
         if state.order is None:
             return
         step = STEPS[state.phase]
@@ -123,7 +123,7 @@ class Polls:
         self._told, self._retries = told, 0
 
     def later(self, reason: str) -> float:
-        """When to try again what the server could not give, by the monotonic clock."""
+        """Returns when to retry after the server could not be reached, by the monotonic clock."""
         self._retries += 1
         if self._retries == 1:
             self._say(f"the download has to wait: {reason}")

@@ -27,7 +27,7 @@ from .states import STEPS, State, wanted
 
 
 def run(home: Home, options: Options) -> None:
-    """Runs an agent until SIGTERM or SIGINT.
+    """Runs the robot's agent until SIGTERM or SIGINT.
 
     Raises:
         AgentError: it is not enrolled, runs already, or an option is not right.
@@ -56,7 +56,7 @@ def run(home: Home, options: Options) -> None:
 
 
 def status_of(home: Home) -> dict[str, Any]:
-    """Returns the status of a robot's agent as JSON: its order, its phase and the application that it runs.
+    """Returns the agent's status as JSON: order, phase and application.
 
     Raises:
         AgentError: the robot is not enrolled.

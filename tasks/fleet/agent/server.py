@@ -32,7 +32,7 @@ _MAX_DETAIL = 500
 
 @dataclass(frozen=True)
 class Poll:
-    """The server's answer to a poll."""
+    """Answer of the update server to a poll."""
 
     sleep_s: float
     order: int | None = None
@@ -41,7 +41,7 @@ class Poll:
 
 
 class Refused(AgentError):
-    """The server answered, and said no."""
+    """Raised when the update server refused a request."""
 
     def __init__(self, status: int, path: str) -> None:
         super().__init__(f"it answers {path or 'polls'} with HTTP status {status}")
@@ -50,7 +50,7 @@ class Refused(AgentError):
 
 
 def connect(connection: Connection, timeout_s: float = TIMEOUT_S) -> http.client.HTTPConnection:
-    """A connection to the server, before its first request."""
+    """Makes an HTTP connection to the update server."""
     parts = urlsplit(connection.url)
     assert parts.hostname is not None
     if parts.scheme == "https":
@@ -69,7 +69,7 @@ def _trusted_certificates() -> ssl.SSLContext:
 def exchange(
     connection: Connection, method: str, path: str, body: bytes | None, headers: Mapping[str, str]
 ) -> tuple[int, bytes]:
-    """Sends one request; returns status and body.
+    """Sends one HTTP request; returns status and body.
 
     Raises:
         TryLater: there is no answer.
@@ -87,7 +87,7 @@ def exchange(
 
 
 class Server:
-    """Asks and tells the server.
+    """Client of the update server on a robot.
 
     Args:
         connection: who the robot is.
@@ -97,7 +97,7 @@ class Server:
         self._connection = connection
 
     def poll(self) -> Poll:
-        """Asks what there is to do.
+        """Asks the server whether there is an order.
 
         Raises:
             TryLater: there is no answer.
@@ -117,7 +117,7 @@ class Server:
         )
 
     def order(self, action_id: int) -> Order | None:
-        """Reads an order; `None`: it is gone. One that is none for an agent has no target.
+        """Reads an order; `None` if it is gone.
 
         Raises:
             TryLater: there is no answer.
@@ -135,7 +135,7 @@ class Server:
             return Order(action_id, "")
 
     def tell_end(self, end: End) -> bool:
-        """Says how an order ended; returns whether the server knows it now, or does not know the order.
+        """Reports how an order ended; returns whether the server knows it now.
 
         Raises:
             TryLater: there is no answer, or it could not be stored.
@@ -151,7 +151,7 @@ class Server:
         return answer in (200, 404, 405, 410)
 
     def tell_step(self, action_id: int, step: str, percent: int | None) -> None:
-        """Says what is being done; a refusal is of no consequence.
+        """Reports the current step; a refusal is ignored.
 
         Raises:
             TryLater: there is no answer.
@@ -163,7 +163,7 @@ class Server:
         self._post(f"/deploymentBase/{action_id}/feedback", {"status": status})
 
     def refuse_cancellation(self, action_id: int) -> None:
-        """Says that an order cannot be given up any more.
+        """Reports that an order can no longer be cancelled.
 
         Raises:
             TryLater: there is no answer.
@@ -176,7 +176,7 @@ class Server:
         self._post(f"/cancelAction/{action_id}/feedback", {"status": status})
 
     def tell_attributes(self, attributes: Mapping[str, str]) -> None:
-        """Says what the robot is.
+        """Reports the robot's attributes.
 
         Raises:
             TryLater: there is no answer.

@@ -21,7 +21,7 @@ _ROBOT = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,254}")
 
 @dataclass(frozen=True)
 class Connection:
-    """The robot's name and credentials, and the server's address; made by enrolling."""
+    """Connection data of a robot: name, token, and the server's address."""
 
     url: str
     """Scheme, name and port."""
@@ -32,13 +32,13 @@ class Connection:
 
     @property
     def base(self) -> str:
-        """Path of the robot at the server."""
+        """URL path of the robot at the server."""
         return f"/{self.tenant}/controller/v1/{self.robot}"
 
 
 @dataclass(frozen=True)
 class Options:
-    """How the agent treats applications, and waits."""
+    """Options of the agent: time limits, sandbox and health command."""
 
     user: str | None = None
     """User as whom applications and scripts run; absent: the agent's own."""
@@ -66,7 +66,7 @@ class Options:
 
 
 class Home:
-    """The folders and files of an agent.
+    """Folders and files of the agent on the robot.
 
     Args:
         folder: absent ones are made when they are needed.
@@ -83,7 +83,7 @@ class Home:
         self.logs = self.folder / "logs"
 
     def connection(self) -> Connection:
-        """Reads the robot's connection from `agent.json`.
+        """Reads the robot's connection data from `agent.json`.
 
         Raises:
             AgentError: it is not enrolled, or the file is not right.
@@ -97,12 +97,12 @@ class Home:
             raise AgentError(f"{self.connection_file} is not right: {error}; enroll again with --again") from None
 
     def save_connection(self, connection: Connection) -> None:
-        """Keeps who the robot is; only the agent's user can read it."""
+        """Stores the robot's connection data, readable only by the agent's user."""
         write_durably(self.connection_file, json.dumps(asdict(connection)).encode())
 
 
 def checked_connection(url: str, tenant: str, robot: str, token: str) -> Connection:
-    """A connection whose parts are right.
+    """Makes validated connection data.
 
     Raises:
         AgentError: one is not; the text names it.
@@ -117,7 +117,7 @@ def checked_connection(url: str, tenant: str, robot: str, token: str) -> Connect
 
 
 def checked_options(options: Options) -> Options:
-    """Options that are right, with the architecture of this machine if none was given.
+    """Validates options, and fills in this machine's architecture.
 
     Raises:
         AgentError: one is not; the text names it.

@@ -69,7 +69,7 @@ TRIED = (Phase.LAUNCHING, Phase.POST_LAUNCH, Phase.WATCHING)
 
 @dataclass(frozen=True)
 class End:
-    """How an order ended, kept until the server knows."""
+    """Result of an order, stored until the server knows it."""
 
     order: Order
     execution: str
@@ -83,7 +83,7 @@ class End:
     is_delivered: bool = False
 
     def is_of(self, order: Order) -> bool:
-        """Whether it is that order's; one that was canceled before it was read is known by its number alone."""
+        """Whether the result is that of an order."""
         return self.order.action_id == order.action_id and self.order.target in ("", order.target)
 
 
@@ -101,7 +101,7 @@ class Probation:
 
 @dataclass(frozen=True)
 class State:
-    """All that the agent remembers."""
+    """Complete stored state of a robot's agent."""
 
     phase: Phase = Phase.IDLE
     order: Order | None = None
@@ -140,26 +140,26 @@ class State:
 
 @dataclass(frozen=True)
 class Ordered:
-    """The server has an order."""
+    """Agent event: the server has an order."""
 
     order: Order
 
 
 @dataclass(frozen=True)
 class Cancelled:
-    """The server wants an order given up."""
+    """Agent event: the server wants an order cancelled."""
 
     action_id: int
 
 
 @dataclass(frozen=True)
 class Withdrawn:
-    """The server has no order any more."""
+    """Agent event: the server has no order any more."""
 
 
 @dataclass(frozen=True)
 class Trusted:
-    """The repository was fresh."""
+    """Agent event: the update repository was verified as up to date."""
 
     floors: Mapping[str, int]
     newest_s: float
@@ -167,21 +167,21 @@ class Trusted:
 
 @dataclass(frozen=True)
 class Checked:
-    """The deployment document is verified."""
+    """Agent event: the deployment document was verified."""
 
     deployment: Deployment
 
 
 @dataclass(frozen=True)
 class Passed:
-    """A phase succeeded."""
+    """Agent event: a phase succeeded."""
 
     phase: Phase
 
 
 @dataclass(frozen=True)
 class Failed:
-    """A phase failed."""
+    """Agent event: a phase failed."""
 
     phase: Phase
     code: str
@@ -190,7 +190,7 @@ class Failed:
 
 @dataclass(frozen=True)
 class Delivered:
-    """The server knows how an order ended."""
+    """Agent event: the server knows how an order ended."""
 
     order: Order
 
@@ -209,7 +209,7 @@ class Steady:
 
 @dataclass(frozen=True)
 class Restarted:
-    """The agent starts."""
+    """Agent event: the agent has started."""
 
 
 Event = Union[Ordered, Cancelled, Withdrawn, Trusted, Checked, Passed, Failed, Delivered, Ended, Steady, Restarted]
@@ -224,21 +224,21 @@ _NEXT = {
 
 
 def wanted(state: State) -> Version | None:
-    """The version that shall run."""
+    """Returns the application version that should be running."""
     if state.phase in TRIED and state.deployment is not None:
         return state.deployment.version
     return state.good
 
 
 def kept(state: State) -> set[str]:
-    """Folders of versions that must stay on disk."""
+    """Returns the folders of versions that must stay on disk."""
     before = state.probation and state.probation.back
     versions = [state.good, state.previous, before, state.deployment and state.deployment.version]
     return {version.folder for version in versions if version is not None}
 
 
 def advance(state: State, event: Event) -> State:
-    """The state after an event; events that came too late change nothing."""
+    """Returns the agent's state after an event; late events change nothing."""
     if isinstance(event, Trusted):
         return _trusted(state, event)
     if isinstance(event, Ordered):

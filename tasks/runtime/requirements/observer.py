@@ -22,7 +22,7 @@ _ROUNDING_S = 5e-7
 
 
 class RequirementsObserver(Observer):
-    """Checks the requirements of the job and of its environment, each at its own cadence.
+    """Observer that checks the requirements (pass criteria) of a run, each at its own interval.
 
     A run without any costs one call. What cannot be judged fails the run at its first step, before time is spent.
     """
@@ -44,7 +44,7 @@ class RequirementsObserver(Observer):
         self._time_s = 0.0
 
     def watch(self, environment: Any, time_s: float) -> None:
-        """Checks what is due.
+        """Checks the requirements that are due.
 
         Raises:
             RunEnded: A requirement that stops the run is violated, or all goals that do are reached.
@@ -65,7 +65,7 @@ class RequirementsObserver(Observer):
         self.next_time_s = min(check.next_time_s for check in self._checks)
 
     def state(self) -> dict[str, Any]:
-        """All scores so far, for a run that is continued elsewhere."""
+        """Returns the state of all requirements for a checkpoint."""
         return {
             "rules": self._rules,
             "due_s": [check.next_time_s for check in self._checks],
@@ -74,7 +74,7 @@ class RequirementsObserver(Observer):
         }
 
     def restore(self, state: dict[str, Any], environment: Any) -> None:
-        """Goes on from where `state` was taken.
+        """Restores the state of all requirements from a checkpoint.
 
         Raises:
             RequirementError: A requirement cannot be judged.
@@ -87,7 +87,7 @@ class RequirementsObserver(Observer):
         self.next_time_s = state["next_time_s"]
 
     def close(self, ended_by: str | None) -> Findings:
-        """Returns the checked requirements; nothing for a run that failed.
+        """Returns the judged requirements; empty for a run that failed.
 
         Args:
             ended_by: What ended it; None when it failed.
@@ -106,7 +106,7 @@ class RequirementsObserver(Observer):
         return Findings(metrics=_metrics(rules), requirements=judged, notes=notes)
 
     def last_look(self, environment: Any) -> None:
-        """Looks once more before the environment is closed, since the run may have ended between two checks.
+        """Checks all requirements once more at the end of the run.
 
         Raises:
             RequirementError: The environment's requirements are none.
@@ -192,14 +192,14 @@ class _Check:
         self.next_time_s = math.inf if is_done else time_s + self._period_s
 
     def look_if_new(self, time_s: float) -> None:
-        """Looks, unless it has looked at this time; what could not be judged is not asked again."""
+        """Checks the requirement, unless it was checked at this simulated time already."""
         if time_s > self._looked_at_s and self.rule.error is None:
             self._looked_at_s = time_s
             self.look(time_s)
 
 
 def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
-    """Starts the score of each requirement."""
+    """Makes the rule that judges each requirement."""
     rules = [requirement.rule(requirement) for requirement in requirements]
     for index, rule in enumerate(rules):
         rule.follow(rules[:index])
@@ -207,7 +207,7 @@ def make_rules(requirements: Sequence[JobRequirement]) -> list[Rule[Any]]:
 
 
 def merged(requested: Sequence[JobRequirement], own: Sequence[JobRequirement]) -> list[JobRequirement]:
-    """Merges the requirements of environment and job; of two with the same name the job's counts."""
+    """Merges the requirements of environment and job; the job's win where names are equal."""
     names = {requirement.name for requirement in requested}
     return [*(requirement for requirement in own if requirement.name not in names), *requested]
 

@@ -36,7 +36,7 @@ _UPRIGHT_AXIS = 0.99999
 
 @dataclass(frozen=True)
 class Scene:
-    """The scene that requirements are measured in: one model and its data."""
+    """MuJoCo simulation in which requirements are measured."""
 
     environment: Any
     model: mujoco.MjModel
@@ -46,7 +46,7 @@ class Scene:
 
     @property
     def world(self) -> World | None:
-        """The world of the run, read when a rule asks for it."""
+        """World of the run, read when first needed."""
         return self.read_world()
 
     @cached_property
@@ -56,11 +56,11 @@ class Scene:
 
     @cached_property
     def is_stale(self) -> bool:
-        """True: contacts have no forces between two steps; see `ContactForces`."""
+        """Whether contacts have no forces yet, as between two steps; see `ContactForces`."""
         return bool(getattr(self.environment.physics, "legacy_step", False))
 
     def position(self, rule: Rule[Any]) -> Sequence[float]:
-        """Position of the robot's body, x, y, z in m, which changes with the simulation."""
+        """Returns the robot's position x, y, z in metres, as an array that follows the simulation."""
         return self.data.xpos[self._robot(rule)]
 
     def orientation(self, rule: Rule[Any]) -> Sequence[float]:
@@ -90,7 +90,7 @@ class Scene:
         raise NotMeasuredError(NOT_READ)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
-        """Reader of the normal force in N of everything that touches the robot now, by name; rules share it."""
+        """Returns a function that reads the contact force (N) of each object that touches the robot."""
         body = self._robot(rule)
         if body not in self._contacts:
             robot = robot_geoms(self.model, body)
@@ -99,14 +99,14 @@ class Scene:
         return self._contacts[body].read
 
     def clearance(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
-        """Meter of the smallest distance in m to another thing, and its name; `None`: beyond the one given."""
+        """Returns a function that measures the smallest distance to other objects, in metres."""
         model, body = self.model, self._robot(rule)
         own = robot_geoms(model, body)
         part = own if getattr(rule.asked, "body", None) is None else bodies_below(model, body)[model.geom_bodyid]
         return ClearanceMeter(model, self.data, part, self._obstacles(rule, own), self.names).measure
 
     def function(self, rule: Rule[Any], attribute: str) -> Callable[..., Any]:
-        """Imports a function from the bundle that has its package, else from what is installed.
+        """Imports a predicate function from the application's bundle or an installed package.
 
         Raises:
             RequirementError: There is no such function.

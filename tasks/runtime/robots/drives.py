@@ -17,7 +17,7 @@ from .robot import CONTROL_TIMESTEP_S, Action, Controller, Limits, Robot
 
 
 class VelocityController(KeepsAttributes):
-    """Takes (m/s, rad/s), clips them to what the robot can do and hands them on with ramps."""
+    """Controller that limits velocity commands (m/s, rad/s) and applies them with acceleration ramps."""
 
     KEPT = ("_linear", "_angular")
 
@@ -61,12 +61,12 @@ class VelocityController(KeepsAttributes):
 
 @dataclass(frozen=True)
 class VelocityDrive:
-    """A drive that takes velocity commands."""
+    """Drive of a robot that is controlled by forward velocity and turning rate."""
 
     limits: Limits
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
-        """Forward velocity in m/s and turning rate in rad/s, counter-clockwise positive; see `Drive`."""
+        """Returns the spec of actions: forward velocity in m/s and turning rate in rad/s."""
         del model, prefix
         limit = np.array((self.limits.linear_mps, self.limits.angular_radps))
         return specs.BoundedArray((2,), np.float64, -limit, limit, name="velocity_command")
@@ -74,7 +74,7 @@ class VelocityDrive:
 
 @dataclass(frozen=True)
 class DifferentialDrive(VelocityDrive):
-    """Velocity-controlled wheels on the left and on the right."""
+    """Drive with velocity-controlled wheels on the left and right."""
 
     left: tuple[str, ...]
     """Names of actuators."""
@@ -108,7 +108,7 @@ class DifferentialDrive(VelocityDrive):
 
 @dataclass(frozen=True)
 class PlanarDrive(VelocityDrive):
-    """Velocity actuators that move the base over the floor."""
+    """Drive with velocity actuators that move the base over the floor."""
 
     x: str
     """Name of an actuator, m/s."""
@@ -142,7 +142,7 @@ class PlanarDrive(VelocityDrive):
 
 
 class RawController(KeepsAttributes):
-    """Hands actions to the actuators as they are, clipped to their ranges."""
+    """Controller that passes actions directly to the actuators, clipped to their ranges."""
 
     KEPT = ("_last",)
 
@@ -174,7 +174,7 @@ class RawController(KeepsAttributes):
 
 @dataclass(frozen=True)
 class RawDrive:
-    """No drive at all: the action is the vector of the robot's actuators, in the model's order."""
+    """Drive without velocity commands: actions are the controls of the robot's actuators."""
 
     actuators: tuple[str, ...]
 
@@ -197,7 +197,7 @@ def _clip(value: float, limit: float) -> float:
 
 
 class BaseState(NamedTuple):
-    """Place and motion of a robot's base; metres, radians and seconds."""
+    """Pose and velocity of a robot's base, in metres, radians and seconds."""
 
     x: float
     y: float
@@ -211,24 +211,24 @@ class BaseState(NamedTuple):
 
 
 class Base(Protocol):
-    """The base of one robot in one physics."""
+    """Interface to the base of a robot in a simulation."""
 
     def place(self, heading: float) -> None:
-        """Stands the robot on the origin; without `mj_forward`."""
+        """Places the robot at the origin with a heading; without `mj_forward`."""
         ...
 
     def read(self) -> BaseState:
-        """Returns its pose and motion now."""
+        """Returns the base's pose and velocity."""
         ...
 
 
 def bind_base(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> Base:
-    """The base of a robot in a compiled world."""
+    """Finds the base of a robot in a compiled world."""
     return PlanarBase(robot, model, data) if robot.planar_joints else FreeBase(robot, model, data)
 
 
 def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-    """Sets the joints' initial positions, and has position servos hold them."""
+    """Sets the joints to their initial positions, with position servos holding them."""
     for name, value in robot.home.items():
         data.qpos[int(model.joint(f"{robot.prefix}{name}").qposadr[0])] = value
     for actuator in range(model.nu):
@@ -240,7 +240,7 @@ def take_home_pose(robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> 
 
 
 class FreeBase:
-    """A base with a free joint."""
+    """Robot base with a free joint."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         root = model.joint(f"{robot.prefix}{robot.free_joint}")
@@ -264,7 +264,7 @@ class FreeBase:
 
 
 class PlanarBase:
-    """A base on two slides along the world's axes and a hinge; it cannot tip over."""
+    """Robot base on two slide joints and a hinge, which cannot tip over."""
 
     def __init__(self, robot: Robot, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         assert robot.planar_joints is not None

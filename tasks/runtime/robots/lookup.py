@@ -46,7 +46,7 @@ class _Package(NamedTuple):
 
 
 class FoundRobot(NamedTuple):
-    """A job's robot, and the setting that chose it."""
+    """The robot of a job, and the setting that chose it."""
 
     robot: Robot
     why: str
@@ -58,7 +58,7 @@ class FoundRobot(NamedTuple):
 
 
 def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]) -> FoundRobot:
-    """Finds the robot of a job.
+    """Finds the robot model of a simulation job.
 
     Args:
         application: its robot application, if it names one.

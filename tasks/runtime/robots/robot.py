@@ -27,7 +27,7 @@ Action = NDArray[np.float64] | Sequence[float]
 
 @dataclass(frozen=True)
 class Limits:
-    """Size and limits of a robot, for planners."""
+    """Size and velocity limits of a robot, for path planners."""
 
     radius_m: float
     """Radius of the disc that holds all of the robot, seen from above, in metres."""
@@ -42,7 +42,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Lidar:
-    """A level lidar over a robot's middle."""
+    """Settings of a horizontal lidar on a robot."""
 
     height_m: float
     """Over the floor."""
@@ -60,41 +60,41 @@ class Lidar:
 
     @property
     def every_steps(self) -> int:
-        """Control steps between two scans."""
+        """Number of control steps between two scans."""
         return round(1 / (self.rate_hz * CONTROL_TIMESTEP_S))
 
     @property
     def angle_increment_rad(self) -> float:
-        """Angle between two rays; all around, the last one is as far from the first."""
+        """Angle between two rays in radians."""
         gaps = self.rays if math.isclose(self.field_of_view_rad, math.tau) else self.rays - 1
         return self.field_of_view_rad / gaps
 
     @property
     def angles_rad(self) -> NDArray[np.float64]:
-        """Directions of the rays, counter-clockwise from the robot's x axis."""
+        """Directions of the rays in radians, counter-clockwise from the robot's x axis."""
         return -self.field_of_view_rad / 2 + self.angle_increment_rad * np.arange(self.rays, dtype=np.float64)
 
 
 class Controller(Protocol):
-    """A drive that moves one robot in one physics."""
+    """Interface of a controller that moves one robot in a simulation."""
 
     substep: Callable[[], None] | None
     """Called every 10 ms of simulated time, if there is one."""
 
     def reset(self) -> None:
-        """Begins a run: the robot stands still."""
+        """Resets the controller at the start of a run: the robot stands still."""
         ...
 
     def state(self) -> Any:
-        """Returns its state between two steps; can be pickled."""
+        """Returns the controller's state for a checkpoint."""
         ...
 
     def restore(self, state: Any) -> None:
-        """Restores what `state` returned."""
+        """Restores the controller's state from a checkpoint."""
         ...
 
     def command(self, action: Action) -> bool:
-        """Takes the agent's action for the next control step.
+        """Applies the agent's action for the next control step.
 
         Returns:
             Whether the robot is told to stand still.
@@ -106,14 +106,14 @@ class Controller(Protocol):
 
 
 class Drive(Protocol):
-    """Turns actions into what actuators do."""
+    """Interface of a robot's drive, which converts actions to actuator controls."""
 
     def action_spec(self, model: mujoco.MjModel, prefix: str) -> specs.BoundedArray:
         """Returns the spec of actions, with limits and units."""
         ...
 
     def bind(self, model: mujoco.MjModel, data: mujoco.MjData, prefix: str) -> Controller:
-        """Looks up the actuators in a compiled world.
+        """Makes the controller of this drive in a compiled world.
 
         Args:
             model: the world with the robot.
@@ -125,7 +125,7 @@ class Drive(Protocol):
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot for a world. Names are those of its own model, without the prefix they get in a world."""
+    """A robot model that can be placed in a world: body, drive, sensors and limits."""
 
     name: str
     """Short name; `<name>/` comes before the names of its parts in a compiled world."""
@@ -174,25 +174,25 @@ class Robot:
 
     @property
     def prefix(self) -> str:
-        """Prefix of the names of its parts in a compiled world."""
+        """Prefix of the robot's names in a compiled world."""
         return f"{self.name}/"
 
     def footprint_id(self, model: mujoco.MjModel) -> int:
-        """Id of the body that stands for its place on the floor."""
+        """Returns the id of the body that marks the robot's place on the floor."""
         return int(model.body(f"{self.prefix}{self.footprint or self.base}").id)
 
 
 def add_look(
     body: mujoco.MjsBody, shape: mujoco.mjtGeom, pos: Sequence[float], size: Sequence[float], rgba: Sequence[float]
 ) -> None:
-    """Add a geom that is only seen: it neither weighs nor collides."""
+    """Adds a visual geom without mass and collisions."""
     body.add_geom(type=shape, pos=pos, size=size, rgba=rgba, contype=0, conaffinity=0, mass=0)
 
 
 def add_camera(
     body: mujoco.MjsBody, name: str, pos: Sequence[float], up: Sequence[float], fovy_deg: float = 62
 ) -> None:
-    """Add a camera whose picture has the robot's right on its right.
+    """Adds a camera to a robot's part.
 
     Args:
         body: The part that it is mounted on.
@@ -207,7 +207,7 @@ def add_camera(
 
 
 def add_sensors(spec: mujoco.MjSpec, site: str, kinds: Mapping[str, str]) -> None:
-    """Add sensors at a site.
+    """Adds MuJoCo sensors at a site of a robot.
 
     Args:
         spec: The robot's model.
@@ -219,11 +219,11 @@ def add_sensors(spec: mujoco.MjSpec, site: str, kinds: Mapping[str, str]) -> Non
 
 
 def sensor_type(kind: str) -> mujoco.mjtSensor:
-    """Returns MuJoCo's type of a sensor, `GYRO`."""
+    """Returns MuJoCo's type of a sensor."""
     return getattr(mujoco.mjtSensor, f"mjSENS_{kind}")
 
 
 def robot_of(environment: Any) -> Robot | None:
-    """Returns an environment's robot, if it names one."""
+    """Returns an environment's robot, if it has one."""
     robot = getattr(environment, "robot", None)
     return robot if isinstance(robot, Robot) else None

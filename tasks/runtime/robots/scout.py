@@ -63,7 +63,7 @@ _ON_ITS_SIDE = (0.7071067811865476, -0.7071067811865476, 0.0, 0.0)
 
 
 def build_scout() -> mujoco.MjSpec:
-    """Returns the robot's model; its root body `base` is made for `frame.attach_body(…, "scout/", "")`.
+    """Builds the MuJoCo model of Scout, the built-in wheeled robot.
 
     Cameras are `front` (the robot's view) and `follow` (over its shoulder, for videos), sensors
     `gyro` (rad/s) and `accelerometer` (m/s²), actuators `wheel_left` and `wheel_right` (rad/s).

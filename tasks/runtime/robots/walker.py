@@ -23,7 +23,7 @@ Angles = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class LegGeometry:
-    """Lengths of the legs and where they are joined to the body; metres."""
+    """Lengths of a walking robot's legs, and where they are attached; metres."""
 
     hip_x_m: float
     """From the body's middle to the abduction joints, forward."""
@@ -41,14 +41,14 @@ class LegGeometry:
 
     @property
     def hips(self) -> tuple[tuple[float, float], ...]:
-        """Positions of the abduction joints (x, y), in metres: front left, front right, rear left, rear right."""
+        """Positions of the hip joints (x, y) in metres: front left, front right, rear left, rear right."""
         x, y = self.hip_x_m, self.hip_y_m
         return (x, y), (x, -y), (-x, y), (-x, -y)
 
 
 @dataclass(frozen=True)
 class GaitSettings:
-    """How the legs step."""
+    """Step frequency, height and other settings of a trot gait."""
 
     period_s: float = 0.24
     """From one step of a foot to its next."""
@@ -70,7 +70,7 @@ class GaitSettings:
 
 
 class Motion(NamedTuple):
-    """Motion of the body, in its own frame."""
+    """Velocity of a walking robot's body, in its own frame."""
 
     forward_mps: float
     left_mps: float
@@ -80,7 +80,7 @@ class Motion(NamedTuple):
 
 
 class TrotGait(KeepsAttributes):
-    """The clock and the feet of one robot."""
+    """Trot gait generator of a four-legged robot."""
 
     KEPT = ("_phase", "_missing", "_nominal", "_feet", "_lifted_from")
 
@@ -90,7 +90,7 @@ class TrotGait(KeepsAttributes):
         self.reset()
 
     def reset(self) -> None:
-        """All feet on the floor, below where legs begin."""
+        """Resets the gait: all feet on the floor."""
         legs = self._legs
         self._phase = 0.0
         self._missing = [0.0, 0.0]
@@ -99,7 +99,7 @@ class TrotGait(KeepsAttributes):
         self._lifted_from: list[Point | None] = [None] * 4
 
     def advance(self, dt_s: float, linear: float, angular: float, motion: Motion) -> list[Angles]:
-        """Advances the gait by one step.
+        """Advances the gait by a time step, and returns the joint angles.
 
         Args:
             dt_s: time since the last call.
@@ -217,7 +217,7 @@ _HINGE = mujoco.mjtJoint.mjJNT_HINGE
 
 
 def build_walker() -> mujoco.MjSpec:
-    """Returns the robot's model with root body `body`; actuators and joints are called `<leg>_<part>`."""
+    """Builds the MuJoCo model of the built-in four-legged robot."""
     spec = mujoco.MjSpec()
     spec.modelname = "walker"
     spec.compiler.degree = False
@@ -290,7 +290,7 @@ def _add_sensors(spec: mujoco.MjSpec, body: mujoco.MjsBody) -> None:
 
 @dataclass(frozen=True)
 class TrotDrive(VelocityDrive):
-    """Legs that take velocity commands."""
+    """Drive of a four-legged robot that is controlled by velocity commands."""
 
     settings: GaitSettings = field(default_factory=GaitSettings)
 
@@ -300,7 +300,7 @@ class TrotDrive(VelocityDrive):
 
 
 class TrotController(VelocityController):
-    """Moves the legs every 10 ms."""
+    """Controller that moves the legs of a four-legged robot every 10 ms."""
 
     KEPT = (*VelocityController.KEPT, "_command")
 

@@ -44,7 +44,7 @@ _ON_DEMAND = frozenset(topic.name for topic in TOPICS.values() if topic.is_on_de
 
 
 class BridgeRecorder(Recorder):
-    """Hands messages to the run's recorder and to ROS nodes.
+    """Recorder that passes a simulation's ROS messages to the run's recording and to live ROS nodes.
 
     Single messages go out when they are written. Series gather what they have until `publish`, which adds the state at
     that very time: a recording has states 50 times a second, and a node that gets a scan needs the transform of the
@@ -71,16 +71,16 @@ class BridgeRecorder(Recorder):
 
     @property
     def inner(self) -> Recorder:
-        """The run's own."""
+        """The run's own recorder, which writes the recording file."""
         return self._inner
 
     @property
     def topics(self) -> frozenset[str]:  # pyright: ignore[reportIncompatibleVariableOverride]
-        """Topics that the recording has."""
+        """Number of topics in the recording."""
         return self._inner.topics
 
     def attach(self, wire: Wire, names: Mapping[str, str], frames: Frames, hidden_frames: Collection[str]) -> None:
-        """Begins to publish.
+        """Begins to publish messages to ROS nodes.
 
         Args:
             wire: The way to the nodes.
@@ -91,7 +91,7 @@ class BridgeRecorder(Recorder):
         self._wire, self._names, self.frames, self._hidden_frames = wire, names, frames, hidden_frames
 
     def detach(self) -> None:
-        """Publishes nothing any more."""
+        """Stops publishing messages to ROS nodes."""
         self._wire = None
         self._after_states.clear()
 
@@ -124,48 +124,48 @@ class BridgeRecorder(Recorder):
             self._send(topic, encode(message))
 
     def announce(self, topic: str, kind: type[Message]) -> None:
-        """Records that a topic is recorded; see `McapRecorder.announce`."""
+        """Records that a topic is recorded even without messages; see `McapRecorder.announce`."""
         self._inner.announce(topic, kind)
 
     def write(self, topic: str, message: Any, time_s: float) -> None:
-        """Records and publishes a message; see `McapRecorder.write`."""
+        """Records and publishes a ROS message; see `McapRecorder.write`."""
         data = encode(message)
         self._inner.add(topic, type(message), data, time_s)
         self._send(topic, data)
 
     def add(self, topic: str, kind: type[Message], data: bytes, time_s: float) -> None:
-        """Records and publishes a message that is encoded already."""
+        """Records and publishes an already encoded ROS message."""
         self._inner.add(topic, kind, data, time_s)
         self._send(topic, data)
 
     def add_static_transforms(self, transforms: Sequence[TransformStamped], time_s: float) -> None:
-        """Records and publishes where frames are that do not move; see `McapRecorder.add_static_transforms`."""
+        """Records and publishes the poses of frames that do not move."""
         if self._static.add(transforms):
             self._inner.write(STATIC_TOPIC, self._static.message(), time_s)
             self._send(STATIC_TOPIC, encode(self._static.message(self._hidden_frames)))
 
     def add_series(self, series: Series) -> None:
-        """Records and publishes what a series gathers, states before all else."""
+        """Records and publishes the messages that a series collects."""
         relayed = _Relayed(series, keeps=self._inner.enabled, publishes=lambda: self._wire is not None)
         self._inner.add_series(relayed)
         self._series.append(relayed)
         self._series.sort(key=lambda each: not each.has_states)
 
     def remove_series(self, series: Series) -> None:
-        """Records what a series has gathered, and forgets it."""
+        """Records the messages of a series, and stops recording it."""
         for relayed in [each for each in self._series if each.series is series]:
             self._inner.remove_series(relayed)
             self._series.remove(relayed)
 
     def flush_when_due(self, full: bool = False) -> None:
-        """Lets the recording write what is due; a full series is emptied also where nothing is recorded."""
+        """Writes due messages to the recording, and empties a full series."""
         if full:
             for relayed in self._series:
                 relayed.gather()
         self._inner.flush_when_due(full)
 
     def publish(self) -> set[str]:
-        """Publishes the state as it is now and what series have gathered; returns the topics that had something."""
+        """Publishes the current state and all collected messages to ROS nodes; returns their topics."""
         published: set[str] = set()
         for relayed in self._series:
             wanted = [topic for topic, _ in relayed.topics if topic not in self._unheard]
@@ -182,15 +182,15 @@ class BridgeRecorder(Recorder):
         return published
 
     def state(self) -> Any:
-        """State from which the recording can be continued."""
+        """Returns the recording's state for a checkpoint."""
         return self._inner.state()
 
     def restore(self, state: Any) -> None:
-        """Continues the recording."""
+        """Continues the recording from a checkpoint."""
         self._inner.restore(state)
 
     def close(self) -> None:
-        """Finishes the recording."""
+        """Finishes the recording file."""
         self._inner.close()
 
     def _send(self, topic: str, data: bytes) -> None:
@@ -239,17 +239,17 @@ class _Relayed:
 
     @property
     def topics(self) -> Any:
-        """Those of the series."""
+        """Topics of the series."""
         return self.series.topics
 
     def take(self) -> tuple[Numbers, list[list[AnyNumbers]]]:
-        """Returns what the recording has not had yet."""
+        """Returns the messages that the recording has not received yet."""
         self.gather()
         kept, self._kept = self._kept, []
         return _joined(kept)
 
     def gather(self) -> None:
-        """Takes what is new out of the series."""
+        """Collects new messages from the series."""
         found = self.series.take()
         if not len(found[0]):
             return
@@ -259,12 +259,12 @@ class _Relayed:
             self._unsent.append(found)
 
     def skip(self) -> None:
-        """Keeps nothing for nodes, since none listens."""
+        """Drops the messages for nodes, because no node listens."""
         self._is_skipped = True
         self._unsent.clear()
 
     def news(self, wanted: Collection[str]) -> list[tuple[str, bytes]]:
-        """Messages for nodes, in order: of states the present one, of sensors all since the last time.
+        """Returns the messages for nodes: the present state, and all new sensor readings.
 
         Args:
             wanted: Topics of the series that nodes are to get.

@@ -50,7 +50,7 @@ _PRIMITIVES = {
 
 
 class Publication(NamedTuple):
-    """A publisher that some node of the domain has announced."""
+    """A publisher that some ROS 2 node has announced over DDS."""
 
     topic: str
     """Name in ROS, `/scan`; other topics of DDS are not told."""
@@ -68,13 +68,13 @@ class Publication(NamedTuple):
 
 
 def dds_type_name(ros_type: str) -> str:
-    """The name of a ROS type in DDS: `sensor_msgs::msg::dds_::LaserScan_`."""
+    """Converts a ROS message type to its DDS name: `sensor_msgs::msg::dds_::LaserScan_`."""
     package, kind, name = ros_type.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def ros_type_name(dds_type: str) -> str | None:
-    """The ROS type that a DDS type is; none if it is not of ROS."""
+    """Converts a DDS type name to the ROS message type; `None` if it is not a ROS type."""
     parts = dds_type.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return None
@@ -83,7 +83,7 @@ def ros_type_name(dds_type: str) -> str | None:
 
 @dataclass(frozen=True)
 class Reach:
-    """Machines and interfaces on which a participant looks for others."""
+    """Machines and network interfaces on which ROS 2 nodes (DDS participants) are discovered."""
 
     peers: tuple[str, ...] = ()
     """Addresses besides this machine's own."""
@@ -93,7 +93,7 @@ class Reach:
 
 
 def configuration(reach: Reach) -> str:
-    """Cyclone's configuration: loopback without multicast unless it is told otherwise, and no check of types."""
+    """Makes the configuration of Cyclone DDS: loopback only, unless other machines are to be reached."""
     interfaces = '<NetworkInterface name="lo" multicast="false"/>'
     multicast = "false"
     if reach.interface is not None:
@@ -130,7 +130,7 @@ def _checked_release() -> None:
 
 
 class Participant:
-    """One member of a domain."""
+    """Participant in a ROS 2 domain (DDS), which publishes and subscribes topics."""
 
     def __init__(self, domain: int, reach: Reach, *, is_simulation: bool = False) -> None:
         """Joins a domain.
@@ -170,7 +170,7 @@ class Participant:
         self._types: dict[str, Any] = {}
 
     def writer(self, topic: str, ros_type: str, *, is_latched: bool, depth: int) -> "Writer":
-        """Announces a publisher, reliable as ROS 2's publishers are by default."""
+        """Creates a publisher of a ROS topic."""
         from cyclonedds import pub
         from cyclonedds.topic import Topic
 
@@ -181,7 +181,7 @@ class Participant:
     def reader(
         self, topic: str, ros_type: str, *, is_reliable: bool = False, is_latched: bool = False, depth: int = 10
     ) -> "Reader":
-        """Subscribes a topic; of types that are not known here only the name is told, which is enough for Fast DDS."""
+        """Creates a subscriber of a ROS topic."""
         from cyclonedds import sub
         from cyclonedds.topic import Topic
 
@@ -195,7 +195,7 @@ class Participant:
         return self._types[ros_type]
 
     def publications(self) -> list[Publication]:
-        """Looks which publishers of ROS topics there are, ours included."""
+        """Lists the publishers of ROS topics in the domain, its own included."""
         from cyclonedds import builtin
 
         if self._publications is None:
@@ -209,20 +209,20 @@ class Participant:
 
     @property
     def entity(self) -> Any:
-        """The participant as `cyclonedds` has it."""
+        """The participant as `cyclonedds` object."""
         return self._entity
 
     @property
     def prefix(self) -> bytes:
-        """Prefix of its GUID, by which its own publications are known."""
+        """Prefix of the participant's DDS id (GUID), by which its own publishers are recognised."""
         return self._entity.get_guid().bytes[:12]
 
     def waiter(self, readers: "Sequence[Reader]") -> "Waiter":
-        """Prepares to wait for messages of some readers."""
+        """Makes an object that waits for messages of some subscribers."""
         return Waiter(self._entity, readers)
 
     def close(self) -> None:
-        """Leaves the domain, with all writers and readers."""
+        """Leaves the domain, with all publishers and subscribers."""
         entity, self._entity = self._entity, None
         if entity is not None:
             self._publications = None
@@ -230,7 +230,7 @@ class Participant:
 
 
 class Waiter:
-    """Waits for messages of some readers."""
+    """Waits for messages of some DDS subscribers."""
 
     def __init__(self, entity: Any, readers: "Sequence[Reader]") -> None:
         from cyclonedds.core import ReadCondition, WaitSet
@@ -242,12 +242,12 @@ class Waiter:
             self._waiting.attach(condition)
 
     def wait(self, timeout_s: float) -> bool:
-        """Waits until one of the readers has something to be taken; says whether one has."""
+        """Waits until a subscriber has a message; returns whether one has."""
         return self._waiting.wait(self._duration(seconds=timeout_s)) > 0
 
 
 class Writer:
-    """A publisher of messages as bytes."""
+    """Publisher of a ROS topic over DDS, with messages as bytes."""
 
     def __init__(self, entity: Any) -> None:
         from cyclonedds._clayer import ddspy_write
@@ -257,7 +257,7 @@ class Writer:
         """Whether a subscriber is the recorder of topics, by its handle."""
 
     def write(self, message: bytes) -> None:
-        """Publishes a message: CDR with its encapsulation header; one that a full reader does not take is lost."""
+        """Publishes a message (CDR with encapsulation header)."""
         if padding := -len(message) % 4:
             # Cyclone wants whole words; the header's last two bits say how many bytes are none of the message.
             message = message[:3] + bytes((padding,)) + message[4:] + b"\0" * padding
@@ -265,12 +265,12 @@ class Writer:
 
     @property
     def readers(self) -> int:
-        """Matching subscribers, without the recorder of topics, which listens to everything and is no node."""
+        """Number of matching subscribers, without the topic recorder."""
         return sum(not self._is_recorder(handle) for handle in self._entity.get_matched_subscriptions())
 
     @property
     def listeners(self) -> int:
-        """Matching subscribers, with the recorder of topics."""
+        """Number of matching subscribers, with the topic recorder."""
         return len(self._entity.get_matched_subscriptions())
 
     def _is_recorder(self, handle: int) -> bool:
@@ -281,7 +281,7 @@ class Writer:
 
 
 class Received(NamedTuple):
-    """A message that has come."""
+    """A received DDS message with its source and time."""
 
     sent_ns: int
     """When it was published, in nanoseconds since 1970, by the clock of its publisher."""
@@ -294,13 +294,13 @@ class Received(NamedTuple):
 
 
 def without_padding(message: bytes) -> bytes:
-    """A message without the bytes that its header says are none of it."""
+    """Removes the padding bytes that a CDR message's header declares."""
     padding = message[3] & 3 if len(message) > 3 else 0
     return message[:3] + b"\0" + message[4:-padding] if padding else message
 
 
 class Reader:
-    """A subscriber of messages as bytes."""
+    """Subscriber of a ROS topic over DDS, with messages as bytes."""
 
     def __init__(self, entity: Any) -> None:
         from cyclonedds._clayer import ddspy_take
@@ -315,7 +315,7 @@ class Reader:
         return bool(self.entity.get_status_changes() & self._data_available)
 
     def take(self) -> Iterator[tuple[bytes, int]]:
-        """Yields the messages that have come, each with its time of publication in nanoseconds since 1970."""
+        """Yields the received messages, each with its publication time in nanoseconds since 1970."""
         while not isinstance(taken := self._take(self.entity._ref, _ANY_STATE, _MAX_TAKEN), int):
             for data, info in taken:
                 if info.valid_data:
@@ -324,7 +324,7 @@ class Reader:
                 return
 
     def take_received(self, most: int) -> "list[Received]":
-        """Returns messages that have come, with what is known of them.
+        """Returns received messages with source and time.
 
         Args:
             most: How many at most.
@@ -340,7 +340,7 @@ class Reader:
 
     @property
     def writers(self) -> int:
-        """Matching publishers."""
+        """Number of matching publishers."""
         return len(self.entity.get_matched_publications())
 
 
@@ -360,21 +360,21 @@ def _qos(*, is_reliable: bool, is_latched: bool, depth: int, ros_type: str | Non
 
 
 def user_data(qos: Any) -> bytes:
-    """Bytes that a participant, a publisher or a subscriber tells of itself."""
+    """Returns the user data bytes that a DDS participant, publisher or subscriber announces."""
     from cyclonedds.qos import Policy
 
     return bytes(qos[Policy.Userdata].data) if qos is not None and Policy.Userdata in qos else b""
 
 
 def named_type(ros_type: str) -> Any:
-    """A type of which only the name is right: without type information on the other side nothing else is compared."""
+    """Makes a DDS type that has only the ROS type's name, for peers without type information."""
     from cyclonedds.idl.types import uint8
 
     return _struct(ros_type, {"anything": uint8})
 
 
 def idl_type(ros_type: str, known: dict[str, Any]) -> Any:
-    """The whole type, for tools that read type information.
+    """Makes the complete DDS type of a ROS type, for tools that read type information.
 
     Args:
         ros_type: `geometry_msgs/msg/Twist`.

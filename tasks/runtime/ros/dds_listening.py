@@ -20,7 +20,7 @@ _REPLIES = 10
 
 
 class Announced(NamedTuple):
-    """A publisher, of any topic of DDS."""
+    """A publisher of any DDS topic in the domain."""
 
     writer: int
     """Its handle, which messages have."""
@@ -44,7 +44,7 @@ class Announced(NamedTuple):
 
 
 class Subscription:
-    """Reads one topic of one type."""
+    """Subscription of one topic of one type by the topic recorder."""
 
     def __init__(self, reader: Reader, depth: int) -> None:
         from cyclonedds.core import DDSStatus
@@ -54,17 +54,17 @@ class Subscription:
         reader.entity.set_status_mask(DDSStatus.DataAvailable)
 
     def take(self) -> list[Received]:
-        """Returns the messages that have come since the last call."""
+        """Returns the messages received since the last call."""
         return self.reader.take_received(self._depth) if self.reader.has_news else []
 
     @property
     def lost(self) -> int:
-        """Messages that were lost on their way, as far as that is known."""
+        """Number of messages that were lost, as far as known."""
         return int(self.reader.entity.get_sample_lost_status().total_count)
 
 
 class Call:
-    """One call of a service of a node; replies to others come on the same topic, so the caller has to choose."""
+    """A ROS 2 service call to a node, whose request is repeated until a reply arrives."""
 
     def __init__(self, writer: Writer, subscription: Subscription, request: bytes) -> None:
         self._writer = writer
@@ -73,7 +73,7 @@ class Call:
         self._send_at: float | None = None
 
     def replies(self) -> list[bytes]:
-        """Sends the request when it is time to, and again; returns the replies that have come since."""
+        """Sends the request when due, and returns the replies received since the last call."""
         now = time.monotonic()
         if self._send_at is None:
             if self._writer.readers:
@@ -85,7 +85,7 @@ class Call:
 
 
 class Listener:
-    """A participant that subscribes what there is, and is no node."""
+    """DDS participant that subscribes all topics for recording, without being a ROS node."""
 
     def __init__(self, domain: int, reach: Reach) -> None:
         """Joins a domain.
@@ -107,11 +107,11 @@ class Listener:
         """Participants that are simulations."""
 
     def wait(self, timeout_s: float) -> None:
-        """Waits until there is a publisher or a message, at most so long."""
+        """Waits for a new publisher or message, at most for a time."""
         self._waits.wait(int(timeout_s * _NANOSECONDS))
 
     def changes(self) -> list[Announced]:
-        """Returns publishers that have come since the last call."""
+        """Returns publishers that appeared since the last call."""
         from cyclonedds.core import InstanceState
 
         samples: list[Any] = []
@@ -129,7 +129,7 @@ class Listener:
         ]
 
     def subscribe(self, topic: str, type_name: str, depth: int, *, is_latched: bool) -> Subscription:
-        """Subscribes a topic as best effort, or as reliable where it is latched: older messages come only so.
+        """Subscribes a topic for recording.
 
         Args:
             topic: Its name on the wire.
@@ -145,7 +145,7 @@ class Listener:
         return subscription
 
     def call(self, service: str, ros_type: str, request: bytes) -> Call:
-        """Begins to call a service of a node.
+        """Begins to call a ROS 2 service of a node.
 
         Args:
             service: Its name without a slash at the beginning: `robot/get_type_description`.
@@ -178,7 +178,7 @@ class Listener:
 
 
 class ListenError(Exception):
-    """A topic or service cannot be reached; says why."""
+    """Raised when a topic or service cannot be subscribed or called; says why."""
 
 
 def _qos(depth: int, *, is_reliable: bool, is_latched: bool) -> Any:

@@ -15,7 +15,7 @@ _NO_NUMBERS = (math.nan, math.nan, math.nan)
 
 
 class DdsWire:
-    """Speaks with the nodes of one domain."""
+    """Connection from the simulation to the ROS 2 nodes of one domain."""
 
     def __init__(self, domain: int, reach: Reach, *, is_reliable: bool = False) -> None:
         """Prepares; nothing is announced before `open`.

@@ -49,7 +49,7 @@ _HASH = "topic_type_hash"
 
 
 class Message(NamedTuple):
-    """A message of one of the files."""
+    """A message of one of the recordings that are merged."""
 
     time_ns: int
     part: str
@@ -60,7 +60,7 @@ class Message(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A topic in one of the files."""
+    """A topic in one of the recordings that are merged."""
 
     topic: str
     type: str
@@ -70,7 +70,7 @@ class Source(NamedTuple):
 
 
 class Part:
-    """A recording that is read from its beginning, up to its end or to where it was cut off."""
+    """Reader of a recording that is merged with others, also if it was cut off."""
 
     def __init__(self, name: str, file: BinaryIO) -> None:
         self.name = name
@@ -144,7 +144,7 @@ class Part:
 
 
 class Target:
-    """The joined recording, as it is written."""
+    """Writer of the merged recording."""
 
     def __init__(self, path: Path) -> None:
         self._stream = Unbuffered(path)
@@ -153,7 +153,7 @@ class Target:
         self._channels: dict[tuple[str, str, str], tuple[int, Source]] = {}
 
     def add(self, message: Message) -> None:
-        """Adds a message; a topic of one type and definition becomes one channel, whichever files it is in."""
+        """Adds a message; topics of equal name, type and definition become one channel."""
         source = message.channel
         channel = self._known.get(source)
         if channel is None:
@@ -165,7 +165,7 @@ class Target:
         self._file.add_message(channel, message.time_ns, message.data)
 
     def close(self) -> tuple[list[RecordedTopic], int, int]:
-        """Writes the end; returns the topics, and log times of the first and the last message."""
+        """Completes the file; returns the topics, and log times of the first and last message."""
         self._file.finish()
         self._stream.close()
         counts, start_ns, end_ns = self._file.contents()
@@ -183,7 +183,7 @@ class Target:
 
 
 def join(folder: Path, names: Sequence[str]) -> dict[str, Any]:
-    """Joins recordings; see the module.
+    """Merges the recordings of a run (its own and those of ROS topics) into one file.
 
     Args:
         folder: Output folder of a run, none of whose processes is left.
@@ -237,7 +237,7 @@ def _fresh(path: Path) -> Path:
 
 
 def main(folder: str, *names: str) -> int:
-    """Joins recordings; returns the exit code of the program."""
+    """Entry point of a child process that merges a run's recordings; returns the exit code."""
     die_with_parent()
     resource.setrlimit(resource.RLIMIT_AS, (_MEMORY_BYTES, _MEMORY_BYTES))
     try:

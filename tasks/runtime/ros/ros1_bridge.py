@@ -80,11 +80,11 @@ _KEPT_COMMANDS = 256
 
 
 class Gone(Exception):
-    """The simulation's side is closed."""
+    """Raised when the simulation has closed the connection to the ROS 1 bridge."""
 
 
 class Link:
-    """The connection to the simulation."""
+    """Connection from the ROS 1 bridge process to the simulation."""
 
     def __init__(self, path: str) -> None:
         """Connects.
@@ -106,19 +106,19 @@ class Link:
         threading.Thread(target=self._send_all, name="to-simulation", daemon=True).start()
 
     def tell(self, state: dict[str, Any]) -> None:
-        """Sends a state, or soon the newer one."""
+        """Sends the bridge's state to the simulation; a newer state replaces an unsent one."""
         content = json.dumps(state, separators=(",", ":"), sort_keys=True).encode("ascii")
         if len(content) <= MOST_BYTES[STATE]:
             self._state = HEADER.pack(len(content), STATE) + content
             self._wakes.set()
 
     def command(self, velocity: tuple[float, ...]) -> None:
-        """Sends a command, as soon as the simulation takes it."""
+        """Sends a velocity command to the simulation."""
         self._commands.append(HEADER.pack(VELOCITY.size, COMMAND) + VELOCITY.pack(*velocity))
         self._wakes.set()
 
     def receive(self, timeout_s: float) -> tuple[int, memoryview] | None:
-        """Returns the next frame; none if it has not begun in time.
+        """Returns the next message from the simulation; `None` if none arrives in time.
 
         Raises:
             Gone: The simulation's side is closed, or sent something else.
@@ -131,7 +131,7 @@ class Link:
         return kind, memoryview(self._whole(length))
 
     def check(self) -> None:
-        """Looks whether the simulation is there, and leaves what it has sent.
+        """Checks that the simulation is still connected, without reading its messages.
 
         Raises:
             Gone: Its side is closed.
@@ -165,13 +165,13 @@ class Link:
 
 
 def log(text: str) -> None:
-    """Writes a line to the log of this program."""
+    """Writes a line to the ROS 1 bridge's log."""
     sys.stderr.write(f"ros1_bridge: {text}\n")
     sys.stderr.flush()
 
 
 def use_sim_time(uri: str) -> bool | None:
-    """Lets nodes that begin from now on take the simulation's time, unless their launch says otherwise.
+    """Sets the ROS 1 parameter by which nodes use simulated time, unless their launch file has set it.
 
     Args:
         uri: Of the master, which has the parameters, too.
@@ -194,7 +194,7 @@ def use_sim_time(uri: str) -> bool | None:
 
 
 class Meeting:
-    """Finds the simulation and the master, whichever is there first, and says which is waited for."""
+    """Waits for both the simulation and the ROS 1 master, and reports which is missing."""
 
     def __init__(self, path: str, uri: str) -> None:
         """Begins.
@@ -210,7 +210,7 @@ class Meeting:
         self._said = ""
 
     def wait(self) -> tuple[Link, dict[str, Any]]:
-        """Returns the connection to the simulation and its greeting, once the master is there, too.
+        """Waits, and returns the connection to the simulation with its first message.
 
         Raises:
             Gone: The simulation's side is closed.
@@ -252,7 +252,7 @@ class Meeting:
 
 
 def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
-    """The command in a message; its numbers are NaN where the message is cut off."""
+    """Parses the velocity command in a ROS 1 message; NaN where the message is cut off."""
     try:
         if ros_type == "geometry_msgs/Twist":
             return (*_TWIST.unpack(content), math.nan)
@@ -263,7 +263,7 @@ def velocity_in(ros_type: str, content: bytes) -> tuple[float, ...]:
 
 
 def commanders_in(connections: Iterable[Any]) -> tuple[int, list[str]]:
-    """Counts the publishers of commands that are understood; names the types of the others.
+    """Counts the publishers of velocity commands, and lists unsupported types.
 
     Args:
         connections: Of rospy, with a type and an MD5 sum, or none while a publisher has not said its type yet.
@@ -280,7 +280,7 @@ def commanders_in(connections: Iterable[Any]) -> tuple[int, list[str]]:
 
 
 class Bridge:
-    """Publishers of the simulation's topics, and a subscriber of commands."""
+    """ROS 1 node that publishes the simulation's topics and subscribes velocity commands."""
 
     def __init__(self, link: Link, greeting: dict[str, Any]) -> None:
         """Begins; the node is there."""
@@ -298,14 +298,14 @@ class Bridge:
         )
 
     def publish(self, content: memoryview) -> None:
-        """Publishes a message with the number of its topic."""
+        """Publishes a message on the topic of its number."""
         number = TOPIC.unpack_from(content)[0]
         message = self._kinds[number]()
         message._buff = content[TOPIC.size :]
         self._publishers[number].publish(message)
 
     def state(self) -> dict[str, Any]:
-        """Says which nodes there are."""
+        """Returns which ROS 1 nodes are connected."""
         heard = []
         for topic, publisher in zip(self._topics, self._publishers):
             names = [str(connection[1]) for connection in publisher.impl.get_stats_info()]
@@ -319,7 +319,7 @@ class Bridge:
         }
 
     def tell_states(self, uri: str) -> None:
-        """Tells the simulation again and again which nodes there are."""
+        """Reports regularly to the simulation which ROS 1 nodes are connected."""
         last: dict[str, Any] = {}
         while not self._rospy.is_shutdown():
             state = self.state()
@@ -345,7 +345,7 @@ class Bridge:
 
 
 def main() -> int:
-    """Bridges until the simulation's side is closed."""
+    """Entry point of the ROS 1 bridge process; runs until the simulation closes the connection."""
     rospy = import_module("rospy")  # before it waits: it takes half a second
     uri, path = os.environ.get("ROS_MASTER_URI") or "http://localhost:11311", os.environ[SOCKET_VARIABLE]
     try:
@@ -366,7 +366,7 @@ def main() -> int:
 
 
 def leave(path: str, why: str) -> int:
-    """Leaves the nodes when the simulation's side is closed; returns the exit code.
+    """Shuts the ROS 1 node down when the simulation has closed the connection; returns the exit code.
 
     After a run that is over it stays, without a node, until the run ends it: a tool that ends is started again, and
     the result tells how often. A simulation that is still there is to be met again soon.

@@ -40,7 +40,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Ros1Wire:
-    """Topics and commands of ROS 1, through a bridge node."""
+    """Connection from the simulation to ROS 1 nodes, through a bridge process."""
 
     def __init__(self, plan: RunPlan) -> None:
         """Does nothing yet.
@@ -65,7 +65,7 @@ class Ros1Wire:
         self._peers = Peers()
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announce topics and subscribe the commands.
+        """Announces topics, and subscribes the velocity commands.
 
         Raises:
             LaunchError: A topic's type is not in ROS 1, or the bridge cannot be listened for.
@@ -88,7 +88,7 @@ class Ros1Wire:
         self._listener = AgentSocket(self._plan, ROS1_SOCKET)
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publish a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
         number = self._numbers[topic]
         about = self._topics[number]
         if self._link is None and not about.is_latched:
@@ -104,14 +104,14 @@ class Ros1Wire:
             self._flush()
 
     def take(self) -> list[Command]:
-        """Return the commands that have come since the last call, oldest first."""
+        """Returns the velocity commands received since the last call, oldest first."""
         self._look()
         taken = list(self._commands)
         self._commands.clear()
         return taken
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a command is there to be taken; say whether one is."""
+        """Waits until a velocity command is there; returns whether one is."""
         deadline_s = time.monotonic() + timeout_s
         while True:
             self._look()
@@ -126,12 +126,12 @@ class Ros1Wire:
             select.select(reads, [link.connection] if link is not None and link.is_behind else [], [], left_s)
 
     def peers(self) -> Peers:
-        """Look which nodes are there."""
+        """Returns which ROS 1 nodes are connected."""
         self._look()
         return self._peers
 
     def close(self) -> None:
-        """Leave; a second call does nothing."""
+        """Disconnects from the ROS 1 nodes; a second call does nothing."""
         # The socket's file first: a bridge looks whether it is there when its connection ends.
         if self._listener is not None:
             self._listener.close()
@@ -237,11 +237,11 @@ class _Link:
 
     @property
     def is_behind(self) -> bool:
-        """Whether there is something to be sent."""
+        """Whether messages wait to be sent to the bridge process."""
         return bool(self._begun or self._waiting)
 
     def add(self, topic: Topic, frame: bytes) -> None:
-        """Adds a message, in whose favour the oldest of its topic is dropped when the bridge is too slow.
+        """Queues a message; the oldest of its topic is dropped if the bridge process is too slow.
 
         Of a latched topic only the last message counts, which is what nodes that come later get.
         """
@@ -255,7 +255,7 @@ class _Link:
         self._counts[topic.name] += 1
 
     def flush(self) -> None:
-        """Sends what the bridge can take now.
+        """Sends as many queued messages as the bridge process can take now.
 
         Raises:
             OSError: It is gone.
@@ -271,7 +271,7 @@ class _Link:
                 self._begun = memoryview(frame)
 
     def frames(self) -> list[tuple[int, memoryview]]:
-        """Returns what the bridge has sent.
+        """Returns the messages that the bridge process has sent.
 
         Raises:
             EOFError: It has closed the connection.
@@ -323,7 +323,7 @@ def _ros1() -> Typestore:
 
 @cache
 def ros1_definition(ros_type: str) -> tuple[str, str]:
-    """Returns the definition of a type in ROS 1, and its MD5 sum.
+    """Returns the ROS 1 definition of a message type, and its MD5 sum.
 
     Args:
         ros_type: In ROS 2's form.

@@ -45,7 +45,7 @@ _CLOCK = "/clock"
 
 
 def make_wire(plan: RunPlan, bridge: RosPlan) -> Wire:
-    """The way to a run's nodes.
+    """Makes the connection to a run's ROS nodes.
 
     Args:
         plan: The run.
@@ -59,7 +59,7 @@ def make_wire(plan: RunPlan, bridge: RosPlan) -> Wire:
 
 
 class RosBridge:
-    """The ROS side of a run: its recorder publishes, and `make_agent` gives the robot that nodes drive."""
+    """ROS bridge of a run: publishes the simulation's topics, and makes an agent that ROS nodes drive."""
 
     def __init__(self, plan: RunPlan, robot: str, recorder: Recorder, clock: Callable[[], float] = time.monotonic):
         """Prepares; nothing is announced before `open`.
@@ -84,7 +84,7 @@ class RosBridge:
         self._heard_since_s: float | None = None
 
     def look_in(self, environment: Any) -> None:
-        """Begins to look for nodes, when it is first asked whether some came: a program may not need ROS at all."""
+        """Prepares the search for ROS nodes, which starts when first asked for."""
         self._environment = environment
 
     def _open(self) -> None:
@@ -105,7 +105,7 @@ class RosBridge:
         self.recorder.attach(wire, names, frames, () if self._options.localization == "truth" else {frames.odometry})
 
     def came(self) -> bool:
-        """Whether nodes are there that can drive, or that wait for simulated time to begin."""
+        """Whether ROS nodes are connected that can drive or wait for simulated time."""
         if self._environment is not None:
             self._open()
         if self._wire is None:
@@ -124,7 +124,7 @@ class RosBridge:
         return self._heard_since_s is not None and now_s - self._heard_since_s >= _LISTENERS_S
 
     def missing(self) -> str:
-        """Says which nodes have to be there, and which are."""
+        """Describes which ROS nodes are missing, and which are connected."""
         if self._environment is not None:
             self._open()
         if self._problem is not None:
@@ -138,7 +138,7 @@ class RosBridge:
         )
 
     def make_agent(self, environment: dm_env.Environment, stop: Any, keep: Callable[[bytes], None]) -> "RosAgent":
-        """The robot that the nodes drive.
+        """Makes the agent whose actions are the velocity commands of ROS nodes.
 
         Args:
             environment: Where it drives.
@@ -161,11 +161,11 @@ class RosBridge:
 
     @property
     def mode(self) -> Any:
-        """How actions came, in the words of the action log."""
+        """Mode (lock-step or free) in which the nodes' commands came."""
         return "lockstep" if self._options.time == "lockstep" else "free"
 
     def close(self, ended_by: str | None = None) -> Findings:
-        """Leaves; returns what the result says about the nodes.
+        """Disconnects from the ROS nodes; returns findings about them for the run's result.
 
         Raises:
             LaunchError: A run that came to its end had no command of theirs: nothing was tested.
@@ -181,7 +181,7 @@ class RosBridge:
 
 
 class RosAgent:
-    """Answers time steps with the velocity that nodes command."""
+    """Agent whose actions are the velocity commands that ROS nodes publish."""
 
     def __init__(
         self,
@@ -247,11 +247,11 @@ class RosAgent:
 
     @property
     def commands(self) -> int:
-        """Commands that have come."""
+        """Number of velocity commands received."""
         return self._commands
 
     def silent(self) -> LaunchError:
-        """The error about nodes that send no commands at all."""
+        """Makes the error about ROS nodes that sent no commands."""
         return LaunchError(
             f"the nodes of robot application {self._robot} sent no command on {self._command_topic} in "
             f"{self._time_s:.2f} s of simulated time; topics that they listen to: "
@@ -260,7 +260,7 @@ class RosAgent:
         )
 
     def findings(self) -> Findings:
-        """Returns figures about the exchange for the run's result, and what is odd about it."""
+        """Returns figures about the exchange with ROS nodes for the run's result."""
         self._heard |= self._wire.peers().heard  # lock-step may take all its steps between two looks
         about: dict[str, Any] = {
             "wire": self._wire.name,
@@ -360,7 +360,7 @@ class RosAgent:
 
 
 def command_topic(options: RosOptions) -> str:
-    """The topic on which nodes drive."""
+    """Returns the ROS topic of velocity commands."""
     return options.topics.get(COMMANDS) or COMMANDS
 
 

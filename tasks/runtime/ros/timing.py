@@ -21,14 +21,14 @@ _WINDOW, _MOST_UNANSWERED = 20, 8
 
 
 class TimerNodeError(Exception):
-    """Nodes do not answer steps, as those do that send commands by a timer; says so."""
+    """Raised when ROS nodes do not answer simulation steps, because they send commands by a timer."""
 
 
 class Timing(Protocol):
-    """One way for time to pass."""
+    """Interface of a strategy for how simulated time advances with ROS nodes (free, paced, lock-step)."""
 
     def next_command(self, time_s: float, *, scanned: bool) -> Command | None:
-        """Wait as long as this way asks for; return the newest command that has come since the last call.
+        """Waits as the strategy demands, and returns the newest velocity command since the last call.
 
         Args:
             time_s: Simulated time of the step.
@@ -41,7 +41,7 @@ class Timing(Protocol):
         ...
 
     def figures(self) -> dict[str, float | int]:
-        """Figures for the result."""
+        """Returns figures about waiting times for the run's result."""
         ...
 
 
@@ -52,7 +52,7 @@ class _Waits:
         self.wire, self._stop, self.clock = wire, stop, clock
 
     def until(self, due_s: float) -> Command | None:
-        """Lets wall-clock time pass; returns the newest command that came meanwhile."""
+        """Waits until a wall-clock time; returns the newest velocity command received meanwhile."""
         newest: Command | None = None
         while True:
             if commands := self.wire.take():
@@ -67,7 +67,7 @@ class _Waits:
             time.sleep(min(0.001, left_s))
 
     def first(self, due_s: float, is_answer: Callable[[Command], bool] = lambda _: True) -> Command | None:
-        """Waits for a command, at most until some wall-clock time."""
+        """Waits for a velocity command, at most until a wall-clock time."""
         while True:
             for command in self.wire.take():
                 if is_answer(command):
@@ -84,7 +84,7 @@ class _Waits:
 
 
 class Free:
-    """Simulated time keeps to real time, times a factor; nothing is waited for."""
+    """Timing strategy: simulated time follows real time, times a factor, without waiting for ROS nodes."""
 
     def __init__(self, wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> None:
         self._waits = _Waits(wire, stop, clock)
@@ -105,7 +105,7 @@ class Free:
 
 
 class Paced:
-    """As free, but simulated time stops where it would run too far ahead of the newest command.
+    """Timing strategy: like free, but simulated time waits if it is too far ahead of the nodes' last command.
 
     Nodes that are slow, as on a busy machine, are waited for. Nodes that have nothing to say are not: after a second
     without a command time goes on, until the next one comes.
@@ -141,7 +141,7 @@ class Paced:
 
 
 class Lockstep:
-    """Simulated time stops after every step, or every scan, until a command answers it."""
+    """Timing strategy: simulated time stops after each step or scan until a command answers it."""
 
     def __init__(self, wire: Wire, stop: Stop, options: RosOptions, clock: Clock) -> None:
         self._waits = _Waits(wire, stop, clock)
@@ -182,7 +182,7 @@ class Lockstep:
         )
 
     def forget(self) -> None:
-        """Drops commands that came before the step that nodes are about to be told of."""
+        """Drops commands received before the step that is published next."""
         self._waits.wire.take()
 
     def figures(self) -> dict[str, float | int]:
@@ -192,7 +192,7 @@ class Lockstep:
 
 
 def make_timing(wire: Wire, stop: Stop, options: RosOptions, timestep_s: float, clock: Clock) -> Timing:
-    """The way that some options ask for.
+    """Makes the timing strategy that the ROS options ask for.
 
     Args:
         wire: The way to the nodes.

@@ -71,14 +71,14 @@ _NANOSECONDS = 1_000_000_000
 
 
 class SimulatedClock:
-    """Simulated time of messages, by when they were sent in relation to messages of `/clock`."""
+    """Converts the sending time of ROS messages to simulated time, from messages of `/clock`."""
 
     def __init__(self) -> None:
         self._sent_ns: deque[int] = deque(maxlen=_CLOCKS)
         self._times_ns: deque[int] = deque(maxlen=_CLOCKS)
 
     def add(self, message: Received) -> None:
-        """Takes a message of `/clock`."""
+        """Adds a message of `/clock`."""
         if len(message.data) < _CLOCK_BYTES or (self._sent_ns and message.sent_ns < self._sent_ns[-1]):
             return
         seconds = int.from_bytes(message.data[4:8], "little", signed=True)
@@ -87,7 +87,7 @@ class SimulatedClock:
         self._times_ns.append(max(0, seconds * _NANOSECONDS + nanoseconds))
 
     def time_ns(self, sent_ns: int) -> int:
-        """Simulated time at which a message was sent; the first there is for older ones, 0 before there is any."""
+        """Returns the simulated time (ns) at which a message was sent; 0 before the first clock message."""
         if not self._sent_ns:
             return 0
         return self._times_ns[max(0, bisect.bisect_right(self._sent_ns, sent_ns) - 1)]
@@ -95,7 +95,7 @@ class SimulatedClock:
 
 @dataclass
 class Recorded:
-    """A topic of one type and hash that is recorded."""
+    """A topic that the topic recorder records."""
 
     name: str
     type: str
@@ -118,7 +118,7 @@ class Recorded:
     """Times and messages that wait for the definition."""
 
     def report(self) -> TopicReport:
-        """Returns what is said of it."""
+        """Returns the topic's entry for the recorder's report."""
         return TopicReport(
             name=self.name,
             type=self.type,
@@ -130,7 +130,7 @@ class Recorded:
 
 
 class Publisher(NamedTuple):
-    """A publisher as far as its messages need it."""
+    """Publisher of a recorded topic."""
 
     is_simulation: bool
     topic: Recorded | None = None
@@ -139,7 +139,7 @@ class Publisher(NamedTuple):
 
 @dataclass
 class Question:
-    """The question to nodes for a definition."""
+    """Pending question to nodes for the definition of a message type."""
 
     participant: str
     until: float
@@ -147,7 +147,7 @@ class Question:
 
 
 class TopicRecorder:
-    """Records the topics of a domain until it is told to stop.
+    """Records all ROS 2 topics of a domain to an MCAP file until told to stop.
 
     Args:
         listener: Hears the domain.
@@ -193,7 +193,7 @@ class TopicRecorder:
         self._said: RecorderReport | None = None
 
     def run(self, is_stopped: Callable[[], bool]) -> None:
-        """Records until it is stopped.
+        """Records until stopped.
 
         Raises:
             OSError: The file cannot be written.
@@ -205,7 +205,7 @@ class TopicRecorder:
             self.look()
 
     def close(self) -> None:
-        """Writes what has come, and the end of the file.
+        """Writes pending messages, and completes the file.
 
         Raises:
             OSError: The file cannot be written.
@@ -219,7 +219,7 @@ class TopicRecorder:
         self._report()
 
     def look(self) -> None:
-        """Takes what is new, and writes what is due."""
+        """Takes new messages, and writes what is due."""
         # Publishers are known before their messages, and the clock of their time when they come.
         taken = self._taken()
         for publication in self._listener.changes():
@@ -383,7 +383,7 @@ def _offer(found: Announced) -> Offer:
 
 
 def main(text: str) -> int:
-    """Records what a request asks for; returns the exit code of the program."""
+    """Entry point of the topic recorder's process; returns the exit code."""
     die_with_parent()
     request = RecorderRequest.model_validate_json(text)
     stopped: list[int] = []

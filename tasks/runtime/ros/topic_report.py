@@ -21,22 +21,22 @@ _QUIET = frozenset({"/parameter_events", "/rosout"})
 
 
 def part_path(folder: Path, number: int) -> Path:
-    """Path of the recorder's file of its start of a number, in an output folder."""
+    """Returns the path of the topic recorder's file, by the number of its start."""
     return folder / f"ros-topics.{number}.mcap"
 
 
 def unfinished_of(path: Path) -> Path:
-    """Path of a file that becomes another one when it is finished."""
+    """Returns the temporary path of a file until it is finished."""
     return path.with_name(f".{path.name}.unfinished")
 
 
 def report_path(part: Path) -> Path:
-    """Path of the report about a file of the recorder."""
+    """Returns the path of the report about one of the topic recorder's files."""
     return part.with_suffix(".json")
 
 
 class RecorderRequest(Model):
-    """Recording of all topics of a domain of ROS 2."""
+    """Request to the topic recorder: domain, files and limits."""
 
     output_dir: Path = Field(description="Folder for the recording.")
     times: LogTimes = Field(
@@ -52,7 +52,7 @@ class RecorderRequest(Model):
 
 
 class TopicReport(Model):
-    """A topic that a recorder has heard of."""
+    """Report about one topic that the topic recorder found: messages, losses and problems."""
 
     name: str = Field(description="Its name, `/odom`.")
     type: str = Field(description="Its type, `nav_msgs/msg/Odometry`.")
@@ -64,14 +64,14 @@ class TopicReport(Model):
 
 
 class RecorderReport(Model):
-    """A recorder's report, which is written again whenever it changes."""
+    """Report of the topic recorder, rewritten whenever it changes."""
 
     domain: int = Field(description="Domain of ROS 2.")
     topics: list[TopicReport] = Field(default=[], description="Topics that it has heard of.")
 
 
 def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
-    """Returns what a person should know of a recording of ROS topics.
+    """Returns notes for people about a recording of ROS topics.
 
     Args:
         reports: The reports that were found.

@@ -39,7 +39,7 @@ _KINDS = 48
 
 
 def known_definition(ros_type: str, type_hash: str) -> str | None:
-    """The definition of a type that all of ROS 2 has, as concatenated `.msg` files.
+    """Returns the definition of a standard ROS 2 message type, as concatenated `.msg` files.
 
     Args:
         ros_type: Its name in ROS.
@@ -208,7 +208,7 @@ def _types_of(definition: str, ros_type: str, characters_as: str) -> Any:
 
 
 def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
-    """A hash that readers may hold against a definition, or empty where they would find another.
+    """Returns a message type's hash if readers would compute the same from its definition, else empty.
 
     Readers refuse a whole recording for one type whose definition does not have the hash that is said of it, and
     `rosbags` computes another for a few types, such as `std_msgs/msg/Char`.
@@ -222,14 +222,14 @@ def confirmed_hash(ros_type: str, definition: str, type_hash: str) -> str:
 
 
 def request_of(ros_type: str, type_hash: str) -> bytes:
-    """A request of `get_type_description` as CDR."""
+    """Makes a `get_type_description` service request for a message type, as CDR."""
     store = _asking_store()
     message = store.types[_REQUEST](ros_type, type_hash, True)
     return bytes(store.serialize_cdr(message, _REQUEST, little_endian=True))
 
 
 def definition_in(reply: bytes, ros_type: str) -> str | None:
-    """The definition that a node has told, as concatenated `.msg` files.
+    """Parses the type definition in a `get_type_description` reply.
 
     Args:
         reply: CDR of a reply of `get_type_description`, perhaps to somebody else's request.

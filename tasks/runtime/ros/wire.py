@@ -6,7 +6,7 @@ from typing import NamedTuple, Protocol
 
 
 class Topic(NamedTuple):
-    """A topic that the simulation publishes."""
+    """A ROS topic that the simulation publishes."""
 
     name: str
     """With its slash: `/scan`."""
@@ -29,7 +29,7 @@ STILL: Vector = (0.0, 0.0, 0.0)
 
 
 class Command(NamedTuple):
-    """A velocity command of a node, from `geometry_msgs/Twist` or `TwistStamped`."""
+    """A velocity command of a ROS node, from `geometry_msgs/Twist` or `TwistStamped`."""
 
     linear_mps: Vector
     """Along x, y and z of the robot's base, metres a second."""
@@ -43,7 +43,7 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True)
 class Peers:
-    """The nodes that a simulation hears of."""
+    """The ROS nodes that the simulation knows of."""
 
     heard: frozenset[str] = frozenset()
     """Topics of the simulation that at least one node subscribes."""
@@ -56,13 +56,16 @@ class Peers:
 
 
 class Wire(Protocol):
-    """One way to ROS nodes. All methods are called by the thread that simulates; none but `wait` waits."""
+    """Interface of a connection from the simulation to ROS nodes.
+
+    All methods are called by the thread that simulates; none but `wait` waits.
+    """
 
     name: str
     """Its name in messages: `ROS 2, domain 7`."""
 
     def open(self, topics: Sequence[Topic], command_topic: str) -> None:
-        """Announce topics and subscribe the commands.
+        """Announces topics, and subscribes the velocity commands.
 
         Raises:
             LaunchError: It cannot, and says what would do.
@@ -70,21 +73,21 @@ class Wire(Protocol):
         ...
 
     def send(self, topic: str, message: bytes) -> None:
-        """Publish a message: CDR, little endian, with its encapsulation header of four bytes."""
+        """Publishes a message: CDR, little endian, with its encapsulation header of four bytes."""
         ...
 
     def take(self) -> list[Command]:
-        """Return the commands that have come since the last call, oldest first."""
+        """Returns the velocity commands received since the last call, oldest first."""
         ...
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until a command is there to be taken; say whether one is."""
+        """Waits until a velocity command is there; returns whether one is."""
         ...
 
     def peers(self) -> Peers:
-        """Look which nodes are there."""
+        """Returns which ROS nodes are connected."""
         ...
 
     def close(self) -> None:
-        """Leave; a second call does nothing."""
+        """Disconnects from the ROS nodes; a second call does nothing."""
         ...

@@ -23,7 +23,7 @@ _logger = logging.getLogger(__name__)
 def bridge_plan(
     launched_by: Suite | None, suite: Mapping[str, Any] | None, variables: Mapping[str, str], domain: int
 ) -> RosPlan | None:
-    """The ROS bridge of a robot application that is a program.
+    """Plans the ROS bridge for a robot application that is a program.
 
     Args:
         launched_by: ROS that reads its launch file; none: it has none.
@@ -63,7 +63,7 @@ def _domain(variables: Mapping[str, str], domain: int) -> int:
 
 
 def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None) -> dict[str, str]:
-    """Variables that keep the nodes of a job on this machine, unless its bridge is to reach others.
+    """Returns environment variables that keep a job's ROS nodes on this machine.
 
     Args:
         suite: The application's `robotSoftwareSuite`.
@@ -77,7 +77,7 @@ def discovery_variables(suite: Mapping[str, Any] | None, bridge: RosPlan | None)
 
 
 def has_rospy(python: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Whether the bridge to nodes of ROS 1 can be run.
+    """Whether rospy is installed, which the bridge to ROS 1 nodes needs.
 
     Args:
         python: command line of ROS's own Python.

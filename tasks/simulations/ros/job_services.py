@@ -32,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> bool:
-    """Makes the package of the services' messages for the ROS of a launch, or finds it there; says whether it is there.
+    """Builds the ROS message package of the job services, if necessary; returns whether it is there.
 
     Args:
         argv: `service_node.py make` by the Python of that ROS.
@@ -51,14 +51,14 @@ def make_message_package(argv: Sequence[str], variables: Mapping[str, str]) -> b
 
 
 def message_variables(folder: Path, variables: Mapping[str, str]) -> dict[str, str]:
-    """Lets programs find the message package, behind one that they bring themselves."""
+    """Adds the ROS message package of the job services to a program's environment variables."""
     places = {"PYTHONPATH": folder / "python", "ROS_PACKAGE_PATH": folder / "share"}
     return {name: os.pathsep.join([*filter(None, [variables.get(name)]), str(place)]) for name, place in places.items()}
 
 
 @contextmanager
 def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
-    """Answers a job's programs while it runs, where its run has the message package.
+    """Answers ROS service calls of a job's programs while it runs.
 
     Args:
         root: the run's root.
@@ -88,7 +88,7 @@ def answering(root: Path | None, arn: str, service: Service) -> Generator[None]:
 
 
 def answer(question: object, arn: str, service: Service) -> dict[str, Any]:
-    """Does what a job asks for.
+    """Carries out a job's ROS service call: cancel, or read and change its tags.
 
     Args:
         question: `operation`, which is `cancel`, `add_tags` with `tags`, `remove_tags` with `keys`, or `list_tags`.
@@ -161,7 +161,7 @@ DOMAINS = range(1, 102)
 
 @contextmanager
 def own_domain(job: str, holders: str = "robomaker-ros-domain") -> Iterator[int]:
-    """Holds a domain that no other running job of this machine has; yields its number.
+    """Reserves a ROS 2 domain number that no other running job of this machine has; yields it.
 
     What holds it is the name of a socket. It belongs to the machine, whatever user runs jobs there, or to the container
     that they run in, as the ports of a domain do; and it is free again when its holder dies.

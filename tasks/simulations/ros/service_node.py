@@ -45,7 +45,7 @@ SERVICES: dict[str, tuple[str, Callable[[Any], dict[str, Any]]]] = {
 
 
 def make(folder: str) -> int:
-    """Writes the package's definitions to FOLDER/share, and what Python imports to FOLDER/python."""
+    """Writes the definitions and Python modules of the job services' ROS message package."""
     import_module("rospy")  # the node needs it; where it is missing, the package is of no use
     generator, inits = import_module("genpy.generator"), import_module("genpy.generate_initpy")
     share, modules = (Path(folder, part, PACKAGE) for part in ("share", "python"))
@@ -63,14 +63,14 @@ def make(folder: str) -> int:
 
 
 def find(_folder: str) -> int:
-    """ROS 2 compiles its messages: a workspace whose nodes call the services has built the package."""
+    """Checks that the ROS 2 message package of the job services has been built."""
     import_module("rclpy")
     import_module(f"{PACKAGE}.srv")
     return 0
 
 
 def serve(folder: str) -> None:
-    """Offers the services in ROS 1 until the node is told to end."""
+    """Runs the ROS 1 node that offers the job services."""
     rospy, srv = import_module("rospy"), import_module(f"{PACKAGE}.srv")
 
     def answering(operation: str, service: Any) -> Callable[[Any], Any]:
@@ -84,7 +84,7 @@ def serve(folder: str) -> None:
 
 
 def serve_2(folder: str) -> None:
-    """Offers the services in ROS 2 until the node is told to end."""
+    """Runs the ROS 2 node that offers the job services."""
     rclpy, srv = import_module("rclpy"), import_module(f"{PACKAGE}.srv")
     rclpy.init()
     node = rclpy.create_node(NAME)
@@ -94,7 +94,7 @@ def serve_2(folder: str) -> None:
 
 
 def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
-    """A response that says what the job worker says to a request."""
+    """Makes the ROS service response from the job worker's answer."""
     told = ask(folder, {**SERVICES[operation][1](request), "operation": operation})
     response.success, response.message = told["success"], told["message"]
     if operation == "list_tags":
@@ -104,7 +104,7 @@ def answered(folder: str, operation: str, request: Any, response: Any) -> Any:
 
 
 def ask(folder: str, question: dict[str, Any]) -> dict[str, Any]:
-    """Asks the job worker; what goes wrong on the way is an answer, too."""
+    """Sends a request to the job worker, and returns its answer or an error."""
     place = os.open(folder, os.O_PATH)
     try:
         with socket.socket(socket.AF_UNIX) as worker:

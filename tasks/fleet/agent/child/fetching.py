@@ -21,7 +21,7 @@ _TIMEOUT_S = 30.0
 
 @dataclass(frozen=True)
 class Part:
-    """Content of a file as the server sends it: all, or the rest that was asked for."""
+    """Content of a file that the update server sends: all, or the rest after an interruption."""
 
     start: int
     """0 where it sends all, although a rest was asked for."""
@@ -30,7 +30,7 @@ class Part:
 
 
 class HttpStatus(Exception):
-    """The server answered with an error."""
+    """Raised when the update server answers with an HTTP error status."""
 
     def __init__(self, status: int) -> None:
         super().__init__(f"HTTP status {status}")
@@ -43,7 +43,7 @@ Source = Callable[[str, int], Part]
 
 
 def source_of(connection: Connection) -> Source:
-    """Reads from the robot's server."""
+    """Makes a function that reads files from the robot's update server."""
 
     def read(path: str, start: int) -> Part:
         link = connect(connection, _TIMEOUT_S)
@@ -75,7 +75,7 @@ def _chunks(link: http.client.HTTPConnection, answer: http.client.HTTPResponse, 
 
 
 def refusal(status: int, path: str) -> StepFailed | TryLater:
-    """Maps an HTTP error status of the repository to the failure of a deployment, or to a later try."""
+    """Converts an HTTP error status to a failed deployment, or to a later retry."""
     if status == 403:
         return StepFailed("BadPermissionError", f"the store denies {path}")
     if status == 404:
@@ -84,7 +84,7 @@ def refusal(status: int, path: str) -> StepFailed | TryLater:
 
 
 def fetch(source: Source, file: File, path: Path, progress: Callable[[int, int], None] | None = None) -> None:
-    """Fetches a file, unless it is there. A power loss may damage it: what is found is verified again.
+    """Downloads a file to the robot, unless it is there; continues an interrupted download.
 
     Args:
         source: where it comes from.

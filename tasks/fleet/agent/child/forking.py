@@ -23,12 +23,12 @@ from ..states import Checked, Event, Failed, Passed, Phase, Trusted
 
 
 def line(**content: Any) -> str:
-    """One line of an answer."""
+    """Formats one message line from the agent's child process."""
     return json.dumps(content) + "\n"
 
 
 def events_of(content: Mapping[str, Any], phase: Phase) -> list[Event]:
-    """Parses an answer line of the child into events; a progress line gives none.
+    """Parses a message line of the agent's child process into events; a progress line gives none.
 
     Raises:
         AgentError: the line is none of a child's.
@@ -51,7 +51,7 @@ _PROCESSES = multiprocessing.get_context("fork")
 
 
 class Child:
-    """A process that does something, and answers by lines; it ends when the agent does, however that ends.
+    """Child process of the robot's agent, which sends messages as lines.
 
     Args:
         do: what it does; it is given what answers.
@@ -72,24 +72,24 @@ class Child:
             os.close(writing)
 
     def read(self) -> bytes | None:
-        """Reads the answers since the last call: empty bytes at the end, `None` while there are no new ones."""
+        """Returns new messages of the child: empty bytes at the end, `None` if there are none now."""
         try:
             return os.read(self.pipe, _READ_BYTES)
         except BlockingIOError:
             return None
 
     def end(self) -> int | None:
-        """Waits for its end, which has come when there is nothing more to read; returns the exit code."""
+        """Waits for the child's end; returns the exit code."""
         self._process.join(_KILLED_WITHIN_S)
         return self._process.exitcode
 
     def kill(self) -> None:
-        """Ends it."""
+        """Kills the child process."""
         self._process.kill()
         self.end()
 
     def close(self) -> None:
-        """Hears no more of it."""
+        """Stops listening to the child process."""
         os.close(self.pipe)
 
 

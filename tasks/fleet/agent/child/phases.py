@@ -24,7 +24,7 @@ Say = Callable[..., None]
 
 
 def carry_out(home: Home, state: State, architecture: str, say: Say) -> None:
-    """Does a phase that is a child's.
+    """Carries out a phase of a deployment (verify, download, unpack) in the agent's child process.
 
     Args:
         home: the agent's.
@@ -90,7 +90,7 @@ def _download(home: Home, state: State, say: Say) -> None:
 
 
 class Progress:
-    """Says how much is done, as often as anybody may ask: each word wakes the agent.
+    """Reports a download's progress to the agent, not more often than useful.
 
     Args:
         say: answers.

@@ -47,7 +47,7 @@ _WRONG = (LookupError, TypeError, ValueError, AttributeError, RecursionError)
 
 @dataclass(frozen=True)
 class Attested:
-    """Attestation rules that a root of the repository sets."""
+    """Rules in a TUF root: which applications need attestations."""
 
     keys: Mapping[str, Any]
     """Those that are believed, by id, as TUF writes them; none: attestations are not looked at."""
@@ -57,7 +57,7 @@ class Attested:
 
     @classmethod
     def of(cls, root: Mapping[str, Any]) -> Attested:
-        """Reads what is signed of a root; older ones say nothing of attestations.
+        """Reads the attestation rules from a TUF root.
 
         Raises:
             StepFailed: it has another form, which a newer agent may know.
@@ -74,7 +74,7 @@ class Attested:
         return is_named or (bool(self.keys) and document.batch is not None)
 
     def check(self, document: Document, sha256: str, envelopes: Mapping[str, bytes]) -> None:
-        """Refuses a version that was not attested.
+        """Raises an error if the version to install is not attested.
 
         Args:
             document: what is to be installed.
@@ -153,7 +153,7 @@ class _Fetcher(FetcherInterface):
 
 
 class Repository:
-    """The repository of a fleet.
+    """Signed update repository (TUF) of a fleet, as the robot's agent reads it.
 
     Args:
         source: reads its files.
@@ -178,7 +178,7 @@ class Repository:
         architecture: str,
         seen: Callable[[Trusted], None],
     ) -> Deployment:
-        """Reads and verifies what an order asks for, and the files of its document and condition.
+        """Downloads and verifies the deployment document and condition file of an order.
 
         Args:
             order: the order.

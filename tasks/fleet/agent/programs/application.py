@@ -19,7 +19,7 @@ _STEADY_S = 60.0
 
 
 class Application:
-    """At most one running application.
+    """Starts, watches and stops the application on the robot; at most one is running.
 
     Args:
         home: the agent's.
@@ -54,11 +54,11 @@ class Application:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has been started, and its end was not told."""
+        """Whether the application was started and is not known to have ended."""
         return self._process is not None
 
     def start(self, version: Version) -> None:
-        """Starts a version's application.
+        """Starts a version of the application.
 
         Raises:
             StepFailed: it cannot be started.
@@ -81,7 +81,7 @@ class Application:
         self._version, self._since_s = version, self._monotonic()
 
     def ended(self) -> str | None:
-        """Says once how it ended by itself; `None`: it runs, or was not started. It is due again after a pause."""
+        """Returns once how the application ended by itself; `None` if it runs."""
         if self._process is None or (code := self._process.poll()) is None:
             return None
         up_s = self._monotonic() - self._since_s
@@ -102,7 +102,7 @@ class Application:
         self.due_s = self._monotonic() + pause_s
 
     def stop(self) -> None:
-        """Stops it: asks it to end, waits, kills what is left of it."""
+        """Stops the application: asks it to end, waits, then kills it."""
         self.due_s, self._failures = None, 0
         if self._process is None:
             return

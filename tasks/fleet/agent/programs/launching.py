@@ -27,7 +27,7 @@ _PROBE_TIMEOUT_S = 20.0
 
 @dataclass(frozen=True)
 class Sandbox:
-    """How programs are started."""
+    """User and sandbox in which programs are started on the robot."""
 
     kind: str
     home: Home
@@ -37,7 +37,7 @@ class Sandbox:
     user_id: int | None = None
 
     def wrap(self, command: Sequence[str], data: Path) -> list[str]:
-        """The command in the sandbox.
+        """Returns the command line that runs a program in the sandbox.
 
         Args:
             command: the program and its arguments.
@@ -59,7 +59,7 @@ class Sandbox:
         return words
 
     def data_folder(self, application: str) -> Path:
-        """The folder where an application keeps what outlives its versions; it belongs to its user.
+        """Returns the folder of an application's data that outlives its versions.
 
         Raises:
             OSError: it cannot be made.
@@ -72,7 +72,7 @@ class Sandbox:
 
 
 def find_sandbox(home: Home, options: Options) -> Sandbox:
-    """The sandbox that the options ask for, tried with a program that does nothing.
+    """Returns the sandbox that the options ask for, after testing it.
 
     Raises:
         AgentError: there is no such user or sandbox, or it does not work here.
@@ -123,7 +123,7 @@ VERSION_VARIABLE = "ROBOMAKER_AGENT_VERSION"
 
 
 def kill_leftovers(home: Path, version: str | None = None) -> int:
-    """Kills processes that an agent of this home has started, and what they have started.
+    """Kills processes left behind by an earlier agent of this home.
 
     Args:
         home: the agent's.
@@ -155,7 +155,7 @@ Which = Callable[[str], "str | None"]
 
 
 def launch_command(folder: Path, launch: Launch, which: Which = shutil.which) -> list[str]:
-    """The command that starts an application.
+    """Returns the command line that starts an application on the robot.
 
     The launch file is looked for in the bundle (in the package's folder, in its `launch`, at the top), of a bundle of
     colcon in its overlays; `ros2 launch` or `roslaunch`, whichever the file is for, start files of ROS, in the
@@ -225,7 +225,7 @@ def in_overlays(folder: Path, command: Sequence[str]) -> list[str]:
 
 
 def script_command(folder: Path, file: str, code: str) -> list[str]:
-    """The command of a preLaunchFile or postLaunchFile.
+    """Returns the command line of a pre- or post-launch script.
 
     Args:
         folder: of the version.
@@ -242,7 +242,7 @@ def script_command(folder: Path, file: str, code: str) -> list[str]:
 
 
 def environment(home: Home, version: Version, data: Path, base: Mapping[str, str] = os.environ) -> dict[str, str]:
-    """The variables of an application and its scripts.
+    """Returns the environment variables of an application and its scripts.
 
     Args:
         home: the agent's.
@@ -275,7 +275,7 @@ def _inside(folder: Path, name: str) -> Path | None:
 
 
 def interpreted(path: Path) -> list[str]:
-    """The command for a file: a program as it is, also a script that does not say what it is written for."""
+    """Returns the command line that runs a file, with its interpreter if needed."""
     with path.open("rb") as file:
         beginning = file.read(4)
     if (beginning == b"\x7fELF" or beginning.startswith(b"#!")) and os.access(path, os.X_OK):

@@ -17,7 +17,7 @@ _SHOWN_BYTES = 300
 
 
 class ChildWork:
-    """A child that does a phase.
+    """A phase of a deployment that is carried out by a child process.
 
     Args:
         child: the child.
@@ -40,11 +40,11 @@ class ChildWork:
 
     @property
     def pipe(self) -> int | None:
-        """Pipe of the child's answers; `None` once the child has ended."""
+        """Pipe with the child's messages; `None` once the child has ended."""
         return None if self._is_over else self._child.pipe
 
     def poll(self) -> list[Event]:
-        """Returns the events that the child has answered since the last call."""
+        """Returns new events from the child process."""
         events: list[Event] = []
         while not self._is_over and (chunk := self._child.read()) is not None:
             if not chunk:
@@ -55,7 +55,7 @@ class ChildWork:
         return events
 
     def stop(self) -> None:
-        """Ends the child."""
+        """Ends the child process."""
         if not self._is_over:
             self._child.kill()
             self._close()
@@ -79,7 +79,7 @@ class ChildWork:
 
 
 class ScriptWork:
-    """A program that decides by its exit code.
+    """A phase of a deployment that is decided by a script's exit code.
 
     Args:
         process: started, with its output in a file.
@@ -116,7 +116,7 @@ class ScriptWork:
         """When it has taken too long."""
 
     def poll(self) -> list[Event]:
-        """Returns the script's result once it has ended or taken too long; until then no events."""
+        """Returns the script's result once it has ended or timed out."""
         if self._is_over:
             return []
         code = self._process.poll()
@@ -132,7 +132,7 @@ class ScriptWork:
         return [Failed(self._phase, self._code, f"{self._name} ended with {how}{self._said()}")]
 
     def stop(self) -> None:
-        """Ends the program."""
+        """Ends the script."""
         _kill(self._process)
 
     def _said(self) -> str:
@@ -143,7 +143,7 @@ class ScriptWork:
 
 
 class Watch:
-    """The time in which a new version has to stay up, and the health command at its end.
+    """Watches whether a new version keeps running, then runs the health command.
 
     Args:
         due_s: when it ends, by the monotonic clock.
@@ -164,13 +164,13 @@ class Watch:
 
     @property
     def due_s(self) -> float | None:
-        """When there is something to look at."""
+        """When to look next, by the monotonic clock in seconds."""
         if self._checking is not None:
             return self._checking.due_s
         return None if self._is_over else self._until_s
 
     def poll(self) -> list[Event]:
-        """Returns the result of the health check, or of staying up; until then no events."""
+        """Returns the result of the health check, once known."""
         if self._checking is not None:
             return self._checking.poll()
         if self._is_over or self._monotonic() < self._until_s:

@@ -30,13 +30,13 @@ _Points = NDArray[np.float64]
 
 
 def solid_reach_m(model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """Returns the largest horizontal distance in m from the origin of anything that can be touched."""
+    """Returns the largest horizontal distance from the origin of anything that collides, in metres."""
     solid = np.flatnonzero((model.geom_contype != 0) | (model.geom_conaffinity != 0))
     return max((geom_reach_m(model, data, geom) for geom in solid.tolist()), default=0.0)
 
 
 def geom_reach_m(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> float:
-    """Returns the largest horizontal distance in m of a geom's surface from the origin.
+    """Returns the largest horizontal distance of a geom's surface from the origin, in metres.
 
     Boxes, meshes (by their vertices), spheres and capsules are exact, and so are cylinders and ellipsoids that stand
     upright. Others are measured by their bounding boxes.
@@ -100,7 +100,7 @@ _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 
 
 def make_robot(mapping: RobotModel, files: RobotFiles, default_name: str) -> Robot:
-    """Makes a robot.
+    """Makes a robot from its `robot.yaml` and model files.
 
     Args:
         mapping: what `robot.yaml` says.

@@ -25,7 +25,7 @@ _JOINT = mujoco.mjtTrn.mjTRN_JOINT
 
 
 def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data: mujoco.MjData, where: str) -> Drive:
-    """Makes the drive that a mapping describes.
+    """Makes the drive that a `robot.yaml` describes.
 
     Args:
         mapping: the mapping.
@@ -50,7 +50,7 @@ def make_drive(mapping: RobotModel, limits: Limits, model: mujoco.MjModel, data:
 
 
 def planar_joints(mapping: RobotModel, model: mujoco.MjModel, where: str) -> tuple[str, str, str] | None:
-    """The joints that move a base in the world's frame.
+    """Returns the slide and hinge joints that move a robot's base over the floor.
 
     Raises:
         LaunchError: they are not two slides and a hinge along the axes.
@@ -132,7 +132,7 @@ class _Actuators:
         self._names = [model.actuator(index).name for index in range(model.nu)]
 
     def find(self, name: str, field: str) -> int:
-        """An actuator's id.
+        """Returns an actuator's id by name.
 
         Raises:
             LaunchError: there is none.
@@ -150,12 +150,12 @@ class _Actuators:
         raise invalid(self.where, f"{field}: there is no joint or actuator {name!r}; {hint}")
 
     def joint(self, actuator: int) -> int | None:
-        """The joint it moves, if it moves one."""
+        """Returns the joint that an actuator moves, if any."""
         is_joint = self.model.actuator_trntype[actuator] == _JOINT
         return int(self.model.actuator_trnid[actuator, 0]) if is_joint else None
 
     def check_velocity(self, actuator: int, field: str) -> None:
-        """Refuses what is told something else than a velocity.
+        """Raises an error for an actuator that is not velocity-controlled.
 
         Raises:
             LaunchError: it is no velocity actuator.

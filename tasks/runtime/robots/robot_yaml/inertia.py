@@ -38,7 +38,7 @@ MakeSpec = Callable[[ET.Element], mujoco.MjSpec]
 
 @dataclass(frozen=True)
 class Inertia:
-    """Mass and inertia of a link."""
+    """Mass and moments of inertia of a robot's link."""
 
     mass_kg: float
     moments: NDArray[np.float64]
@@ -48,7 +48,7 @@ class Inertia:
     """Centre of mass in the link's frame, in metres."""
 
     def element(self) -> ET.Element:
-        """The `<inertial>` that says so."""
+        """Returns the URDF element `<inertial>` with these values."""
         inertial = ET.Element("inertial")
         ET.SubElement(inertial, "origin", xyz=" ".join(f"{each:.6g}" for each in self.centre_m.tolist()))
         ET.SubElement(inertial, "mass", value=f"{self.mass_kg:.6g}")
@@ -64,7 +64,7 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Problem:
-    """A link whose inertia is impossible."""
+    """A robot's link with a physically impossible inertia."""
 
     link: Located
     line: int
@@ -86,7 +86,7 @@ class Problem:
 
 
 def find_problems(robot: Located, make_spec: MakeSpec) -> list[Problem]:
-    """Finds the links whose inertia MuJoCo would refuse, or take for another one in silence.
+    """Finds links of a URDF with impossible inertias, which MuJoCo refuses or silently changes.
 
     Args:
         robot: the URDF.
@@ -134,7 +134,7 @@ def _mass_kg(link: Located) -> float:
 
 
 def told(problems: list[Problem], path: object) -> str:
-    """One text about impossible inertias, each with its line after the first.
+    """Describes impossible inertias of links in one text.
 
     Args:
         problems: the links.
@@ -146,7 +146,7 @@ def told(problems: list[Problem], path: object) -> str:
 
 
 def replace_inertial(problem: Problem) -> None:
-    """Gives a link the inertia of its shapes, or makes it a point."""
+    """Replaces a link's inertia by that of its shapes, or makes it a point mass."""
     assert problem.by_setting is not None
     for old in problem.link.findall("inertial"):
         problem.link.remove(old)

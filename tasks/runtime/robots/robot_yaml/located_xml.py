@@ -9,14 +9,14 @@ from .mapping import invalid
 
 
 class Located(ET.Element):
-    """An element with its line."""
+    """An XML element that knows its line in the file."""
 
     line: int = 1
     """Line of the file in which its tag begins, from 1."""
 
 
 def parse_located(path: Path) -> Located:
-    """Reads an XML file; names keep their prefixes, `xacro:property` for one.
+    """Parses an XML file into elements that know their line; names keep prefixes such as `xacro:`.
 
     Args:
         path: the file.
@@ -46,7 +46,7 @@ def parse_located(path: Path) -> Located:
 
 
 def lined_text(root: Located) -> str:
-    """Writes elements and attributes with each tag in its line of the file, so that errors of MuJoCo name that line.
+    """Writes an XML document with each tag in its original line, so that MuJoCo's errors name that line.
 
     Args:
         root: the document. Text between tags is left out: neither URDF nor its extensions for MuJoCo have any.

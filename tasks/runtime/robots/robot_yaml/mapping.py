@@ -19,12 +19,12 @@ _SHOWN_NAMES = 12
 
 
 def invalid(where: object, message: str) -> LaunchError:
-    """An error about a file of the robot, or a place in one."""
+    """Makes the error about a file of a robot, or a place in one."""
     return LaunchError(f"{where}: {message}", INVALID_ROBOT)
 
 
 def alternatives(name: str, names: Iterable[str], what: str) -> str:
-    """Suggests what to write instead of an unknown name: the nearest name, or all."""
+    """Suggests the nearest known name instead of an unknown one, or lists all names."""
     there: Collection[str] = [each for each in names if each]
     if near := get_close_matches(name, there, n=1):
         return f"did you mean {near[0]!r}?"
@@ -41,7 +41,7 @@ _STEP = re.compile(r"\w+")
 
 
 def placed(error: LaunchError, path: Path) -> LaunchError:
-    """An error about a member of a mapping that can be read, with the line and column where the member stands.
+    """Adds line and column to an error about a member of `robot.yaml`.
 
     Args:
         error: its message begins with the file's name and the member, as `invalid` writes it; others are as they were.
@@ -57,7 +57,7 @@ def placed(error: LaunchError, path: Path) -> LaunchError:
 
 
 def read_mapping(path: Path) -> RobotModel:
-    """Reads and checks a mapping file.
+    """Reads and checks a `robot.yaml` file.
 
     Args:
         path: the YAML file.

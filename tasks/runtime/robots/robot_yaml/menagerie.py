@@ -24,7 +24,7 @@ _MB = 1e6
 
 @dataclass(frozen=True)
 class MenagerieFile:
-    """A file of a robot of Menagerie."""
+    """A file of a robot in MuJoCo Menagerie."""
 
     path: Path
     root: Path
@@ -50,7 +50,7 @@ def menagerie_file(reference: str, variables: Mapping[str, str]) -> MenagerieFil
 
 
 def menagerie_mapping(reference: str, variables: Mapping[str, str]) -> MenagerieFile:
-    """Finds the mapping file of `menagerie:<model>`.
+    """Finds the `robot.yaml` of `menagerie:<model>`.
 
     Args:
         reference: the text.

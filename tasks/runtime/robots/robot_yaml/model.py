@@ -26,7 +26,7 @@ _File = tuple[str, Path]
 
 
 def load_model(path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Reads a model file.
+    """Loads a robot's MJCF or URDF model file.
 
     Args:
         path: the MJCF or URDF.
@@ -110,7 +110,7 @@ _MAX_FOLLOW_SCALE = 1.6
 
 @dataclass(frozen=True)
 class RobotFiles:
-    """Files of a robot: its mapping and its model."""
+    """Files of a robot: its `robot.yaml` and its model."""
 
     mapping: Path
     """The mapping file, or what else to name in messages."""
@@ -123,7 +123,7 @@ class RobotFiles:
 
 
 class ModelBuilder:
-    """Makes new models of one robot."""
+    """Builds MuJoCo models of one robot from its files."""
 
     def __init__(self, mapping: RobotModel, files: RobotFiles) -> None:
         self._mapping, self._files = mapping, files
@@ -139,7 +139,7 @@ class ModelBuilder:
         """Whether the robot's own joints move it; otherwise it gets a free joint."""
 
     def build(self) -> mujoco.MjSpec:
-        """Returns the model, with what the mapping adds.
+        """Returns the robot's model with the additions of its `robot.yaml`.
 
         Raises:
             LaunchError: a file or a name is wrong.
@@ -162,7 +162,7 @@ class ModelBuilder:
         return spec
 
     def compile(self) -> mujoco.MjModel:
-        """Returns the compiled robot without a world; meshes that are only drawn and cannot be used are left out.
+        """Compiles the robot without a world; unusable visual meshes are left out.
 
         Raises:
             LaunchError: a file or a name is wrong, or MuJoCo cannot compile it.
@@ -177,7 +177,7 @@ class ModelBuilder:
             raise refused(self._files.model, cause, "MuJoCo cannot make a model of it", hint) from cause
 
     def find(self, parts: Iterable[Any], name: str, field: str, what: str) -> Any:
-        """The part of a name.
+        """Finds a part of the model by name.
 
         Raises:
             LaunchError: there is none; the message has the field and what there is.
@@ -189,7 +189,7 @@ class ModelBuilder:
         return by_name[name]
 
     def keyframe(self) -> dict[str, float]:
-        """Positions of joints in the keyframe that the mapping names."""
+        """Joint positions in the keyframe that `robot.yaml` names."""
         if self._mapping.spawn.keyframe is None:
             return {}
         spec = load_model(self._files.model, self._files.root)
@@ -268,7 +268,7 @@ class ModelBuilder:
 
 
 def options_for_world(spec: mujoco.MjSpec, world: mujoco.MjSpec) -> list[str]:
-    """Gives a robot the physics options of its world, which count.
+    """Replaces a robot's physics options by those of its world.
 
     Returns:
         The robot's own options that this takes away, as `name=its value (value of the world)`.

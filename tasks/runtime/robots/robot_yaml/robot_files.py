@@ -30,7 +30,7 @@ class _Place(NamedTuple):
 
 
 def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> None:
-    """Refuses files that are not in the robot's folder, links followed.
+    """Raises an error if a file is outside the robot's folder, links followed.
 
     Args:
         mentioned_in: the file that names it, with the line where that is known.
@@ -46,7 +46,7 @@ def check_inside(mentioned_in: object, file: Path, root: Path, name: str) -> Non
 
 
 def find_file(name: str, where: str, folder: Path, root: Path) -> Path:
-    """Finds a file of a URDF.
+    """Finds a file that a URDF names, also by `package://<package>/…`.
 
     `package://<package>/…` is in the folder of that name, or in the folder of the URDF or one above it.
 
@@ -89,13 +89,13 @@ def _places(name: str, folder: Path, root: Path) -> Iterator[_Place]:
 
 
 def folders_between(folder: Path, root: Path) -> list[Path]:
-    """The folder and those above it, up to the root."""
+    """Lists a folder and those above it, up to the root."""
     folders = [folder, *folder.parents]
     return folders[: folders.index(root) + 1] if root in folders else [folder]
 
 
 def similar_file(folder: Path, inside: str, root: Path) -> str | None:
-    """Finds the file that a path was meant to name.
+    """Finds the file that a misspelt path was meant to name.
 
     It may differ in case, in escapes such as `%20`, in the form of accents, in the direction of slashes, or in a letter
     or two of the file's own name.

@@ -22,7 +22,7 @@ Length = Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
 
 
 class RobotFootprint(Model):
-    """The robot from above."""
+    """Footprint of a robot on the floor, in `robot.yaml`."""
 
     radius_m: Length = Field(
         description="Radius of the disc around the base's origin that holds all of the robot; metres."
@@ -30,7 +30,7 @@ class RobotFootprint(Model):
 
 
 class RobotSpawn(Model):
-    """How the robot stands at the start."""
+    """Initial pose of a robot, in `robot.yaml`."""
 
     height_m: Metres = Field(description="Height of the base's origin over the floor; metres.")
     joints: dict[str, float] = Field(
@@ -41,7 +41,7 @@ class RobotSpawn(Model):
 
 
 class AddedActuator(Model):
-    """An actuator that the model file does not have; a URDF has none."""
+    """Actuator that `robot.yaml` adds to a model, such as one from URDF."""
 
     joint: PartName = Field(description="Joint that it moves.")
     kind: Literal["velocity", "position", "motor"] = Field(
@@ -65,7 +65,7 @@ class AddedActuator(Model):
 
 
 class DriveLimits(Model):
-    """Limits of the drive; commands are clipped to them, and planners keep to them."""
+    """Velocity and acceleration limits of a robot's drive, in `robot.yaml`."""
 
     max_linear_mps: Annotated[float, Field(gt=0, le=20, allow_inf_nan=False)] = Field(
         description="Largest forward velocity, m/s."
@@ -82,7 +82,7 @@ class DriveLimits(Model):
 
 
 class DifferentialDriveModel(DriveLimits):
-    """Wheels on the left and on the right; actions are (m/s, rad/s)."""
+    """Differential drive in `robot.yaml`: wheels left and right; actions are (m/s, rad/s)."""
 
     kind: Literal["differential"] = Field(description="`differential`.")
     left: Annotated[list[PartName], Field(min_length=1)] = Field(
@@ -94,7 +94,7 @@ class DifferentialDriveModel(DriveLimits):
 
 
 class VelocityDriveModel(DriveLimits):
-    """Velocity actuators that move the base over the floor; actions are (m/s, rad/s)."""
+    """Drive in `robot.yaml` by velocity actuators of the base; actions are (m/s, rad/s)."""
 
     kind: Literal["velocity"] = Field(description="`velocity`.")
     frame: Literal["world", "base"] = Field(
@@ -106,7 +106,7 @@ class VelocityDriveModel(DriveLimits):
 
 
 class ActuatorsDriveModel(Model):
-    """No drive: actions are the actuators' own controls, in the model's order."""
+    """Drive in `robot.yaml` by direct actuator controls, in the model's order."""
 
     kind: Literal["actuators"] = Field(description="`actuators`.")
     max_linear_mps: Annotated[float, Field(gt=0, le=20, allow_inf_nan=False)] = Field(
@@ -118,7 +118,7 @@ class ActuatorsDriveModel(Model):
 
 
 class RobotLidar(Model):
-    """A level lidar over the base's middle; its height counts, not where else it is mounted."""
+    """Horizontal lidar of a robot, in `robot.yaml`."""
 
     at: PartName | None = optional("Site or body (link) whose height it has.")
     height_m: Length | None = optional("Height over the floor instead, metres.")
@@ -135,7 +135,7 @@ class RobotLidar(Model):
 
 
 class RobotCamera(Model):
-    """A camera that the model does not have."""
+    """Camera that `robot.yaml` adds to a robot."""
 
     name: PartName = Field(description="Its name.")
     at: PartName = Field(description="Body (link) that it is on; it looks along its x axis, z is up.")
@@ -145,7 +145,7 @@ class RobotCamera(Model):
 
 
 class FixedSensors(Model):
-    """Sensors of the robot besides those of its joints: these, and one member for each kind in `sensors`."""
+    """Sensors of a robot in `robot.yaml`, besides those of its joints."""
 
     lidar: RobotLidar | None = optional("Lidar, and sensors in the bumper; absent: none.")
     bumper_height_m: Length = Field(
@@ -154,7 +154,7 @@ class FixedSensors(Model):
     cameras: list[RobotCamera] = Field(default=[], description="Cameras to add; those of an MJCF are there anyway.")
 
     def of_kinds(self) -> list[SensorKind]:
-        """The sensors that are one kind each."""
+        """Sensors of the pluggable kinds, such as an IMU."""
         return [sensor for name in SENSOR_KINDS if (sensor := getattr(self, name)) is not None]
 
 
@@ -165,7 +165,7 @@ SENSOR_KINDS: Mapping[str, type[SensorKind]] = classes_of(
 
 
 def check_kinds(kinds: Iterable[type[SensorKind]]) -> None:
-    """Checks that kinds of sensors do not take the place of each other, or of anything else.
+    """Checks that sensor kinds have no conflicting names.
 
     Args:
         kinds: All there are.
@@ -230,19 +230,19 @@ class RobotModelHead(Model):
 
 
 class DifferentialRobotModel(RobotModelHead):
-    """A robot on driven wheels."""
+    """A `robot.yaml` of a robot on driven wheels."""
 
     drive: DifferentialDriveModel = Field(description="How it moves.")
 
 
 class VelocityRobotModel(RobotModelHead):
-    """A robot whose base is moved by velocity actuators."""
+    """A `robot.yaml` of a robot whose base is moved by velocity actuators."""
 
     drive: VelocityDriveModel = Field(description="How it moves.")
 
 
 class ActuatorsRobotModel(RobotModelHead):
-    """A robot that is told what its actuators do."""
+    """A `robot.yaml` of a robot with direct actuator controls."""
 
     drive: ActuatorsDriveModel = Field(description="How it moves.")
 
@@ -257,7 +257,7 @@ ROBOT_MODELS: dict[str, type[RobotModel]] = {
 
 
 def robot_model_type(document: Any) -> type[RobotModel]:
-    """The model that a document is to be checked against, by its `drive.kind`; of the first kind when that is amiss."""
+    """Returns the model by which a `robot.yaml` document is checked, by its `drive.kind`."""
     drive = document.get("drive") if is_object(document) else None
     kind = drive.get("kind") if is_object(drive) else None
     return ROBOT_MODELS.get(kind, DifferentialRobotModel) if isinstance(kind, str) else DifferentialRobotModel

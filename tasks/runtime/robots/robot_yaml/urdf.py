@@ -31,7 +31,7 @@ _LINE = re.compile(r", line (\d+)")
 
 @dataclass
 class MeshUse:
-    """A mesh file at one scale, as a URDF uses it."""
+    """A mesh file at a scale, as a URDF uses it."""
 
     name: str
     """Its name in MuJoCo's model."""
@@ -48,7 +48,7 @@ class MeshUse:
     collides: bool
 
     def problem(self) -> str | None:
-        """Why MuJoCo cannot use it; None: it can."""
+        """Reason why MuJoCo cannot use the mesh; `None` if it can."""
         spec = mujoco.MjSpec()
         mesh = spec.add_mesh(name=self.name, file=str(self.file))
         if self.scale:
@@ -66,7 +66,7 @@ class MeshUse:
 
 @dataclass
 class UrdfReading:
-    """How a robot's URDF is read, and what was found in it; one for all readings of a robot."""
+    """State of reading a robot's URDF: options, and problems found, shared by all readings."""
 
     from_geometry: bool = False
     """Whether impossible inertias are taken from the geometry."""
@@ -80,13 +80,13 @@ class UrdfReading:
     _said: set[str] = field(default_factory=set)
 
     def warn(self, text: str) -> None:
-        """Warns once, however often the file is read."""
+        """Logs a warning once, however often the file is read."""
         if text not in self._said:
             self._said.add(text)
             _logger.warning("%s", text)
 
     def leave_out_unusable(self, path: Path) -> bool:
-        """Looks for meshes that MuJoCo cannot use, and leaves out those that are only drawn.
+        """Finds meshes that MuJoCo cannot use, and leaves out those that are only visual.
 
         Args:
             path: the URDF.
@@ -109,7 +109,7 @@ class UrdfReading:
 
 
 def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | None = None) -> mujoco.MjSpec:
-    """Makes a model of a URDF.
+    """Makes a MuJoCo model of a URDF.
 
     Args:
         robot: the document; changed in place.
@@ -148,7 +148,7 @@ def read_urdf(robot: Located, path: Path, root: Path, reading: UrdfReading | Non
 
 
 def refused(path: Path, cause: ValueError, what: str, hint: str = "") -> LaunchError:
-    """An error of MuJoCo about a model, with the line of a URDF where that can be told.
+    """Makes the error about a model that MuJoCo refuses, with the line of the URDF if known.
 
     Args:
         path: the MJCF or URDF.
@@ -163,7 +163,7 @@ def refused(path: Path, cause: ValueError, what: str, hint: str = "") -> LaunchE
 
 
 def check_expanded(robot: Located, path: Path) -> None:
-    """Refuses a file that is written in xacro.
+    """Raises an error for a URDF that still contains xacro macros.
 
     Args:
         robot: its document.

@@ -9,7 +9,7 @@ from .kind import PartName, SensorKind
 
 
 class Imu(SensorKind):
-    """Gyro and accelerometer: those of the model, or new ones in a body."""
+    """IMU sensor of a robot (gyroscope and accelerometer): existing or added to a body."""
 
     name = "imu"
     parts: ClassVar[Mapping[str, str]] = {"gyro": "GYRO", "accelerometer": "ACCELEROMETER"}

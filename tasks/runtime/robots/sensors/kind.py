@@ -54,7 +54,7 @@ PartName = Annotated[str, Field(min_length=1, max_length=200)]
 
 
 class SensorKind(Model):
-    """A sensor, as `robot.yaml` has it below `sensors`: a new one somewhere, or the model's own by their names.
+    """Base class of sensor kinds, which `robot.yaml` can have below `sensors`.
 
     A kind is a subclass with a name. For each of `parts` it has a member that may be absent.
     """
@@ -75,12 +75,12 @@ class SensorKind(Model):
 
     @property
     def own_names(self) -> tuple[str, ...]:
-        """Names of MuJoCo's sensors, where they are not the model's own."""
+        """Names of the MuJoCo sensors that this kind adds to the model."""
         return tuple(f"{self.name}_{part}" for part in self.parts)
 
     @classmethod
     def message(cls, header: Header, numbers: Sequence[float]) -> Any:
-        """Makes the message of a reading where it has no columns: a named tuple with the members of its `ROS_TYPE`.
+        """Makes the ROS message of a reading.
 
         Args:
             header: Simulated time, and a frame that is where the sensor is.
