@@ -124,7 +124,7 @@ class Measurements:
         found = {id(source): source for pose in poses if pose is not None for source in pose.sources}
         return [*found.values(), *([self._scan.source] if self._scan is not None else [])]
 
-    # What rules ask for
+    # Things that rules ask for
 
     @cached_property
     def _bodies(self) -> dict[str, Pose]:
