@@ -60,7 +60,7 @@ def test_the_page_imports_a_world_that_scout_drives_through(robomaker_at_server:
     assert facts["source"]["left_out"] == [{"what": "plugins", "count": 1, "names": ["weather"]}]
 
     spec = tmp_path / "drive.yaml"
-    spec.write_text(spec.read_text().replace("WORLD", facts["arn"]))
+    spec.write_text(re.sub(r"(?<=world: )\"[^\"]+\"", facts["arn"], spec.read_text()))
     ended = robomaker_at_server("run", spec, "-o", "json")
     record = RunRecord.model_validate_json(ended.out)
     assert [(job.status, job.verdict) for job in record.jobs] == [("Completed", "PASS")], ended.err
