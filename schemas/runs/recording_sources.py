@@ -34,6 +34,11 @@ class RecordingSources(Model):
         description="Topics with contacts: `gazebo_msgs/ContactsState`, `ros_gz_interfaces/Contacts`, or `/contacts` "
         "of our own recordings; empty: all that have these types.",
     )
+    contacts_on_touch: bool = Field(
+        default=False,
+        description="Whether topics with contacts speak only when something is touched, so that a silent one says that "
+        "nothing was; else its sensor could have been off, which is an error.",
+    )
     robot: str | None = Field(
         default=None,
         min_length=1,

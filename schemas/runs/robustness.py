@@ -9,12 +9,13 @@ and the best for the other. Each comparison is a signal of its own for it, once 
 """
 
 import importlib
+import math
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from .formulas import Arithmetic, Comparison, Formula, Join, Number, Temporal
+from .formulas import Arithmetic, Comparison, Formula, Join, Number, Temporal, in_words
 
 _FAR = 1e300
 """Robustness of what is certain: more than any signal has."""
@@ -48,6 +49,7 @@ def robustness(formula: Formula, samples: Samples, period_s: float) -> Robustnes
 
     Raises:
         ImportError: rtamt is not installed.
+        OverflowError: A comparison has numbers that are too large.
     """
     least, most = (_at_all_times(formula, samples, period_s, is_worst=each)[0] for each in (True, False))
     violated_at = _first_violation(formula, samples, period_s) if most < 0 else None
@@ -180,6 +182,8 @@ def _values(comparison: Comparison, samples: Samples, length: int) -> list[float
     is_below = comparison.sign in ("<", "<=")
     equal = -_STRICT if comparison.sign in ("<", ">") else _STRICT
     apart = [b - a if is_below else a - b for a, b in zip(left, right, strict=True)]
+    if not all(map(math.isfinite, apart)):  # what is not a number is neither met nor missed
+        raise OverflowError(f"{in_words(comparison)}: its numbers are too large to compare")
     return [value if value else equal for value in apart]
 
 

@@ -44,6 +44,8 @@ def store_of(kind: str) -> Any:
     states = {
         "gazebo_msgs/msg/ContactState": _STATE,
         STATES: "std_msgs/Header header\ngazebo_msgs/ContactState[] states\n",
+        "ros_gz_interfaces/msg/Contact": "float64[] depths\n",
+        "ros_gz_interfaces/msg/Contacts": "std_msgs/Header header\nros_gz_interfaces/Contact[] contacts\n",
     }
     if kind == "ros1":
         states[TF] = "geometry_msgs/TransformStamped[] transforms\n"  # a package that not all of ROS 1 has

@@ -119,6 +119,8 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         functions = {name: scene.function(self, at) for name, at in (self.asked.signals or {}).items()}
         position, orientation = scene.position(self), scene.orientation(self)
         clearance = scene.clearance(self) if "clearance" in names else None
+        if "tilt" in names and not scene.can_tilt(self):
+            self.fail("no joint lets the robot's body tilt, so its tilt could not be missed")
 
         def look(time_s: float) -> None:
             if math.isnan(position[0]):  # a recording has no pose yet
@@ -184,7 +186,10 @@ class ExpressionRule(Rule[ExpressionRequirement]):
         count = len(next(iter(self.samples.values())))
         if count < 2:
             return "the run ended before a second look at its signals"
-        self._found = found = robustness(self._formula, self.samples, self.asked.period_s)
+        try:
+            self._found = found = robustness(self._formula, self.samples, self.asked.period_s)
+        except OverflowError as error:
+            return str(error)
         if found.most < 0:
             violated_at = (count - 1) if found.violated_at is None else found.violated_at
             self.violate(min(self._end_s, violated_at * self.asked.period_s))

@@ -91,6 +91,8 @@ class GoalRule(Rule[GoalRequirement]):
         super().__init__(asked)
         self.reached_s: float | None = None
         """Simulated time at which it was reached, late or not; None: not yet."""
+        self._began_s: float | None = None
+        """Simulated time of the first look: recordings may have no pose at 0."""
         self._before: GoalRule | None = None
         """The goal that has to be reached first."""
         self._nearest_m: float | None = None
@@ -117,6 +119,7 @@ class GoalRule(Rule[GoalRequirement]):
     def update(self, time_s: float, distance_m: float) -> None:
         """Records the distance to the goal; 0 inside a room, infinite outside."""
         goal = self.asked
+        self._began_s = time_s if self._began_s is None else self._began_s
         is_its_turn = self.is_due
         if is_its_turn and math.isfinite(distance_m):
             self._nearest_m = distance_m if self._nearest_m is None else min(self._nearest_m, distance_m)
@@ -139,7 +142,8 @@ class GoalRule(Rule[GoalRequirement]):
     def remark(self) -> str | None:
         """Returns a note about a goal that was reached before the robot moved."""
         is_ordinary = self._before is None and self.asked.by_s is None
-        if self.reached_s == 0.0 and is_ordinary and self._end_s:
+        is_at_start = self.reached_s is not None and self.reached_s == self._began_s
+        if is_at_start and is_ordinary and self._end_s:
             return f"{self.asked.name}: reached where the robot starts, before it moved"
         return None
 

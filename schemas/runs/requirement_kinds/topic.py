@@ -161,6 +161,8 @@ class TopicRule(Rule[TopicRequirement]):
             ]
             if silent:
                 return f"no line of {silent[0]} came on {asked.topic}, so its errors would not have come either"
+        if asked.max_gap_s is not None and not self.count and self._end_s <= asked.max_gap_s:
+            return f"no message came on {asked.topic}, and the run was over before that was a gap"
         if asked.min_hz is not None:
             if self._end_s <= 0:
                 return "the run took no time"

@@ -9,6 +9,7 @@ robot did, for what looks at positions.
 
 import math
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -60,8 +61,12 @@ class RecordedRun(dm_env.Environment):
         """
         self._sources, self._calls_functions = sources, calls_functions
         self._bag = Bag(path)
-        self._clock = self._find_clock()
-        self._measurements = Measurements(self._bag, sources)
+        try:
+            self._clock = self._find_clock()
+            self._measurements = Measurements(self._bag, sources)
+        except BaseException:
+            self._bag.close()
+            raise
         self._physics = Physics.from_xml_string(_MODEL.format(radius_m=sources.radius_m or _RADIUS_M))
         self._messages: Iterator[Message] = iter(())
         self._next: Message | None = None
@@ -105,6 +110,10 @@ class RecordedRun(dm_env.Environment):
         Raises:
             RecordingFault: The recording is damaged, or ends before the run begins.
         """
+        with self._closed_by_faults():
+            return self._reset()
+
+    def _reset(self) -> dm_env.TimeStep:
         topics = {*self._measurements.topics, *([CLOCK] if self._clock else [])}
         self._messages = self._bag.messages(topics)
         self._clock_s, self._path, self._heard, self._held = 0.0, [], {}, []
@@ -124,6 +133,10 @@ class RecordedRun(dm_env.Environment):
         Raises:
             RecordingFault: The recording is damaged, or its time goes backwards.
         """
+        with self._closed_by_faults():
+            return self._step()
+
+    def _step(self) -> dm_env.TimeStep:
         for message, time_s in self._held:
             self._measurements.take(message, time_s)
         self._held.clear()
@@ -161,6 +174,15 @@ class RecordedRun(dm_env.Environment):
     def close(self) -> None:
         """Closes the recording."""
         self._bag.close()
+
+    @contextmanager
+    def _closed_by_faults(self) -> Iterator[None]:
+        """Closes the recording when it cannot be judged, since nothing else closes it then."""
+        try:
+            yield
+        except RecordingFault:
+            self.close()
+            raise
 
     @property
     def end_s(self) -> float:

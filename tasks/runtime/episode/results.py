@@ -251,7 +251,8 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
     remarks = dict(report.extra)
     added = [requirement for finding in findings for requirement in finding.requirements]
     notes = [*report.notes, *(note for finding in findings for note in finding.notes)]
-    reached = _ended_at_its_goals(episode, added)
+    told = [item for item in added if item.error != NOT_READ]  # the others are judged when the recording is read
+    reached = _ended_at_its_goals(episode, told)
     judged, own = _without(report, {requirement.name for requirement in added})
     own = [item.model_copy(update={"counts": not reached and item.counts}) for item in own]
     if reached and judged != "ERROR":
@@ -272,8 +273,7 @@ def make_result(episode: Episode, seed: int, findings: Sequence[Findings] = ()) 
             notes.append(defect.detail)
     is_canceled = episode.ended_by == RunStop.CANCELED
     parts = Parts(own=judged, requirements=[*own, *added], defects=defects, is_canceled=is_canceled)
-    told = [item for item in added if item.error != NOT_READ]
-    if len(told) < len(added):  # the others are judged when the run's recording is read
+    if len(told) < len(added):
         remarks[OWN_VERDICT] = decide_verdict(replace(parts, requirements=[*own, *told]))
     for finding in findings:
         metrics |= finding.metrics

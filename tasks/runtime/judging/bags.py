@@ -97,17 +97,24 @@ class Bag:
         """
         self.path = path
         self._is_ros1 = path.suffix == ".bag"
-        try:
-            self._reader = Reader1(path) if self._is_ros1 else Reader2(path)
-            self._reader.open()
-        # Readers raise what their parts raise: of structures, checksums, SQLite, YAML, and assertions.
-        except Exception as error:
-            raise RecordingFault(f"{path} cannot be read: {_said(error)}{self._remedy(error)}") from error
+        self._reading: list[Any] = []
+        """Readers of messages that nothing has read to the end yet."""
+        self._reader = self._opened()
         try:
             self._look()
         except BaseException:
             self.close()
             raise
+
+    def _opened(self) -> Any:
+        """A reader, from the beginning of the recording."""
+        try:
+            reader = Reader1(self.path) if self._is_ros1 else Reader2(self.path)
+            reader.open()
+        # Readers raise what their parts raise: of structures, checksums, SQLite, YAML, and assertions.
+        except Exception as error:
+            raise RecordingFault(f"{self.path} cannot be read: {_said(error)}{self._remedy(error)}") from error
+        return reader
 
     def _look(self) -> None:
         self._connections: list[Connection] = list(self._reader.connections)
@@ -129,8 +136,8 @@ class Bag:
 
     def close(self) -> None:
         """Closes the recording's files."""
-        with suppress(Exception):  # nothing was written
-            self._reader.close()
+        for reader in (self._reader, *self._reading):
+            _closed(reader)
 
     def topics_of(self, *types: str) -> list[str]:
         """Lists the topics whose messages have one of some types."""
@@ -168,12 +175,21 @@ class Bag:
         Raises:
             RecordingFault: The recording is damaged or shorter than it says, or a message is not of its type.
         """
-        wanted = [each for each in self._connections if each.topic in topics and each.msgcount]
-        if not wanted:
+        if not any(each.topic in topics and each.msgcount for each in self._connections):
             return
+        reader = self._opened()
+        self._reading.append(reader)  # one for each: in an MCAP without an index, two that read at once share one place
+        try:
+            yield from self._read(reader, topics)
+        finally:
+            self._reading.remove(reader)
+            _closed(reader)
+
+    def _read(self, reader: Any, topics: Collection[str]) -> Iterator[Message]:
+        wanted: list[Connection] = [each for each in reader.connections if each.topic in topics and each.msgcount]
         store, seen = self._types(wanted), 0
         read = store.deserialize_ros1 if self._is_ros1 else store.deserialize_cdr
-        rows = iter(self._reader.messages(connections=wanted))
+        rows = iter(reader.messages(connections=wanted))
         while True:
             try:
                 row = next(rows, None)
@@ -234,6 +250,11 @@ class Bag:
         tools = {".bag": "`rosbag reindex`", ".db3": "`ros2 bag reindex`"}
         tool = tools.get(self.path.suffix, "`mcap recover`" if self.path.suffix == ".mcap" else "`ros2 bag reindex`")
         return f"{tool} saves what is there, up to where it ends"
+
+
+def _closed(reader: Any) -> None:
+    with suppress(Exception):  # nothing was written
+        reader.close()
 
 
 def _definitions(connection: Connection) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -142,6 +142,8 @@ class TransformPoses:
         self._max_gap_s = sources.max_gap_s
         self._links: dict[str, Source] = {}
         self._poses: dict[tuple[str, ...], Pose] = {}
+        self._parents: dict[tuple[str, ...], list[str]] = {}
+        """Parent of each frame in a chain, as it was found."""
 
     def pose(self, chain: Sequence[str]) -> Pose:
         """Returns the pose at the end of a chain of frames (see `FrameTree.chain`)."""
@@ -151,6 +153,7 @@ class TransformPoses:
             for frame in moving:
                 name = f"/tf ({self._tree.parents[frame]} to {frame})"
                 self._links.setdefault(frame, Source(name, self._max_gap_s))
+            self._parents[key] = [self._tree.parents[frame] for frame in key]
             pose = self._poses[key] = Pose([self._links[frame] for frame in moving])
             if not moving and (matrix := self._tree.along(key)) is not None:
                 pose.set(matrix)
@@ -163,6 +166,7 @@ class TransformPoses:
             link = self._links.get(bare(transform.child_frame_id))
             if link is not None:
                 link.check_stamp(transform.header.stamp, path)
+            self._check_parent(transform)
             frame = self._tree.place(transform, is_static=False)
             if frame is not None and link is not None:
                 link.hear(time_s)
@@ -171,19 +175,50 @@ class TransformPoses:
             if changed.intersection(chain) and (matrix := self._tree.along(chain)) is not None:
                 pose.set(matrix)
 
+    def _check_parent(self, transform: Any) -> None:
+        """Makes an error of poses whose way leads over a frame that has another parent now, as two nodes may say it."""
+        child, parent = bare(transform.child_frame_id), bare(transform.header.frame_id)
+        for key, pose in self._poses.items():
+            if child not in key:
+                continue
+            first = self._parents[key][key.index(child)]
+            if first != parent:
+                for rule in {id(rule): rule for source in pose.sources for rule in source.rules}.values():
+                    rule.fail(f"{child!r} has two parents on /tf, {first!r} and {parent!r}; one of them would do")
+
 
 class Contacts:
     """Contact forces from recorded topics: the largest force of each object since the last check."""
 
-    def __init__(self, topics: Sequence[str], sources: RecordingSources) -> None:
+    def __init__(self, topics: Sequence[str], types: Mapping[str, Set[str]], sources: RecordingSources) -> None:
+        """Begins to listen.
+
+        Args:
+            topics: Topics with contacts.
+            types: Types of their messages.
+            sources: What is said of them.
+        """
         self.topics = list(topics)
         self.robot = sources.robot
-        self.sources = [Source(topic, math.inf) for topic in topics]
-        """They speak when something is touched, so that silence is no gap."""
+        self._speak_on_touch = sources.contacts_on_touch
+        self.sources = [Source(topic, self._longest_silence_s(types[topic], sources)) for topic in topics]
+        self._is_own = {topic: MARKERS in types[topic] for topic in topics}
+        """Topics that our recorder wrote: without a contact it writes none, whatever its sensors do."""
         self._by_topic = dict(zip(self.topics, self.sources, strict=True))
         self._is_robot_seen = False
         self._others: set[str] = set()
         self._readers: list[dict[str, float]] = []
+
+    @staticmethod
+    def _longest_silence_s(types: Set[str], sources: RecordingSources) -> float:
+        """Longest silence in which nothing is missed: Gazebo classic also says that nothing is touched."""
+        return sources.max_gap_s if _STATES in types and not sources.contacts_on_touch else math.inf
+
+    def look_back(self, time_s: float) -> None:
+        """Records silences of topics that always speak."""
+        for source in self.sources:
+            if source.messages:  # the end says of a topic that never spoke why that may be
+                source.look_back(time_s)
 
     def reader(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:
         """Makes a function that returns the contact forces since its last call, by object."""
@@ -206,7 +241,7 @@ class Contacts:
         for name, force in CONTACT_TYPES[message.type](message.content, self._other_side):
             if not math.isfinite(force):
                 for rule in source.rules:
-                    rule.fail(f"{source.name} says that {name} was touched, and not how hard (no wrenches)")
+                    rule.fail(f"{source.name} says that {name} was touched, and not how hard")
                 continue
             for felt in self._readers:
                 felt[name] = max(felt.get(name, 0.0), force)
@@ -224,6 +259,12 @@ class Contacts:
     def finish(self, end_s: float) -> None:
         """Checks at the end whether the robot's contacts could be recognised."""
         for source in self.sources:
+            if not (source.messages or self._speak_on_touch or self._is_own[source.name]):
+                for rule in source.rules:
+                    rule.fail(
+                        f"no message came on {source.name}: nothing was touched, or its sensor was off, which nothing "
+                        "tells apart; contacts_on_touch: true (in the sources) says that it speaks on touch only"
+                    )
             source.finish(end_s)
             for rule in source.rules if self._others and not self._is_robot_seen else ():
                 models = ", ".join(sorted(self._others)[:_MAX_SHOWN])
@@ -233,7 +274,7 @@ class Contacts:
         """Yields notes about topics without messages."""
         for source in self.sources:
             if source.rules and not source.messages:
-                yield f"no message came on {source.name}: nothing was touched, or its sensor was off"
+                yield f"no message came on {source.name}, which is taken for nothing was touched"
 
 
 _FLOOR = "ground_plane"
@@ -252,8 +293,8 @@ def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, flo
     del other_side  # they are all of the robot
     sums: dict[str, float] = {}
     for marker in content.markers:
-        if found := re.match(r"[-+0-9.eE]+", marker.text):
-            sums[marker.ns] = sums.get(marker.ns, 0.0) + float(found[0])
+        found = re.match(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", marker.text)
+        sums[marker.ns] = sums.get(marker.ns, 0.0) + (float(found[0]) if found else math.nan)
     yield from sums.items()
 
 
@@ -285,8 +326,9 @@ def _along(force: Any, normals: Sequence[Any], index: int) -> float:
     return abs(force.x * normal.x + force.y * normal.y + force.z * normal.z) / length if length > 0 else size
 
 
+_STATES = "gazebo_msgs/msg/ContactsState"
 CONTACT_TYPES: Mapping[str, Callable[[Any, _OtherSide], Iterator[tuple[str, float]]]] = {
-    "gazebo_msgs/msg/ContactsState": _of_states,
+    _STATES: _of_states,
     "ros_gz_interfaces/msg/Contacts": _of_contacts,
     "visualization_msgs/msg/MarkerArray": _of_markers,
 }
@@ -311,6 +353,10 @@ class Scan:
         self._form: tuple[float, ...] = ()
         self._near: list[list[float]] = []
         self._latest_m = math.inf
+        self._sees_rad = 0.0
+        self._has_told: Any = None
+        """Rays that ever told anything, also that nothing was there."""
+        self._has_seen = False
 
     def meter(self, rule: Rule[Any]) -> Callable[[float], tuple[float, str] | None]:
         """Meter of the smallest distance since it was last called; without a new scan it is that of the last one."""
@@ -330,15 +376,19 @@ class Scan:
         self.source.check_stamp(scan.header.stamp, path)
         ranges = np.asarray(scan.ranges, dtype=np.float64)
         too_near = np.isneginf(ranges)  # REP 117: -Inf is nearer than the least range, Inf farther than the largest
-        returned = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges <= scan.range_max)
-        beyond = np.isposinf(ranges) | (np.isfinite(ranges) & (ranges > scan.range_max))
-        if not len(ranges) or (returned | too_near | beyond).mean() < 0.5:
+        returned = np.isfinite(ranges) & (ranges >= scan.range_min) & (ranges < scan.range_max)
+        # Many drivers write the largest range, and not Inf, where there is nothing.
+        beyond = np.isposinf(ranges) | (np.isfinite(ranges) & (ranges >= scan.range_max))
+        told = returned | too_near | beyond
+        if not len(ranges) or told.mean() < 0.5 or not math.isfinite(scan.angle_min + scan.angle_increment):
             return
         if not self._is_mounted(scan, len(ranges)):
             return
+        self._has_told |= told
         self.source.hear(time_s)
         ranges = np.where(too_near, scan.range_min, ranges)
         seen = returned | too_near
+        self._has_seen = self._has_seen or bool(seen.any())
         self._latest_m = math.inf
         if not seen.any() or self._mount is None:
             return
@@ -359,9 +409,10 @@ class Scan:
         form = (scan.angle_min, scan.angle_increment, float(count))
         if form != self._form:
             self._form = form
+            self._has_told = np.zeros(count, dtype=np.bool_)
             angles = scan.angle_min + scan.angle_increment * np.arange(count)
             self._rays = np.column_stack((np.cos(angles), np.sin(angles)))
-        sees_rad = abs(scan.angle_increment) * count
+        sees_rad = self._sees_rad = abs(scan.angle_increment) * count
         if sees_rad < _ALL_AROUND_RAD and not self._partial:
             self._fail(
                 f"{self.topic} sees {math.degrees(sees_rad):.0f} degrees, so what is elsewhere could be missed; "
@@ -369,6 +420,19 @@ class Scan:
             )
         self._check_nearest(scan.range_min)
         return True
+
+    def finish(self) -> None:
+        """Checks at the end whether the lidar saw anything, and all around: rays may be dead, or blocked."""
+        if not self.source.messages:
+            return  # that is an error already
+        if not self._has_seen:
+            self._fail(f"{self.topic} never saw anything in the whole run, so it could not be missed")
+        dead_rad = self._sees_rad * (1 - float(self._has_told.mean()))
+        if self._sees_rad - dead_rad < _ALL_AROUND_RAD and not self._partial:
+            self._fail(
+                f"rays of {self.topic} over {math.degrees(dead_rad):.0f} degrees never told anything, so what is there "
+                "could be missed; partial_scan: true judges by what it sees"
+            )
 
     def _check_nearest(self, range_min_m: float) -> None:
         """A limit nearer than the lidar's least range could not be missed."""
@@ -384,4 +448,5 @@ class Scan:
 
     def _fail(self, why: str) -> None:
         for rule in self.source.rules:
-            rule.fail(why)
+            if rule.violated_s is None:  # what was found stands
+                rule.fail(why)

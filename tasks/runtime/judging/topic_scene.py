@@ -95,6 +95,8 @@ class Measurements:
         """Records which topics have been silent for too long."""
         for source in self._steady_sources():
             source.look_back(time_s)
+        if self._contacts is not None:
+            self._contacts.look_back(time_s)
 
     def finish(self, end_s: float) -> None:
         """Records which sources were silent at the end."""
@@ -106,6 +108,8 @@ class Measurements:
                 rule.fail(f"poses of {names} are never tilted in the least, as those of wheels, so it could be missed")
         if self._contacts is not None:
             self._contacts.finish(end_s)
+        if self._scan is not None:
+            self._scan.finish()
 
     def remarks(self) -> list[str]:
         """Returns notes on how the run was measured, for people who read the verdict."""
@@ -149,6 +153,11 @@ class Measurements:
                 )
         if pose is None:
             raise NotMeasuredError(self._no_pose())
+        if not pose.sources:
+            raise NotMeasuredError(
+                f"{self._bag.path.name}: all frames from the map to {body or self.base!r} are on {_TF_STATIC}, so it "
+                "could not move"
+            )
         if self._poses.get(id(rule)) is not pose:
             self._poses[id(rule)] = pose
             for source in pose.sources:
@@ -197,6 +206,11 @@ class Measurements:
         if self.sources.radius_m is None:
             raise NotMeasuredError(
                 f"clearance by {self._scan.topic} needs the robot's radius (radius_m in the sources)"
+            )
+        if (body := getattr(rule.asked, "body", None)) not in (None, "", self.base):
+            raise NotMeasuredError(
+                f"{self._scan.topic} tells the distance from the robot as a circle around {self.base!r}, and not from "
+                f"{body!r}; leave out body"
             )
         for member in ("others", "ignore"):
             if getattr(rule.asked, member, None):
@@ -281,7 +295,7 @@ class Measurements:
         own = [_CONTACTS] if MARKERS in self._bag.types.get(_CONTACTS, ()) else []
         usual = [*self._bag.topics_of(*(each for each in CONTACT_TYPES if each != MARKERS)), *own]
         topics = self.sources.contacts or list(dict.fromkeys(usual))
-        return Contacts(topics, self.sources) if topics else None
+        return Contacts(topics, self._bag.types, self.sources) if topics else None
 
     def _find_scan(self) -> Scan | None:
         wanted = self.sources.scan

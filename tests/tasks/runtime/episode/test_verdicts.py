@@ -5,7 +5,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.runs.plan import Requirement, Verdict
-from prefect_robomaker.tasks.runtime.episode.results import Parts, TrialParts, decide_verdict
+from prefect_robomaker.schemas.runs.requirement_kinds.kind import NOT_READ
+from prefect_robomaker.tasks.runtime.episode.results import (
+    OWN_VERDICT,
+    EnvironmentReport,
+    Episode,
+    Findings,
+    Parts,
+    TrialParts,
+    decide_verdict,
+    make_result,
+)
 
 MET = Requirement(name="met", satisfied=True, detail="")
 MISSED = Requirement(name="missed", satisfied=False, detail="")
@@ -68,3 +78,12 @@ def test_a_pass_has_no_part_that_is_not_met(
 )
 def test_trials(passed: int, failed: int, errors: int, unjudged: int, verdict: Verdict) -> None:
     assert decide_verdict(Parts(trials=TrialParts(3, passed, failed, errors, unjudged))) == verdict
+
+
+def test_goals_that_end_a_run_count_alone_also_while_topics_are_to_be_judged() -> None:
+    """What the environment asks for beyond them does not count, whatever else the job asks for."""
+    report = EnvironmentReport(verdict="FAIL", requirements=[MISSED])
+    topic = Requirement(name="often", satisfied=False, detail="", error=NOT_READ)
+    result = make_result(Episode("requirements", report, 20, 1.0, 1.0), 1, [Findings(requirements=[MET, topic])])
+    assert result.extra[OWN_VERDICT] == "PASS"
+    assert [item.counts for item in result.requirements] == [False, True, True]

@@ -192,6 +192,7 @@ def test_numbers_of_all_kinds(judge: Judge, rules: str) -> None:
     [
         ({"kind": "upright", "max_tilt_deg": 9}, {"joint": 'joint name="x" type="slide"'}, "no joint lets the robot's"),
         ({"kind": "upright", "max_tilt_deg": 9}, {"joint": 'joint name="x" axis="0 0 1"'}, "no joint lets the robot's"),
+        ({"kind": "expression", "formula": "tilt < 9"}, {"joint": 'joint name="x" type="slide"'}, "no joint lets the"),
         ({"kind": "speed", "max_mps": 9, "room": "kitchen"}, {"way": TOUR[:3]}, "the robot was not seen in kitchen"),
         ({"kind": "coverage", "min_share": 0.001, "radius_m": 0.3}, {}, "covers so much where it starts"),
         ({"kind": "coverage", "min_share": 0.5, "radius_m": 9.0}, {}, "has no floor that a disc of 9 m can pass over"),

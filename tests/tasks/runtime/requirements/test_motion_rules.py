@@ -253,3 +253,19 @@ def test_late_looks_and_the_last_one_are_samples_too() -> None:
         rule.update(time_s, {"x": x, "speed": 10 * x})
     assert rule.samples["x"] == [1, 1, 2, 3, 3, 3, 4, 5]
     assert rule.samples["speed"] == [20, 20, 20, 30, 40, 40, 40, 50]
+
+
+def test_numbers_that_are_none_are_neither_met_nor_missed() -> None:
+    big = " * 1e99" * 4
+    rule: ExpressionRule = rule_of("expression", formula=f"always (x{big} - y{big} < 1)")
+    judged = sample(rule, 0.1, *((0.1 * i, {"x": 1.0, "y": 1.0}) for i in range(2)))
+    assert "too large to compare" in (judged.error or "")
+
+
+@pytest.mark.parametrize("seconds", [0.0, 0.3])
+def test_the_only_room_is_no_visit_where_the_robot_is_first_seen(seconds: float) -> None:
+    """Recordings may have no pose at the beginning."""
+    rule: AllRoomsRule = rule_of("all_rooms")
+    rule.begin(["living"])
+    rule.update(seconds, "living")
+    assert "starts in the only room" in (rule.judged(1.0, "environment").error or "")

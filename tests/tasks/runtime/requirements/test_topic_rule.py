@@ -121,6 +121,12 @@ def test_what_was_not_recorded_is_an_error(judged: Callable[..., RunResult], ask
     assert words in (result.requirements[0].error or "")
 
 
+def test_a_topic_that_said_nothing_has_no_gaps_in_a_short_run() -> None:
+    (asked,) = parse_requirements([{"kind": "topic", "name": "it", "topic": "/charge", "max_gap_s": 5}], "asked")
+    assert "no message came on /charge" in (asked.rule(asked).judged(4.0, "environment").error or "")
+    assert asked.rule(asked).judged(6.0, "environment").satisfied is False
+
+
 # Runs with a simulation
 
 
