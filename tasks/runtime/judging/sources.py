@@ -288,6 +288,11 @@ def _is_of(name: str, model: str) -> bool:
     return any(fnmatchcase(part, model) for part in name.split("::")[:-1])
 
 
+def fits_floor(model: str) -> bool:
+    """Whether a name of a model, with `*` for any text, is also one of the floor, as `*` alone is of everything."""
+    return fnmatchcase(_FLOOR, model)
+
+
 def _of_markers(content: Any, other_side: _OtherSide) -> Iterator[tuple[str, float]]:
     """Contacts of our own recordings: each thing's name, and its force in newtons as text; several are added."""
     del other_side  # they are all of the robot

@@ -24,6 +24,7 @@ from .sources import (
     Scan,
     Source,
     TransformPoses,
+    fits_floor,
 )
 
 CLOCK = "/clock"
@@ -190,6 +191,11 @@ class Measurements:
         if others and self.sources.robot is None:
             raise NotMeasuredError(
                 f"contacts on {others[0]} name models; say which is the robot's (robot in the sources)"
+            )
+        if others and fits_floor(self.sources.robot or ""):
+            raise NotMeasuredError(
+                f"robot is {self.sources.robot!r}, which the floor is called as well, so nothing could be touched; the "
+                "name of the robot's model would do"
             )
         return self._contacts.reader(rule)
 

@@ -287,6 +287,13 @@ def test_contacts_of_gazebo_count_by_name(judge: Judge, tmp_path: Path, kind: st
     assert "turtlebot3" in str(wrong.error)
 
 
+def test_a_robot_that_is_everything_touches_nothing(judge: Judge, tmp_path: Path) -> None:
+    touched = touch(EPOCH_S + 4.0, "chair::link::c", "bot::link::c", 25.0)
+    bag = write_bag(tmp_path / "bag", "mcap", collisions(touched))
+    assert "robot is '*', which the floor is called as well" in str(only(judge(bag, GENTLE, robot="*")).error)
+    assert judge(bag, GENTLE, robot="b*").verdict == "FAIL"
+
+
 def test_a_touch_in_the_first_moment_counts(judge: Judge, tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "bag", "mcap", collisions(touch(EPOCH_S, "chair::link::c", "bot::link::c", 25.0)))
     assert judge(bag, GENTLE, robot="bot").verdict == "FAIL"
