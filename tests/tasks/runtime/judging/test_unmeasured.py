@@ -1,0 +1,145 @@
+"""Recordings that do not hold what is asked for in less plain ways: blind lidars, frames that are nowhere."""
+
+import itertools
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+from helpers.recorded_bags import (
+    EPOCH_S,
+    TF,
+    Said,
+    drive,
+    link,
+    write_bag,
+)
+from helpers.stop_flags import StopFlag
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from prefect_robomaker.schemas.runs.plan import Requirement, RunPlan, RunResult
+from prefect_robomaker.schemas.runs.recording_sources import RecordingSources
+from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
+from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.judging.bags import find_recording
+from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.recording.recording import Recorder
+from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
+
+Judge = Callable[..., RunResult]
+
+GOAL = {"kind": "goal", "name": "there", "x": 4.0, "y": 0.0, "within_m": 0.3, "by_s": 10.5}
+POLITE = {"kind": "clearance", "name": "polite", "min_m": 0.3}
+
+
+def plan_of(folder: Path, requirements: Sequence[dict[str, Any]], **members: Any) -> RunPlan:
+    return RunPlan.model_validate({
+        "job_id": "sim-1", "job_arn": "arn:aws:robomaker:us-east-1:111122223333:simulation-job/sim-1",
+        "run_id": "run-1", "seed": 1, "max_duration_s": 60.0, "work_dir": folder, "output_dir": folder,
+        "requirements": list(requirements), **members,
+    })  # fmt: skip
+
+
+@pytest.fixture
+def judge(tmp_path: Path) -> Judge:
+    def run(path: Path, *requirements: dict[str, Any], world: World | None = None, **sources: Any) -> RunResult:
+        observer = RequirementsObserver(plan_of(tmp_path, requirements), world)
+        episode = run_episode(
+            lambda: RecordedRun(find_recording(path), RecordingSources(**sources)),
+            lambda environment: make_agent(None, environment),
+            mark=lambda phase: None, stop=StopFlag(), recorder=Recorder(), watchers=[observer],
+            wall_clock=itertools.count(0.0, 1.0).__next__,
+        )  # fmt: skip
+        return make_result(episode, 1, [observer.close(episode.ended_by)])
+
+    return run
+
+
+def only(result: RunResult) -> Requirement:
+    (requirement,) = result.requirements
+    return requirement
+
+
+@pytest.mark.parametrize("nothing", [math.inf, 10.0])
+def test_a_lidar_that_never_sees_anything_is_no_clearance(judge: Judge, tmp_path: Path, nothing: float) -> None:
+    """That of a simulation without a screen often is so."""
+    bag = write_bag(tmp_path / "bag", "mcap", rays(lambda ranges: [nothing] * len(ranges)))
+    assert "never saw anything" in str(only(judge(bag, POLITE, radius_m=0.2)).error)
+
+
+def test_rays_that_never_tell_anything_are_a_blind_side(judge: Judge, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", "mcap", rays(lambda ranges: [math.nan] * 60 + list(ranges[60:])))
+    assert "over 60 degrees never told anything" in str(only(judge(bag, POLITE, radius_m=0.2)).error)
+    assert judge(bag, POLITE, radius_m=0.2, partial_scan=True).verdict == "PASS"
+
+
+def rays(changed: Callable[[Sequence[float]], list[float]]) -> list[Said]:
+    return [
+        m._replace(fields={**m.fields, "ranges": changed(m.fields["ranges"])}) if m.topic == "/scan" else m
+        for m in drive()
+    ]
+
+
+def test_a_clearance_of_a_part_of_the_robot_is_not_told_by_a_lidar(judge: Judge, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", "mcap", drive())
+    assert "leave out body" in str(only(judge(bag, POLITE | {"body": "gripper"}, radius_m=0.2)).error)
+    assert judge(bag, POLITE | {"body": "base_link"}, radius_m=0.2).verdict == "PASS"
+
+
+def test_a_frame_with_two_parents_is_nowhere(judge: Judge, tmp_path: Path) -> None:
+    """Two nodes that both say where the robot is: its place would be counted twice."""
+    messages = [m for m in drive() if m.topic not in ("/odom", "/tf_static")]
+    messages.append(
+        Said(EPOCH_S, "/tf_static", TF, {"transforms": [link(EPOCH_S, "base_footprint", "base_link", (0.0, 0.0, 0.0))]})
+    )
+    for step in range(241):
+        time_s = EPOCH_S + step / 20
+        links = [link(time_s, "map", "base_footprint", (0.4 * step / 20, 0.0, 0.0))]
+        messages.append(Said(time_s, "/tf", TF, {"transforms": links}))
+        if step >= 20:
+            links = [link(time_s, "odom", "base_link", (0.4 * step / 20, 0.0, 0.0))]
+            messages.append(Said(time_s + 0.001, "/tf", TF, {"transforms": links}))
+    far = only(judge(write_bag(tmp_path / "bag", "mcap", messages), GOAL | {"x": 8.0, "by_s": 12.0}))
+    assert "'base_link' has two parents on /tf, 'base_footprint' and 'odom'" in str(far.error)
+
+
+def test_frames_that_never_move_tell_no_speed(judge: Judge, tmp_path: Path) -> None:
+    messages = [m for m in drive() if m.topic != "/odom"]
+    messages.append(
+        Said(EPOCH_S, "/tf_static", TF, {"transforms": [link(EPOCH_S, "map", "base_link", (0.0, 0.0, 0.0))]})
+    )
+    slow = only(judge(write_bag(tmp_path / "bag", "mcap", messages), {"kind": "speed", "name": "slow", "max_mps": 0.1}))
+    assert "it could not move" in str(slow.error)
+
+
+def test_a_goal_where_the_robot_starts_is_told_also_before_the_first_pose(judge: Judge, tmp_path: Path) -> None:
+    late = [m for m in drive() if m.topic != "/odom" or m.time_s > EPOCH_S + 0.5]
+    result = judge(write_bag(tmp_path / "bag", "mcap", late), {"kind": "goal", "name": "home", "x": 0.0, "y": 0.0})
+    assert "home: reached where the robot starts, before it moved" in result.notes
+
+
+def test_a_recording_without_an_index_is_read_by_several_at_once(judge: Judge, tmp_path: Path) -> None:
+    """`ros2 bag record --storage-preset-profile fastwrite` makes such ones."""
+    path = tmp_path / "fast.mcap"
+    indexed = write_bag(tmp_path / "bag", "mcap", drive())
+    with path.open("wb") as file, next(indexed.glob("*.mcap")).open("rb") as whole:
+        writer, reader = Writer(file, use_chunking=False), make_reader(whole)
+        writer.start("ros2")
+        channels: dict[int, int] = {}
+        for schema, channel, message in reader.iter_messages():
+            assert schema is not None
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(channel.topic, "cdr", number, channel.metadata)
+            writer.add_message(channels[channel.id], message.log_time, message.data, message.publish_time)
+        writer.finish()
+    topic = {"kind": "topic", "name": "seen", "topic": "/scan", "min_hz": 4.0}
+
+    result = judge(path, GOAL, POLITE, topic, radius_m=0.2)
+
+    assert [each.error for each in result.requirements] == [None] * 3
+    assert result.verdict == "PASS"
+    assert result.requirements[2].value == pytest.approx(61 / 12, abs=0.02)
