@@ -30,6 +30,10 @@ _MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _OVERRIDES = frozenset({"balanceinertia", "boundmass", "boundinertia", "inertiafromgeom"})
 """Settings of MuJoCo's compiler by which a URDF says itself what to do with such inertias."""
 
+_SHELL = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+_SOLID = mujoco.mjtMeshInertia.mjMESH_INERTIA_LEGACY
+"""The default of MuJoCo: the inertia of what a mesh encloses."""
+
 _MOST_TOLD = 4
 
 MakeSpec = Callable[[ET.Element], mujoco.MjSpec]
@@ -262,8 +266,8 @@ def _of_shapes(link: Located, make_spec: MakeSpec) -> Inertia | None:
             spec = make_spec(alone)
             for geom in spec.geoms:
                 geom.contype = geom.conaffinity = 0  # so that flat meshes do
-            for mesh in spec.meshes if of_shells else ():
-                mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+            for mesh in spec.meshes:  # those that are only drawn are shells, which say nothing of a body's mass
+                mesh.inertia = _SHELL if of_shells else _SOLID
             model = spec.compile()
         except ValueError:
             continue

@@ -192,7 +192,7 @@ class ModelBuilder:
         """Joint positions in the keyframe that `robot.yaml` names."""
         if self._mapping.spawn.keyframe is None:
             return {}
-        spec = load_model(self._files.model, self._files.root)
+        spec = load_model(self._files.model, self._files.root, self.reading)
         key = self.find(spec.keys, self._mapping.spawn.keyframe, "spawn.keyframe", "keyframes").name
         model = spec.compile()
         joints = [model.joint(index) for index in range(model.njnt)]

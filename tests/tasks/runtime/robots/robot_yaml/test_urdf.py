@@ -342,6 +342,24 @@ def test_by_the_setting_flat_shapes_do_and_what_is_fixed_may_be_a_point(
         make_urdf(robot_urdf(more=arm(bad)), **setting)
 
 
+@pytest.mark.parametrize("shape", [drawn, solid])
+def test_by_the_setting_a_mesh_has_the_mass_of_what_it_encloses(
+    make_urdf: MakeUrdf, meshes: Path, shape: Callable[..., str]
+) -> None:
+    """Also one that is only drawn, which else is a shell: 1000 kg a square metre of it."""
+    text = robot_urdf(more=arm(inertial(-1, 0.1, 0.1, 0.1) + shape("meshes/visual/base.stl")))
+    body = make_urdf(text, impossible_inertia="from_geometry").build().compile().body("arm")
+    assert body.mass[0] == pytest.approx(2.0)  # 0.2 m x 0.2 m x 0.05 m
+    assert sorted(body.inertia) == pytest.approx(sorted(2 / 12 * np.array([0.0425, 0.0425, 0.08])), rel=1e-4)
+
+
+def test_a_keyframe_of_a_urdf_is_missing_whatever_its_inertias_are(make_urdf: MakeUrdf) -> None:
+    text = robot_urdf(more=arm(inertial(-1, 0.1, 0.1, 0.1) + BOX.format("collision")))
+    spawn = {"height_m": 0.06, "keyframe": "home"}
+    with pytest.raises(LaunchError, match=r"spawn\.keyframe: r\.urdf has no 'home'"):
+        make_urdf(text, impossible_inertia="from_geometry", spawn=spawn)
+
+
 def test_links_that_move_together_need_one_mass(make_urdf: MakeUrdf) -> None:
     hand = '<link name="hand">{}</link><joint name="h" type="fixed"><parent link="arm"/><child link="hand"/></joint>'
     make_urdf(robot_urdf(more=arm("") + hand.format(inertial(1, 0.1, 0.1, 0.1))))
