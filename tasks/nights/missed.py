@@ -55,8 +55,6 @@ def has_run(home: Path, name: str, since: datetime, until: datetime) -> bool:
     It looks at the names of the run folders. A flow run whose process dies in its first moments has none: nothing
     finishes it.
 
-    A flow run whose process dies in its first moments has none: nothing finishes it.
-
     Args:
         home: the data home.
         name: name of the specification.

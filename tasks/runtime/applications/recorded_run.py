@@ -8,7 +8,7 @@ robot did, for what looks at positions.
 # pyright: reportIncompatibleMethodOverride=false, reportAttributeAccessIssue=false
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -48,12 +48,20 @@ class RecordedRun(dm_env.Environment):
 
     robot_body = "robot"
 
-    def __init__(self, path: Path, sources: RecordingSources, *, calls_functions: bool = True) -> None:
+    def __init__(
+        self,
+        path: Path,
+        sources: RecordingSources,
+        losses: Mapping[str, str] | None = None,
+        *,
+        calls_functions: bool = True,
+    ) -> None:
         """Opens the recording.
 
         Args:
             path: The recording, see `find_recording`.
             sources: Topics that it is judged by.
+            losses: Why topics are not recorded whole, by their names; `None`: as far as is known, all are.
             calls_functions: Whether requirements may call functions of applications.
 
         Raises:
@@ -63,7 +71,7 @@ class RecordedRun(dm_env.Environment):
         self._bag = Bag(path)
         try:
             self._clock = self._find_clock()
-            self._measurements = Measurements(self._bag, sources)
+            self._measurements = Measurements(self._bag, sources, losses or {})
         except BaseException:
             self._bag.close()
             raise

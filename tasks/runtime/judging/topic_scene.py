@@ -34,23 +34,30 @@ _BASES = ("base_link", "base_footprint")
 _MAX_SHOWN = 12
 
 
+_ASKS_FOR_MESSAGES = ("min_hz", "max_gap_s")
+"""Members of requirements that silence violates, so that what was lost lets none pass."""
+
+
 class Measurements:
     """All measurements of a robot in a ROS recording: pose, contacts and lidar distances.
 
     Explicit topics have to be there; the usual ones need not, and a requirement that needs one is an error then.
     """
 
-    def __init__(self, bag: Bag, sources: RecordingSources) -> None:
+    def __init__(self, bag: Bag, sources: RecordingSources, losses: Mapping[str, str] | None = None) -> None:
         """Finds the topics.
 
         Args:
             bag: The recording.
             sources: Which topics are which.
+            losses: Why topics are not recorded whole, by their names.
 
         Raises:
             RecordingFault: A topic that is named is not there, or has a type that says nothing of it.
         """
-        self._bag, self.sources = bag, sources
+        self._bag, self.sources, self._losses = bag, sources, losses or {}
+        self._read: list[tuple[Rule[Any], str]] = []
+        """Rules that take silence for good, and the topic that each reads."""
         self._tree = FrameTree()
         self._is_tf = _TF in bag.types and bool(bag.types[_TF] & set(TRANSFORMS))
         for message in bag.messages([_TF_STATIC]) if bag.types.get(_TF_STATIC, set()) & set(TRANSFORMS) else ():
@@ -111,6 +118,14 @@ class Measurements:
             self._contacts.finish(end_s)
         if self._scan is not None:
             self._scan.finish()
+        felt = self._contacts.sources if self._contacts else []
+        for rule, topic in [*self._read, *((rule, source.name) for source in felt for rule in source.rules)]:
+            if topic in self._losses and rule.violated_s is None:
+                rule.fail(f"{topic}: {self._losses[topic]}, so something could have been missed")
+
+    def note_reader(self, rule: Rule[Any], topic: str) -> None:
+        """Takes note that a rule reads a topic whose silence would be good."""
+        self._read.append((rule, topic))
 
     def remarks(self) -> list[str]:
         """Returns notes on how the run was measured, for people who read the verdict."""
@@ -376,12 +391,14 @@ class TopicScene:
         """The floor of the world, from its map; `None`: there is no world."""
         return floor_of(self._plan, rule)
 
-    def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:  # noqa: ARG002 - see `Scene`
+    def messages(self, rule: Rule[Any], topic: str) -> Iterator[tuple[float, Any]]:
         """Messages on a topic, each with its time in s.
 
         Raises:
             NotMeasuredError: The recording has no such topic.
         """
+        if all(getattr(rule.asked, each, None) is None for each in _ASKS_FOR_MESSAGES):
+            self._measurements.note_reader(rule, topic)
         return self.environment.messages_on(topic)
 
     def contacts(self, rule: Rule[Any]) -> Callable[[], Mapping[str, float]]:

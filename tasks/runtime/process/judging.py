@@ -37,6 +37,9 @@ class JudgingRequest(Model):
     plan: RunPlan = Field(description="The run, with its requirements and its world.")
     recording: Path = Field(description="The recording.")
     sources: RecordingSources = Field(default=RecordingSources(), description="Topics that it is judged by.")
+    losses: dict[str, str] = Field(
+        default={}, description="Why topics are not recorded whole, by their names: what is missing proves nothing."
+    )
     ended_by: str | None = optional("Cause of the end of the run; absent: it ended by itself.")
 
 
@@ -58,7 +61,7 @@ def judge(request: JudgingRequest) -> RunResult:
     observer = RequirementsObserver(request.plan)
     no_stop: Any = _NeverStopped()
     episode = run_episode(
-        lambda: RecordedRun(request.recording, request.sources, calls_functions=False),
+        lambda: RecordedRun(request.recording, request.sources, request.losses, calls_functions=False),
         lambda environment: make_agent(None, environment),
         mark=lambda _phase: None,
         stop=no_stop,

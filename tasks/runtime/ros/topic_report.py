@@ -18,6 +18,8 @@ _SHOWN = 20
 """Topics that a note names."""
 _QUIET = frozenset({"/parameter_events", "/rosout"})
 """Topics of every node, on which often nothing comes."""
+_LOG = "rcl_interfaces/msg/Log"
+"""Type of messages that each say something of its own; of those that come again and again, one may be lost."""
 
 
 def part_path(folder: Path, number: int) -> Path:
@@ -102,6 +104,26 @@ def notes_of(reports: Sequence[RecorderReport], starts: int) -> list[str]:
         ("announced, and no message came", [topic.name for topic in silent]),
     )
     return notes + [f"ROS topics {what}: {_listed(names)}" for what, names in groups if names]
+
+
+def losses_of(reports: Sequence[RecorderReport], starts: int) -> dict[str, str]:
+    """Returns why topics are not recorded whole, by their names; topics that are whole are not there.
+
+    Args:
+        reports: The reports that were found.
+        starts: How often the recorder was started, as far as its files show.
+    """
+    found: dict[str, str] = {}
+    for topic in (topic for report in reports for topic in report.topics):
+        if starts > 1:
+            found[topic.name] = f"its recorder was started {starts} times, and what came in between is not recorded"
+        elif topic.problem:
+            found[topic.name] = f"a publisher of it is not recorded ({topic.problem})"
+        elif topic.left_out:
+            found[topic.name] = f"{topic.left_out} messages were left out from the recording's limit on"
+        elif topic.lost and topic.type == _LOG:
+            found[topic.name] = f"{topic.lost} messages were lost before they were recorded"
+    return found
 
 
 def _listed(names: Iterable[str]) -> str:

@@ -63,6 +63,9 @@ def run_helper(
             )
         break
     if process.returncode == 0:
-        return json.loads(output), None
+        try:
+            return json.loads(output), None
+        except ValueError as error:  # a library that it imports wrote there, too
+            return {}, f"it printed something else than its result: {error}"
     lines = errors.strip().splitlines()
     return {}, lines[-1][:MAX_REASON_CHARACTERS] if lines else f"it ended with exit code {process.returncode}"

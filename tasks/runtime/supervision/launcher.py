@@ -243,9 +243,9 @@ class Launcher:
             return RunOutcome(**asdict(decided), started_at=started_at, ended_at=ended_at, was_killed=True)
         decided, finished = finish_outputs(plan, ended, decided, (started_at, ended_at))
         variables = {**DEFAULT_VARIABLES, **inherited_environment()}
-        join_ros_topics(plan, is_canceled=decided.status == "Canceled", stop=stop, environment=variables)
+        losses = join_ros_topics(plan, is_canceled=decided.status == "Canceled", stop=stop, environment=variables)
         if decided.status == "Completed":
-            judge_topics(plan, timed_out=decided.timed_out, stop=stop, environment=variables)
+            judge_topics(plan, losses, timed_out=decided.timed_out, stop=stop, environment=variables)
         result = read_result(plan.output_dir) if decided.status == "Completed" else None
         outcome = RunOutcome(
             **asdict(decided),

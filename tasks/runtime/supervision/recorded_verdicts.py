@@ -10,12 +10,15 @@ from ....schemas.runs.recording_sources import sources_in
 from ....schemas.runs.variables import variables_of
 from ....schemas.wire.errors import InvalidParameterException
 from ..episode.results import write_result
+from ..limits.logs import LOG_FOLDER
 from ..process.judging import JudgingRequest
+from ..ros.topic_report import PROGRAM
 from .finished_outputs import read_result, with_judged
 from .helper_programs import run_helper
+from .ros_topics import BAG_FILE
 
 _JUDGING = "prefect_robomaker.tasks.runtime.process.judging"
-_RECORDINGS = ("recording.mcap", "ros-topics.bag")
+_RECORDINGS = ("recording.mcap", BAG_FILE)
 """Recordings of ROS 2 and of ROS 1 that a run leaves."""
 _LIMIT_S = 120.0
 """Wall-clock limit of judging, besides what the size of the recording adds; importing alone takes seconds."""
@@ -24,7 +27,12 @@ _BYTES_A_SECOND = 1024 * 1024
 
 
 def judge_topics(
-    plan: RunPlan, *, timed_out: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
+    plan: RunPlan,
+    losses: Mapping[str, str],
+    *,
+    timed_out: bool,
+    stop: Callable[[], str | None],
+    environment: Mapping[str, str],
 ) -> None:
     """Judges requirements by what a run recorded, and changes its result.
 
@@ -34,6 +42,7 @@ def judge_topics(
 
     Args:
         plan: The run; it is completed, its recordings are joined, and its result is written.
+        losses: Why topics are not recorded whole, by their names.
         timed_out: Whether the duration limit ended it.
         stop: Asked about every 0.1 s; anything but None ends the judging.
         environment: Variables of the judging process.
@@ -47,11 +56,18 @@ def judge_topics(
     judged: RunResult | None = None
     if recording is None:
         who = "the run" if plan.has_episode else "the job has only programs, and they"
-        why: str | None = f"{who} recorded no topics; set loggingConfig.recordAllRosTopics"
+        remedy = "the notes say why" if _has_recorder(plan) else "set loggingConfig.recordAllRosTopics"
+        why: str | None = f"{who} recorded no topics; {remedy}"
     else:
-        judged, why = _judged(plan, recording, timed_out, stop, environment)
+        judged, why = _judged(plan, recording, losses, timed_out, stop, environment)
     with suppress(OSError):  # no room for it, or an application put something in the way: it stays ERROR
         write_result(with_judged(plan, result, judged, why), plan.output_dir)
+
+
+def _has_recorder(plan: RunPlan) -> bool:
+    """Whether topics were to be recorded: there was a recorder, or its log says why there was none."""
+    has_log = (plan.output_dir / LOG_FOLDER / f"{PROGRAM}.log").is_file()
+    return has_log or any(program.name.endswith(f".{PROGRAM}") for program in plan.programs)
 
 
 def _is_file(path: Path) -> bool:
@@ -62,6 +78,7 @@ def _is_file(path: Path) -> bool:
 def _judged(
     plan: RunPlan,
     recording: Path,
+    losses: Mapping[str, str],
     timed_out: bool,
     stop: Callable[[], str | None],
     environment: Mapping[str, str],
@@ -71,7 +88,7 @@ def _judged(
     except InvalidParameterException as error:
         return None, str(error)
     ended_by = RunStop.DURATION_LIMIT if timed_out else None
-    request = JudgingRequest(plan=plan, recording=recording, sources=sources, ended_by=ended_by)
+    request = JudgingRequest(plan=plan, recording=recording, sources=sources, losses=dict(losses), ended_by=ended_by)
     limit_s = _LIMIT_S + recording.stat().st_size / _BYTES_A_SECOND
     said, problem = run_helper(
         [_JUDGING], stop=stop, environment=environment, limit_s=limit_s, request=request.model_dump_json()

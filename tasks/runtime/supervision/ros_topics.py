@@ -15,6 +15,7 @@ from ..ros.topic_report import (
     MAX_REPORT_BYTES,
     PROGRAM,
     RecorderReport,
+    losses_of,
     notes_of,
     part_path,
     report_path,
@@ -26,6 +27,8 @@ from .helper_programs import MAX_REASON_CHARACTERS, run_helper
 _JOINING = "prefect_robomaker.tasks.runtime.ros.joining"
 _PART = re.compile(r"ros-topics\.([1-9][0-9]{0,5})\.mcap")
 _REPORT_SUFFIX = ".json"
+BAG_FILE = f"{PROGRAM}.bag"
+"""Recording of the topics of ROS 1."""
 _JOINED = ("recording.mcap", "metadata.yaml", "foxglove-layout.json")
 """Files that joining writes anew."""
 _BLOCK_BYTES = 512
@@ -40,7 +43,7 @@ _CANCELED_LIMIT_S = 20.0
 
 def join_ros_topics(
     plan: RunPlan, *, is_canceled: bool, stop: Callable[[], str | None], environment: Mapping[str, str]
-) -> None:
+) -> dict[str, str]:
     """Merges the ROS topics recorded by a run's recorder into the run's own recording.
 
     Nothing that fails here changes how the run ended: the files stay apart, and a note says so.
@@ -50,6 +53,9 @@ def join_ros_topics(
         is_canceled: Whether it was cancelled, so that `stop` has its reason already.
         stop: Asked about every 0.1 s; anything but None ends the joining.
         environment: Variables of the joining process.
+
+    Returns:
+        Why topics are not in the recording as a whole, by their names.
     """
     program = next((each.name for each in plan.programs if each.name.endswith(f".{PROGRAM}")), None)
     folder = plan.output_dir
@@ -57,9 +63,12 @@ def join_ros_topics(
         with suppress(OSError):
             why = read_left(folder / LOG_FOLDER / f"{PROGRAM}.log", MAX_REASON_CHARACTERS * 4)
             add_result_notes(folder, why.decode(errors="replace").splitlines()[:1])
-        return
+        return {}
     _remove_unfinished(folder)
     parts = _parts(folder)
+    losses: dict[str, str] = {}
+    if not parts and (folder / BAG_FILE).is_file():
+        return {}  # of ROS 1, whose recorder writes one file of its own
     if not parts:
         said = "; ".join(log_tail(folder, program)[1][-1:])
         notes = [f"ROS topics: their recorder recorded nothing{': ' * bool(said)}{said[:MAX_REASON_CHARACTERS]}"]
@@ -67,12 +76,17 @@ def join_ros_topics(
         reports = [report for part in parts if (report := _report(part)) is not None]
         notes = notes_of(reports, starts=len(parts))
         limit_s = _CANCELED_LIMIT_S if is_canceled else _LIMIT_S + _size(folder, parts) / _BYTES_A_SECOND
-        notes += _joined(folder, parts, (lambda: None) if is_canceled else stop, environment, limit_s)
+        lacks = _joined(folder, parts, (lambda: None) if is_canceled else stop, environment, limit_s)
+        notes += [f"ROS topics{lack}" for lack in lacks]
+        heard = [topic.name for report in reports for topic in report.topics]
+        all_of_them = {name: f"its messages{lack}".removeprefix("its messages: ") for name in heard for lack in lacks}
+        losses = {**all_of_them, **losses_of(reports, starts=len(parts))}
     if read_result(folder) is not None:
         add_result_notes(folder, notes)
     else:
         for note in notes:
             add_note(folder, f"robomaker: {note}")
+    return losses
 
 
 def _remove_unfinished(folder: Path) -> None:
@@ -108,17 +122,17 @@ def _size(folder: Path, parts: Sequence[Path]) -> int:
 def _joined(
     folder: Path, parts: Sequence[Path], stop: Callable[[], str | None], environment: Mapping[str, str], limit_s: float
 ) -> list[str]:
-    """Joins the files; returns notes of what did not work."""
+    """Joins the files; returns what did not work, as the end of a sentence about their topics."""
     names = [part.name for part in parts]
     command = [_JOINING, str(folder.absolute()), *names]
     said, problem = run_helper(command, stop=stop, environment=environment, limit_s=limit_s)
     if problem is not None:
         _remove_unfinished(folder)
-        return [f"ROS topics are in {', '.join(names)}, and not in recording.mcap: {problem}"]
+        return [f" are in {', '.join(names)}, and not in recording.mcap: {problem}"]
     for part in parts:
         with suppress(OSError):
             report_path(part).unlink()
     # Those of earlier starts were cut off in any case, which is noted.
     if names[-1] in said.get("cut", ()):
-        return ["ROS topics: their recorder was killed before it had written its last messages"]
+        return [": their recorder was killed before it had written its last messages"]
     return []

@@ -33,7 +33,7 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.applications import scout
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
-from prefect_robomaker.tasks.runtime.episode.results import make_result
+from prefect_robomaker.tasks.runtime.episode.results import OWN_VERDICT, make_result
 from prefect_robomaker.tasks.runtime.judging.bags import RecordingFault, find_recording
 from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.cdr import encode
@@ -61,10 +61,16 @@ def plan_of(folder: Path, requirements: Sequence[dict[str, Any]], **members: Any
 
 @pytest.fixture
 def judge(tmp_path: Path) -> Judge:
-    def run(path: Path, *requirements: dict[str, Any], world: World | None = None, **sources: Any) -> RunResult:
+    def run(
+        path: Path,
+        *requirements: dict[str, Any],
+        world: World | None = None,
+        losses: dict[str, str] | None = None,
+        **sources: Any,
+    ) -> RunResult:
         observer = RequirementsObserver(plan_of(tmp_path, requirements), world)
         episode = run_episode(
-            lambda: RecordedRun(find_recording(path), RecordingSources(**sources)),
+            lambda: RecordedRun(find_recording(path), RecordingSources(**sources), losses),
             lambda environment: make_agent(None, environment),
             mark=lambda phase: None, stop=StopFlag(), recorder=Recorder(), watchers=[observer],
             wall_clock=itertools.count(0.0, 1.0).__next__,
@@ -314,6 +320,14 @@ def test_a_marker_that_does_not_say_how_hard_is_an_error(judge: Judge, tmp_path:
     )
 
 
+def test_of_contacts_that_are_not_recorded_whole_some_could_have_been_missed(judge: Judge, tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", "mcap", collisions(touch(EPOCH_S + 4.0, "chair::link::c", "bot::link::c", 25.0)))
+    losses = {"/bumper": "7 messages were left out"}
+    soft = only(judge(bag, GENTLE | {"max_force_N": 36}, robot="bot", losses=losses))
+    assert soft.error == "/bumper: 7 messages were left out, so something could have been missed"
+    assert judge(bag, GENTLE, robot="bot", losses=losses).verdict == "FAIL"
+
+
 # Time and frames
 
 
@@ -520,35 +534,36 @@ def test_a_job_of_programs_is_judged_by_its_recording(tmp_path: Path) -> None:
                 for each in (GOAL, POLITE)]  # fmt: skip
     result = {
         "verdict": "ERROR", "requirements": unjudged, "sim_time_s": 0.0, "wall_time_s": 9.0, "real_time_factor": 0.0,
-        "ended_by": "application", "seed": 1, "extra": {"verdict_of_programs": "NONE"},
+        "ended_by": "application", "seed": 1, "extra": {OWN_VERDICT: "NONE"},
     }  # fmt: skip
 
-    def judged(*requirements: dict[str, Any], sources: dict[str, Any], timed_out: bool = False) -> RunResult:
+    def judged(*requirements: dict[str, Any], sources: dict[str, Any]) -> RunResult:
         (folder / "result.json").write_text(json.dumps(result))
         gazebo_application = {"role": "simulation", "name": "gazebo",
                               "environment_variables": {"ROBOMAKER_SOURCES": json.dumps(sources)}}  # fmt: skip
         plan = plan_of(tmp_path, requirements, output_dir=folder, simulation_application=gazebo_application)
-        judge_topics(plan, timed_out=timed_out, stop=lambda: None, environment={**os.environ})
+        judge_topics(plan, {}, timed_out=False, stop=lambda: None, environment={**os.environ})
         return RunResult.model_validate_json((folder / "result.json").read_bytes())
 
     passed = judged(GOAL, POLITE, sources={"radius_m": 0.2})
     assert passed.verdict == "PASS", passed
     assert [each.satisfied for each in passed.requirements] == [True, True]
     assert passed.sim_time_s == pytest.approx(12.0, abs=0.03)
-    assert "verdict_of_programs" not in passed.extra
+    assert OWN_VERDICT not in passed.extra
     without = judged(GOAL, POLITE, sources={})
     assert (without.verdict, without.requirements[0].satisfied) == ("ERROR", True)
     asks = {"kind": "predicate", "name": "mine", "attribute": "my_nav.rules.keeps_left"}
     assert "is a function, which is not called for a job of programs" in str(
         judged(asks, sources={}).requirements[-1].error
     )
-    result["extra"] = {"verdict_of_programs": "FAIL"}
+    result["extra"] = {OWN_VERDICT: "FAIL"}
     assert judged(GOAL, POLITE, sources={"radius_m": 0.2}).verdict == "FAIL", "its own word counts as well"
     (folder / "recording.mcap").unlink()
-    assert "no ROS topics of theirs were recorded" in str(
-        judged(GOAL, POLITE, sources={"radius_m": 0.2}).requirements[-1].error
-    )
+    lacks = "could not be judged: the job has only programs, and they recorded no topics; {}"
+    without = judged(GOAL, sources={}).requirements[-1].detail
+    assert without == lacks.format("set loggingConfig.recordAllRosTopics")
+    (folder / "logs").mkdir()
+    (folder / "logs" / "ros-topics.log").write_text("no ROS topics are recorded: cyclonedds is not installed")
+    assert judged(GOAL, sources={}).requirements[-1].detail == lacks.format("the notes say why")
     (folder / "recording.mcap").symlink_to(tmp_path / "elsewhere.mcap")
-    assert "no ROS topics of theirs were recorded" in str(
-        judged(GOAL, POLITE, sources={"radius_m": 0.2}).requirements[-1].error
-    )
+    assert "they recorded no topics" in str(judged(GOAL, POLITE, sources={"radius_m": 0.2}).requirements[-1].error)

@@ -36,7 +36,7 @@ def judged(tmp_path: Path) -> Callable[..., RunResult]:
     """Judges messages that were received so many seconds after the first one."""
     folders = iter(range(100))
 
-    def run(said: list[Said], *asked: dict[str, Any]) -> RunResult:
+    def run(said: list[Said], *asked: dict[str, Any], **of_request: Any) -> RunResult:
         folder = tmp_path / f"bag-{next(folders)}"
         with Writer(folder, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
             connections: dict[str, Any] = {}
@@ -54,9 +54,35 @@ def judged(tmp_path: Path) -> Callable[..., RunResult]:
             seed=1, max_duration_s=60.0, work_dir=tmp_path, output_dir=tmp_path,
             requirements=parse_requirements(requirements, "asked"),
         )  # fmt: skip
-        return judge(JudgingRequest(plan=plan, recording=folder / f"{folder.name}.mcap"))
+        return judge(JudgingRequest(plan=plan, recording=folder / f"{folder.name}.mcap", **of_request))
 
     return run
+
+
+def test_of_topics_that_are_not_recorded_whole_silence_proves_nothing(judged: Callable[..., RunResult]) -> None:
+    """The recorder had no more room, or died: the values and the errors that it missed are nowhere."""
+    said = [number(i / 10, 1.0) for i in range(101)] + [number(i / 10, 1.0, "/seen") for i in range(101)]
+    said += [line(1.0, "planner", 20), line(2.0, "driver", 40)]
+    result = judged(
+        said,
+        {"field": "data", "max": 2},
+        {"field": "data", "max": 0.5},
+        {"min_hz": 5},
+        {"topic": "/seen", "field": "data", "max": 2},
+        {"topic": "/rosout", "nodes": ["planner"]},
+        {"topic": "/rosout", "nodes": ["driver"]},
+        losses={"/charge": "7 messages were left out", "/rosout": "its recorder was started 2 times"},
+    )
+    errors = [each.error for each in result.requirements]
+    assert errors[0] == "/charge: 7 messages were left out, so something could have been missed"
+    assert errors[4] == "/rosout: its recorder was started 2 times, so something could have been missed"
+    others = [(each.error, each.satisfied) for i, each in enumerate(result.requirements) if i not in (0, 4)]
+    assert others == [(None, False), (None, True), (None, True), (None, False)]
+    assert result.verdict == "ERROR"
+    late = judged(
+        [*said, number(10.0, 3.0)], {"field": "data", "max": 2}, losses={"/charge": "7 messages were left out"}
+    )
+    assert late.verdict == "FAIL", late.requirements
 
 
 STEADY = [number(0.1 * i, 1.0 - 0.005 * i) for i in range(101)]

@@ -224,6 +224,41 @@ def test_what_is_missing_is_noted_in_the_result(plan: RunPlan, noted: Notes) -> 
     assert not list(plan.output_dir.glob("ros-topics*"))
 
 
+def losses(plan: RunPlan) -> dict[str, str]:
+    return join_ros_topics(plan, is_canceled=False, stop=lambda: None, environment=os.environ)
+
+
+def test_topics_that_are_not_in_the_recording_as_a_whole_are_told_to_who_judges(plan: RunPlan) -> None:
+    """Requirements that silence meets would pass by what is missing."""
+    log = "rcl_interfaces/msg/Log"
+    reported(
+        part(plan.output_dir, 1, [1]),
+        TopicReport(name="/pose", type=POSE, messages=1),
+        TopicReport(name="/image", type="sensor_msgs/msg/Image", messages=9, lost=3),
+        TopicReport(name="/cloud", type="sensor_msgs/msg/PointCloud2", messages=5, left_out=70),
+        TopicReport(name="/rosout", type=log, messages=9, lost=2),
+    )
+    assert losses(plan) == {
+        "/cloud": "70 messages were left out from the recording's limit on",
+        "/rosout": "2 messages were lost before they were recorded",
+    }
+    reported(part(plan.output_dir, 1, [1], is_whole=False), TopicReport(name="/pose", type=POSE, messages=1))
+    assert losses(plan) == {"/pose": "their recorder was killed before it had written its last messages"}
+    for number in (1, 2):
+        reported(part(plan.output_dir, number, [1]), TopicReport(name="/pose", type=POSE, messages=1))
+    restarts = "its recorder was started 2 times, and what came in between is not recorded"
+    assert losses(plan) == {"/pose": restarts}
+    bad = part(plan.output_dir, 1, [1])
+    reported(bad, TopicReport(name="/pose", type=POSE, messages=1))
+    bomb(bad)
+    assert losses(plan)["/pose"].startswith("its messages are in ros-topics.1.mcap, and not in recording.mcap: ")
+
+
+def test_the_recorder_of_ros_1_is_not_said_to_have_recorded_nothing(plan: RunPlan, noted: Notes) -> None:
+    (plan.output_dir / "ros-topics.bag").write_bytes(b"#ROSBAG V2.0")
+    assert noted() == []
+
+
 def test_what_a_killed_recorder_and_a_killed_joining_were_writing_is_removed(plan: RunPlan, noted: Notes) -> None:
     reported(part(plan.output_dir, 1, [1]), TopicReport(name="/pose", type=POSE, messages=1))
     for name in ("ros-topics.1.json", "ros-topics.2.json", "recording.mcap"):
