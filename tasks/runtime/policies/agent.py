@@ -120,7 +120,10 @@ def _file(reference: PolicyReference, folder: Path | None, root: Path | None) ->
     is_absolute = reference.file.startswith("/")
     top = (root or Path("/")) if is_absolute else folder
     if top is None:
-        raise LoadError(f"policy {reference.text}: there is no robot application that could have this file")
+        raise LoadError(
+            f"policy {reference.text}: files are read from archives of robot applications and from data sources, and "
+            "this job's robot application is an installed package; package.module:function would be right"
+        )
     path = top / reference.file.lstrip("/")
     # Names such as a link to `/etc` would lead out of it.
     if path.is_file() and path.resolve().is_relative_to(top.resolve()):

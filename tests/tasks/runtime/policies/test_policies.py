@@ -107,6 +107,11 @@ def test_a_file_of_a_data_source_is_below_the_root_of_the_job(make: Make, tmp_pa
         make(path.replace("row", "out"), folder=None, root=tmp_path / "root")
 
 
+def test_a_file_with_an_application_that_has_no_archive_is_told_where_files_may_be(make: Make) -> None:
+    with pytest.raises(LoadError, match=r"policy nets/row\.onnx: files are read from archives .* installed package"):
+        make("nets/row.onnx", folder=None)
+
+
 @pytest.mark.parametrize(
     ("weights", "members", "said"),
     [
