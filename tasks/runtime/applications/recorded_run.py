@@ -129,6 +129,7 @@ class RecordedRun(dm_env.Environment):
         self._advance()
         self._take_until(0.0, holds=True)
         if self._next is None and self.end_s <= 0:
+            self.close()
             raise RecordingFault(
                 f"{self._bag.path} ends before start_s ({self._sources.start_s:g} s), so there is no run in it"
             )
