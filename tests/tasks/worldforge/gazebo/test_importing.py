@@ -16,7 +16,7 @@ from PIL import Image
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.gazebo_notes import GazeboNotes
 from prefect_robomaker.schemas.worlds.world import GazeboSource, World
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.occupancy_map import OccupancyMap, read_map
+from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap, read_map
 from prefect_robomaker.tasks.worldforge.bundle.bundle import content_hash, read_world
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
