@@ -80,6 +80,9 @@ PUSHED_S = 30.0
 PUSH_MPS = 0.05
 """Typical speed of a push; two thirds of pushes along an axis are weaker."""
 
+THROWN_M = 1e6
+"""Way of a body that flew away: a number, as JSON has no infinite ones."""
+
 _WATCHED_S = 0.2
 """Seconds at the begin in which nothing falls asleep, so that what tips over slowly has begun to. What is balanced on
 an edge to the micrometre has after 0.1 s, as contacts are soft. Steps awake are most of settling."""
@@ -106,7 +109,22 @@ def drift_m(model: mujoco.MjModel, settle_s: float) -> NDArray[np.float64]:
     bodies = np.asarray(model.jnt_bodyid)
     before = data.xipos[bodies].copy()
     _settle(model, data, settle_s, _WATCHED_S)
-    return np.linalg.norm(data.xipos[bodies] - before, axis=1)
+    way = np.linalg.norm(data.xipos[bodies] - before, axis=1)
+    way[bodies == _thrown(model, data)] = THROWN_M
+    return way
+
+
+def _thrown(model: mujoco.MjModel, data: mujoco.MjData) -> int:
+    """The body that moved so fast that MuJoCo began anew, since when ways mean little; -1: none did."""
+    for kind, joints in (
+        (mujoco.mjtWarning.mjWARN_BADQPOS, model.jnt_qposadr),
+        (mujoco.mjtWarning.mjWARN_BADQVEL, model.jnt_dofadr),
+        (mujoco.mjtWarning.mjWARN_BADQACC, model.jnt_dofadr),
+    ):
+        if data.warning[kind].number:
+            joint = int(np.searchsorted(joints, data.warning[kind].lastinfo, side="right")) - 1
+            return int(model.jnt_bodyid[joint])
+    return -1
 
 
 def motion_of_bodies(
@@ -127,9 +145,8 @@ def motion_of_bodies(
     before = data.xipos[bodies].copy()
     _settle(model, data, settle_s, _WATCHED_S)
     way = np.linalg.norm(data.xipos[bodies] - before, axis=1)
-    broken = data.warning[mujoco.mjtWarning.mjWARN_BADQACC]
-    if broken.number:  # MuJoCo has begun anew since, so ways mean little
-        way[bodies.index(int(model.dof_bodyid[broken.lastinfo]))] = np.inf
+    if (thrown := _thrown(model, data)) >= 0:
+        way[bodies.index(thrown)] = np.inf
     free = {int(model.jnt_bodyid[joint]) for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)}
     names = [model.body(body).name for body in bodies]
     poses = {
