@@ -8,6 +8,7 @@ goals:
 ```
 """
 
+from math import isfinite
 from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field
@@ -16,6 +17,8 @@ from pydantic_core import PydanticCustomError
 from ..wire.base import Model
 from .world import Point, RoomType
 
+_LEAST_M2 = 0.01
+"""Area of the least room, in square metres: four cells of a map."""
 _LEVEL_M = 0.01
 """Distance by which an edge may lean and still count as level or upright."""
 
@@ -25,14 +28,22 @@ def _pair(value: object) -> object:
     return tuple(float(each) if isinstance(each, int) else each for each in value) if isinstance(value, list) else value
 
 
-Spot = Annotated[Point, BeforeValidator(_pair)]
+def _finite(point: Point) -> Point:
+    if not all(isfinite(each) for each in point):
+        raise PydanticCustomError("endless", "finite numbers would be right")
+    return point
+
+
+Spot = Annotated[Point, BeforeValidator(_pair), AfterValidator(_finite)]
 """A place in the frame of the world file, in metres."""
 
 
 def _upright(polygon: list[Point]) -> list[Point]:
-    edges = zip(polygon, [*polygon[1:], polygon[0]], strict=True)
+    edges = list(zip(polygon, [*polygon[1:], polygon[0]], strict=True))
     if any(min(abs(x0 - x1), abs(y0 - y1)) > _LEVEL_M for (x0, y0), (x1, y1) in edges):
         raise PydanticCustomError("slanted", "a polygon with level and upright edges would be right")
+    if abs(sum(x0 * y1 - x1 * y0 for (x0, y0), (x1, y1) in edges)) / 2 < _LEAST_M2:
+        raise PydanticCustomError("empty", "a polygon with an area would be right")
     return polygon
 
 

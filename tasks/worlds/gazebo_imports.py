@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -29,12 +30,13 @@ class GazeboImport:
     notes: GazeboNotes = field(default_factory=GazeboNotes)
 
 
-def write_gazebo_bundle(wanted: GazeboImport, folder: Path) -> None:
+def write_gazebo_bundle(wanted: GazeboImport, folder: Path, *, most_s: float = _MOST_S) -> None:
     """Imports a Gazebo world in a child process, and writes its files.
 
     Args:
         wanted: the import.
         folder: a new folder for the bundle.
+        most_s: seconds on the clock after which the process is ended.
 
     Raises:
         ConfigurationError: there is no such world, for the reason in the message.
@@ -53,6 +55,10 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path) -> None:
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
+        # It may wait for ever without taking processor time, which its own limits do not see.
+        clock = threading.Timer(most_s, process.kill)
+        clock.daemon = True
+        clock.start()
         try:
             process.stdin.write(json.dumps(request) + "\n")
             process.stdin.flush()  # and open until it has answered: it ends with it
@@ -61,11 +67,10 @@ def write_gazebo_bundle(wanted: GazeboImport, folder: Path) -> None:
             line = ""
         finally:
             process.stdin.close()
-            try:
-                code = process.wait(_MOST_S if sys.exc_info()[0] is None else 0)
-            except subprocess.TimeoutExpired:
+            if sys.exc_info()[0] is not None:
                 process.kill()
-                code = process.wait()
+            code = process.wait()
+            clock.cancel()
     if not line.endswith("\n"):
         raise ConfigurationError(f"{wanted.path}: {_reason(code)}")
     answer: dict[str, str] = json.loads(line)
