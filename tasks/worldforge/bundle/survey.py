@@ -157,7 +157,8 @@ def _around(grid: OccupancyGrid, outline: list[Point]) -> tuple[slice, slice]:
 def _empty_grid(low: NDArray[np.float64], high: NDArray[np.float64], near: Point) -> OccupancyGrid:
     first, last = [], []
     for axis in range(2):
-        begin, end = low[axis] - _MARGIN_M, high[axis] + _MARGIN_M
+        # A plane has no end: a place on it is on the map, also beyond all that is on it.
+        begin, end = min(low[axis], near[axis]) - _MARGIN_M, max(high[axis], near[axis]) + _MARGIN_M
         begin, end = max(begin, near[axis] - _MOST_SIDE_M / 2), min(end, near[axis] + _MOST_SIDE_M / 2)
         first.append(floor(begin / RESOLUTION_M))
         last.append(max(ceil(end / RESOLUTION_M), first[axis] + 1))

@@ -367,6 +367,9 @@ def _first_hits(mesh: _Faces, origins: Points, directions: Points) -> NDArray[np
 _MOST_SAMPLES = 20_000_000
 """Points on a surface that are looked at: some seconds. Larger meshes get larger cells."""
 
+_MOST_CELLS = 400_000_000
+"""Cells of a grid, a byte each; trees that are kilometres apart get larger ones."""
+
 
 def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
     """Approximates the surface of a mesh by boxes on a grid.
@@ -376,7 +379,8 @@ def voxel_boxes(triangles: Triangles, pitch_m: float) -> list[ConvexPart]:
         pitch_m: side of a cell.
     """
     longest = np.linalg.norm(triangles - np.roll(triangles, 1, axis=1), axis=2).max(axis=1)
-    while ((longest / pitch_m * 3 + 1) ** 2).sum() / 2 > _MOST_SAMPLES:
+    extent = np.ptp(triangles.reshape(-1, 3), axis=0)
+    while ((longest / pitch_m * 3 + 1) ** 2).sum() / 2 > _MOST_SAMPLES or np.prod(extent / pitch_m + 2.0) > _MOST_CELLS:
         pitch_m *= 1.5
     cells = _surface_cells(triangles, longest, pitch_m)
     low = cells.min(axis=0)

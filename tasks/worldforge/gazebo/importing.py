@@ -6,8 +6,8 @@
 import hashlib
 import os
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, NamedTuple
 
@@ -122,6 +122,7 @@ class _Import:
         bounds = self._bounds((model, data))
         scene.seen, scene.seen_of = self._seen(rest.held)
         text = scene_text(scene, bounds, self._visuals, self._heightmaps)
+        _compile(text, self._visuals.files)  # a mesh or picture that MuJoCo refuses would end every job
         source = GazeboSource(
             file=self._path.name,
             sha256=self._digest(),
@@ -217,18 +218,15 @@ class _Import:
         """The world with some bodies held, and others elsewhere."""
         fixed: list[tuple[str, Solid]] = [(self._piece(link), solid) for link, solid in self._fixed_solids]
         bodies: list[tuple[str, Body]] = []
-        gone: set[int] = set()
-        for body in self._bodies:
+        shown: dict[int, Body] = {}
+        for body, turn in _turns(self._bodies, {name: poses[name] for name in poses if name not in held}, self._name):
             name = self._name(body)
-            # A body that hangs on a held one by a joint stays a body: it hangs on the world then.
             if name in held:
-                gone.add(id(body))
                 fixed += [(name, solid) for solid in body.solids]
                 continue
-            shown = _with_pose(body, poses[name]) if name in poses else body
-            if body.parent is not None and id(body.parent) in gone:
-                shown = _with_parent(shown, None)
-            bodies.append((name, shown))
+            # A body that hangs on a held one by a joint stays a body: it hangs on the world then.
+            shown[id(body)] = _copied(body, turn, shown.get(id(body.parent)))
+            bodies.append((name, shown[id(body)]))
         tied = self._around_joints | {
             self._piece(link)
             for _, body in bodies
@@ -243,18 +241,16 @@ class _Import:
 
     def _settle(self, rest: Rest) -> None:
         """Puts bodies where they came to rest."""
-        for body in self._bodies:
-            if (pose := rest.poses.get(self._name(body))) is not None:
-                turn = pose @ body.pose.inverse()
+        for body, turn in list(_turns(self._bodies, rest.poses, self._name)):
+            if turn is not None:
                 _move_body(body, turn)
 
     def _move(self, shift: Pose) -> None:
         moved(self._sdf, shift)
-        by_path: dict[str, Joint] = {joint.path: joint for joint in self._sdf.joints}
         for body in self._bodies:
             body.pose = shift @ body.pose
             body.solids = [_moved_solid(solid, shift) for solid in body.solids]
-            body.joint = by_path[body.joint.path] if body.joint is not None else None
+            body.joint = _moved_joint(body.joint, shift)
         self._fixed_solids = [(link, _moved_solid(solid, shift)) for link, solid in self._fixed_solids]
 
     def _origin(self, rest: Rest) -> tuple[tuple[float, float, float, float], bool]:
@@ -265,7 +261,9 @@ class _Import:
             floor_m = usual_floor(model, data)
             if floor_m is None:
                 raise SdfError(f"{self._path}: it has no floor: nothing that collides is below any place in it")
-            start = free_start(ground_at(model, data, floor_m, (0.0, 0.0)))
+            low, high = world_bounds(model, data)
+            near = np.clip(0.0, low, high)  # a world may be far from the origin of its file
+            start = free_start(ground_at(model, data, floor_m, (float(near[0]), float(near[1]))))
             if start is None:
                 raise SdfError(
                     f"{self._path}: nowhere on its floor, which is at {floor_m:.2f} m, is a place of 1 m that is free; "
@@ -307,9 +305,9 @@ class _Import:
         return fixed, loose
 
 
-def _compile(text: str) -> mujoco.MjModel:
+def _compile(text: str, files: Mapping[str, bytes] | None = None) -> mujoco.MjModel:
     try:
-        return mujoco.MjModel.from_xml_string(text)
+        return mujoco.MjModel.from_xml_string(text, assets=dict(files or {}))
     except ValueError as error:
         raise SdfError(f"MuJoCo does not accept the world that was made of it: {error}") from error
 
@@ -342,17 +340,30 @@ def _move_body(body: Body, turn: Pose) -> None:
     moved(single, turn)
     body.pose = turn @ body.pose
     body.solids = [_moved_solid(solid, turn) for solid in body.solids]
+    body.joint = _moved_joint(body.joint, turn)
 
 
-def _with_pose(body: Body, pose: Pose) -> Body:
-    """A copy of a body elsewhere."""
+def _moved_joint(joint: Joint | None, turn: Pose) -> Joint | None:
+    return joint and replace(joint, pose=turn @ joint.pose, axis=turn.rotation @ joint.axis)
+
+
+def _turns(
+    bodies: Sequence[Body], poses: Mapping[str, Pose], name_of: Callable[[Body], str]
+) -> Iterator[tuple[Body, Pose | None]]:
+    """Yields by how much each body is moved: a body with a pose of its own, and all that hangs on it."""
+    turns: dict[int, Pose | None] = {}
+    for body in bodies:
+        pose = poses.get(name_of(body))
+        turns[id(body)] = turns.get(id(body.parent)) if pose is None else pose @ body.pose.inverse()
+        yield body, turns[id(body)]
+
+
+def _copied(body: Body, turn: Pose | None, parent: Body | None) -> Body:
+    """A copy of a body elsewhere, on another one."""
     links = [
         Link(link.path, link.model, link.pose, link.is_static, link.inertia, [], link.visuals) for link in body.links
     ]
-    copy = Body(body.name, links, body.pose, body.joint, body.is_reversed, body.parent, body.is_held, body.solids)
-    _move_body(copy, pose @ body.pose.inverse())
+    copy = Body(body.name, links, body.pose, body.joint, body.is_reversed, parent, body.is_held, body.solids)
+    if turn is not None:
+        _move_body(copy, turn)
     return copy
-
-
-def _with_parent(body: Body, parent: Body | None) -> Body:
-    return Body(body.name, body.links, body.pose, body.joint, body.is_reversed, parent, body.is_held, body.solids)

@@ -30,6 +30,8 @@ _HIDDEN = ' group="3"'
 _DRAWN_ONLY = ' contype="0" conaffinity="0" group="2" mass="0"'
 _MOST_LAMPS = 6
 """MuJoCo's renderer draws eight lights, the headlight and the sun included."""
+_LEAST_SIZE_M = 1e-5
+"""The least that numbers of the file tell apart from 0."""
 _NOT_EACH_OTHER = {"frame": ' contype="2" conaffinity="1"', "leaf": ' contype="4" conaffinity="1"'}
 """Bodies that a joint ties to each other do not collide, as in Gazebo: with everything else both do."""
 
@@ -132,7 +134,7 @@ class _Geoms:
         return self._line(self._name(piece, "s"), self._shape(solid, pose), friction + more)
 
     def seen(self, piece: str, seen: SeenGeom, pose: Pose) -> str:
-        shape = f'type="mesh" mesh="{seen.mesh}"' if seen.mesh else f'type="{seen.kind}" size="{numbers(*seen.size)}"'
+        shape = f'type="mesh" mesh="{seen.mesh}"' if seen.mesh else f'type="{seen.kind}" size="{_sizes(seen.size)}"'
         look = f' material="{seen.material}"' if seen.material else f' rgba="{numbers(*seen.rgba)}"'
         return self._line(self._name(piece, "v"), f"{shape} {pose_attributes(pose)}", look + _DRAWN_ONLY)
 
@@ -147,11 +149,12 @@ class _Geoms:
             name, line = self._heightmaps.asset(solid.geometry)
             if line not in self.assets:
                 self.assets.append(line)
-            return f'type="hfield" hfield="{name}" {pose_attributes(pose)}'
+            lowest = np.array([0.0, 0.0, float(self._heightmaps.heights(solid.geometry).min())])
+            return f'type="hfield" hfield="{name}" {pose_attributes(pose @ Pose(lowest, np.eye(3)))}'
         if solid.kind == "plane":
             # MuJoCo's planes collide without an end, whatever they are drawn like.
             return f'type="plane" size="{numbers(*solid.size, 1.0)}" {pose_attributes(pose)}'
-        return f'type="{solid.kind}" size="{numbers(*solid.size)}" {pose_attributes(pose)}'
+        return f'type="{solid.kind}" size="{_sizes(solid.size)}" {pose_attributes(pose)}'
 
     def _hull(self, solid: Solid) -> str:
         assert solid.corners is not None
@@ -262,6 +265,11 @@ def _cameras(bounds: Bounds) -> Iterator[str]:
 def numbers(*values: float) -> str:
     """Formats numbers for MJCF, to a hundredth of a millimetre."""
     return " ".join(f"{round(float(value), 5) + 0.0:.10g}" for value in values)
+
+
+def _sizes(values: Iterable[float]) -> str:
+    """Formats sizes, of which MuJoCo accepts none that is 0."""
+    return numbers(*(max(value, _LEAST_SIZE_M) for value in values))
 
 
 def pose_attributes(pose: Pose) -> str:

@@ -23,6 +23,9 @@ _MOST_OF_LOOSE = 200
 _FIRST_PITCH_M = 0.015
 _LAST_PITCH_M = 2.0
 
+_LEAST_TURN_M2 = 1e-6
+"""Twice the area of a triangle that is none: its corners lie on a line."""
+
 SolidKind = Literal["box", "cylinder", "sphere", "ellipsoid", "capsule", "plane", "hull", "hfield"]
 COARSE = "collision meshes that are coarser than drawn"
 
@@ -160,7 +163,9 @@ def _prism_parts(geometry: Geometry) -> list[ConvexPart]:
     whole = [range(len(outline))] if len(hull.vertices) == len(outline) else ears(geometry.outline)
     low = np.column_stack([outline, np.zeros(len(outline))])
     return [
-        HullPart(np.concatenate([low[list(ring)], low[list(ring)] + (0.0, 0.0, geometry.size[0])])) for ring in whole
+        HullPart(np.concatenate([low[list(ring)], low[list(ring)] + (0.0, 0.0, geometry.size[0])]))
+        for ring in whole
+        if len(ring) > 3 or abs(_turn(*outline[list(ring)])) > _LEAST_TURN_M2
     ]
 
 

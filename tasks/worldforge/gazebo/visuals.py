@@ -22,6 +22,10 @@ _MOST_DRAWN = 40_000
 """Triangles of one mesh that are drawn; a page in a browser shows some millions."""
 _MOST_TERRAIN = 257
 """Samples of a heightmap along a side."""
+_FORMATS = ("PNG", "JPEG", "BMP", "TGA", "TIFF", "GIF", "DDS", "WEBP", "PPM")
+"""Formats of pictures; reading others, such as PostScript, starts programs."""
+_LEAST_AREA_M2 = 1e-7
+"""Area of a mesh below which MuJoCo may refuse it."""
 _PLAIN_REPEAT = 'texrepeat="1 1"'
 
 
@@ -129,7 +133,8 @@ class Visuals:
         if key not in self._pictures:
             try:
                 self._pictures[key] = self._written(path, picture)
-            except (SdfError, OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            # Readers of formats fail in many ways on files that are broken.
+            except Exception as error:
                 self._left_out.add(
                     "textures that cannot be read",
                     f"{path.name if path else 'picture in a mesh'}: {type(error).__name__}",
@@ -139,8 +144,10 @@ class Visuals:
 
     def _written(self, path: Path | None, picture: Image.Image | None) -> str:
         if path is not None:
-            picture = Image.open(BytesIO(read_bytes(path, _MOST_PICTURE_BYTES)))
+            picture = Image.open(BytesIO(read_bytes(path, _MOST_PICTURE_BYTES)), formats=_FORMATS)
         assert picture is not None
+        if picture.format not in (None, *_FORMATS):  # None: it is none of a file
+            raise SdfError(f"it is {picture.format}")
         if picture.width * picture.height > _MOST_SOURCE_PIXELS:
             raise SdfError(f"it has {picture.width} x {picture.height} pixels")
         picture.draft("RGB", (MOST_PIXELS, MOST_PIXELS))  # JPEG decodes at a fraction of its size, ten times faster
@@ -166,7 +173,7 @@ def _thinned(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | None]:
     """Fewer triangles: corners snap to a grid that gets coarser until few enough are left."""
     extent = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
-    pitch = extent / 400
+    pitch = max(extent / 400, 1e-6)
     while True:
         snapped = np.round(triangles / pitch)
         good = ~(
@@ -174,7 +181,8 @@ def _thinned(
             | (snapped[:, 1] == snapped[:, 2]).all(axis=1)
             | (snapped[:, 2] == snapped[:, 0]).all(axis=1)
         )
-        keys = np.sort(snapped[good].reshape(-1, 9), axis=1)
+        _, corner = np.unique(snapped[good].reshape(-1, 3), axis=0, return_inverse=True)
+        keys = np.sort(corner.reshape(-1, 3), axis=1)
         _, once = np.unique(keys, axis=0, return_index=True)
         if len(once) <= _MOST_DRAWN:
             kept = np.flatnonzero(good)[np.sort(once)]
@@ -189,6 +197,11 @@ def _obj(triangles: NDArray[np.float64], places: NDArray[np.float64] | None) -> 
     spread = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
     if len(points) < 4 or not spread.any() or np.ptp(points, axis=0).max() < 1e-3:
         return None  # MuJoCo reads no mesh of fewer than four corners
+    a, b, c = (points[faces[:, corner] - 1] for corner in range(3))
+    if np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 < _LEAST_AREA_M2:
+        return None  # nor one that is a line
+    if places is not None:
+        places = np.nan_to_num(places, nan=0.0, posinf=0.0, neginf=0.0)
     lines = ["v " + " ".join(map(_short, point)) for point in points.tolist()]
     if places is None:
         lines += [f"f {a} {b} {c}" for a, b, c in faces[spread].tolist()]
@@ -211,7 +224,9 @@ class Heightmaps:
         self._read: dict[Geometry, tuple[str, NDArray[np.float64]]] = {}
 
     def heights(self, geometry: Geometry) -> NDArray[np.float64]:
-        """Returns the terrain's heights above its lowest point in metres, rows from south to north.
+        """Returns the terrain's heights in its own frame in metres, rows from south to north.
+
+        As in Gazebo, the brightest spot is as high as the terrain's size says.
 
         Raises:
             SdfError: the picture cannot be read.
@@ -219,11 +234,13 @@ class Heightmaps:
         return self._of(geometry)[1]
 
     def asset(self, geometry: Geometry) -> tuple[str, str]:
-        """Returns the name and MJCF line of a terrain's height field."""
+        """Returns the name and MJCF line of a terrain's height field, which begins at its lowest point."""
         name, heights = self._of(geometry)
-        top = max(float(heights.max()), 1e-3)
+        low = float(heights.min())
+        top = max(float(heights.max()) - low, 1e-3)
         x, y, _ = geometry.size
-        shares = " ".join(f"{value:.4g}" for value in np.flipud(heights / top).ravel())
+        # MuJoCo stretches heights to 0 to 1 itself, whatever they are.
+        shares = " ".join(f"{value:.4g}" for value in np.flipud((heights - low) / top).ravel())
         rows, columns = heights.shape  # the first row of the text is the northernmost
         sizes = f"{x / 2:.6g} {y / 2:.6g} {top:.6g} 0.1"
         return name, f'    <hfield name="{name}" nrow="{rows}" ncol="{columns}" size="{sizes}" elevation="{shares}"/>'
@@ -232,14 +249,17 @@ class Heightmaps:
         if geometry not in self._read:
             assert geometry.file is not None
             try:
-                picture = Image.open(BytesIO(read_bytes(geometry.file, _MOST_PICTURE_BYTES)))
+                picture = Image.open(BytesIO(read_bytes(geometry.file, _MOST_PICTURE_BYTES)), formats=_FORMATS)
                 if picture.width * picture.height > _MOST_SOURCE_PIXELS:
                     raise SdfError(f"{geometry.file}: it has {picture.width} x {picture.height} pixels")
                 gray = picture.convert("I") if picture.mode.startswith("I") else picture.convert("L")
                 if max(gray.size) > _MOST_TERRAIN:
                     gray = gray.resize((min(gray.width, _MOST_TERRAIN), min(gray.height, _MOST_TERRAIN)))
-            except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+            except SdfError:
+                raise
+            except Exception as error:
                 raise SdfError(f"{geometry.file}: the heightmap cannot be read: {error}") from error
-            shares = np.asarray(gray, np.float64) / (65535.0 if gray.mode == "I" else 255.0)
+            shares = np.asarray(gray, np.float64)
+            shares /= max(float(shares.max()), 1.0)
             self._read[geometry] = f"terrain_{len(self._read)}", np.flipud(shares) * geometry.size[2]
         return self._read[geometry]

@@ -11,7 +11,6 @@ from .sdf_types import Pose, SdfError, euler_matrix, identity
 from .xml_files import numbers_of, place
 
 MODEL_FRAME = "__model__"
-_FRAME_TAGS = ("link", "frame", "joint", "model")
 
 
 def own_pose(element: ET.Element) -> Pose:
@@ -107,6 +106,14 @@ class Scope:
                     return self.pose_of(other) @ other.resolve(name)
             there = ", ".join([*self._all(), *self.nested][:12])
             raise SdfError(f"{place(self.element)}: there is no frame {name!r} in it; it has {there or 'none'}")
+        return self.pose_of_part(element)
+
+    def pose_of_part(self, element: ET.Element) -> Pose:
+        """Returns the pose of a link, frame or joint of the model in its frame; a joint may be called like a link.
+
+        Raises:
+            SdfError: the frame that it is relative to is none, or is relative to itself.
+        """
         base = relative_to(element)
         if not base and element.tag == "frame":
             base = element.get("attached_to", "")
@@ -118,7 +125,8 @@ class Scope:
 
     def has(self, name: str) -> bool:
         """Whether the model has a frame of this name."""
-        return name.partition("::")[0] in self.nested or self._element(name) is not None
+        own = name.partition("::")[0] in self.nested or self._element(name) is not None
+        return own or any(other.has(name) for other in self.merged)
 
     def model_pose(self, name: str) -> Pose:
         """Returns the pose of a nested model."""
@@ -133,8 +141,11 @@ class Scope:
 
     def _all(self) -> dict[str, ET.Element]:
         if self._frames is None:
+            # Links come last, as they count where older files call a joint like its link.
             self._frames = {
-                child.get("name", ""): child for tag in _FRAME_TAGS[:3] for child in self.element.findall(tag)
+                child.get("name", ""): child
+                for tag in ("joint", "frame", "link")
+                for child in self.element.findall(tag)
             }
         return self._frames
 

@@ -42,8 +42,8 @@ class Lookup:
         self.folders = list(dict.fromkeys(_search_folders(world, self._package, given, environment)))
         """Folders that are searched, in this order."""
         self._fuel = _fuel_caches(environment)
-        roots = [*self.folders, *self._fuel, *(folder.parent for folder in self.folders)]
-        self._roots = [folder.resolve() for folder in dict.fromkeys(roots) if folder != folder.parent]
+        roots = dict.fromkeys(folder.resolve() for folder in (*self.folders, *self._fuel))
+        self._roots = [folder for folder in roots if folder != folder.parent]
 
     def model(self, uri: str, base: Path) -> FoundModel | None:
         """Finds the newest description of a Gazebo model.
@@ -90,11 +90,13 @@ class Lookup:
         return [there[name] for name in get_close_matches(wanted.lower(), there, n=3, cutoff=0.7)]
 
     def _find(self, uri: str, base: Path) -> Path | None:
-        if "\0" in uri:
+        try:
+            candidates = list(self._candidates(uri.strip(), base))
+        except ValueError:  # no address: http://[x
             return None
-        for path in self._candidates(uri.strip(), base):
+        for path in candidates:
             try:
-                if path.exists():
+                if "\0" not in str(path) and path.exists():
                     return self._inside(path)
             except OSError:  # a name longer than names may be
                 continue
@@ -132,16 +134,16 @@ class Lookup:
         """Yields folders in a cache of Fuel for the address of a model, the newest version first."""
         address = urlparse(uri)
         parts = [unquote(part) for part in address.path.split("/") if part]
-        parts = parts[1:] if parts and parts[0].replace(".", "").isdigit() else parts
+        parts = parts[1:] if parts and parts[0].replace(".", "").isdecimal() else parts
         if len(parts) < 3 or ".." in parts:
             return
         owner, kind, name, *more = parts
         for cache in self._fuel:
             folder = cache / (address.hostname or "") / owner.lower() / kind / name.lower()
-            if more and more[0].isdigit():
+            if more and more[0].isdecimal():
                 versions, more_inner = [folder / more[0]], more[1:]
             else:
-                there = [each for each in _listed(folder) if each.name.isdigit()]
+                there = [each for each in _listed(folder) if each.name.isdecimal()]
                 versions, more_inner = sorted(there, key=lambda each: int(each.name), reverse=True), more
             inner = more_inner[1:] if more_inner[:1] == ["files"] else more_inner
             yield from (version.joinpath(*inner) for version in versions)
@@ -196,7 +198,7 @@ def _described(folder: Path) -> FoundModel | None:
     if config.is_file():
         try:
             for element in read_xml(config).iter("sdf"):
-                version = tuple(int(part) for part in element.get("version", "0").split(".") if part.isdigit())
+                version = tuple(int(part) for part in element.get("version", "0").split(".") if part.isdecimal())
                 named.append((version, (element.text or "").strip()))
         except SdfError:
             named = []  # some public models have a model.config that is no XML; the file beside it is what counts

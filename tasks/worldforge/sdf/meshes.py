@@ -85,6 +85,12 @@ class Meshes:
             return found
         # A mirrored mesh has its inside out unless its corners change places.
         order = slice(None, None, -1) if scale.prod() < 0 else slice(None)
+        reach = max(float((np.abs(part.triangles - middle) * np.abs(scale)).max()) for part in found)
+        if not reach < _MOST_COORDINATE_M:
+            raise MeshError(
+                geometry.file,
+                f"in its scale it reaches {reach:.3g} m; less than {_MOST_COORDINATE_M:g} m would be right",
+            )
         return tuple(
             replace(
                 part,
@@ -174,17 +180,16 @@ def _dae_material(material: Any, path: Path, lookup: Lookup) -> Material:
 
 
 def _rgba(values: Any) -> Rgba:
-    red, green, blue, *alpha = (min(max(float(value), 0.0), 1.0) for value in values)
+    red, green, blue, *alpha = (min(max(0.0, float(value)), 1.0) for value in values)  # what is no number is 0
     # COLLADA's transparency is told in so many ways that 0 mostly means the opposite.
     return red, green, blue, alpha[0] if alpha and alpha[0] > 0 else 1.0
 
 
 def _read_trimesh(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -> Iterator[MeshPart]:
     import trimesh
-    from trimesh.resolvers import FilePathResolver
 
     kind = path.suffix.lower().lstrip(".")
-    resolver = None if kind in ("stl", "glb") else FilePathResolver(str(path.parent))
+    resolver = None if kind in ("stl", "glb") else _files_beside(path)
     loaded = trimesh.load(io.BytesIO(content), file_type=kind, resolver=resolver, process=False)
     meshes: list[tuple[str, Any]]
     if isinstance(loaded, trimesh.Scene):
@@ -201,6 +206,24 @@ def _read_trimesh(content: bytes, path: Path, submesh: str | None, lookup: Looku
         material, picture = _trimesh_material(mesh.visual)
         yield MeshPart(np.asarray(mesh.triangles, np.float64), places, material, picture)
     del lookup
+
+
+def _files_beside(path: Path) -> Any:
+    """Reads what an OBJ or glTF file names, in its folder and below: regular files of limited size, no pipes."""
+    from trimesh.resolvers import FilePathResolver
+
+    class Beside(FilePathResolver):
+        def get(self, name: str) -> bytes:
+            for each in (name.strip(), name.strip().rpartition("/")[2]):
+                try:
+                    found = self.absolute(each)
+                except ValueError:  # outside of the folder
+                    continue
+                if found.exists():
+                    return read_bytes(found, MOST_MESH_BYTES)
+            raise FileNotFoundError(name)
+
+    return Beside(str(path))
 
 
 def _trimesh_material(visual: Any) -> tuple[Material, Image.Image | None]:

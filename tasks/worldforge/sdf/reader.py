@@ -81,7 +81,7 @@ class _WorldReader:
         element = root.find("world")
         if root.tag not in ("sdf", "gazebo") or (element is None and root.find("model") is None):
             raise SdfError(f"{self._path}: it has no <world>; a file in Gazebo's format, <sdf><world>, would be right")
-        parts = [int(part) for part in version.split(".") if part.isdigit()]
+        parts = [int(part) for part in version.split(".") if part.isdecimal()]
         if not (1, 3) <= tuple(parts) <= (1, 12):
             raise SdfError(f"{self._path}: SDF {version}; versions {_VERSIONS[0]} to {_VERSIONS[1]} can be read")
         element = root if element is None else element
@@ -242,7 +242,7 @@ class _WorldReader:
             if kind is None:
                 self._world.left_out.add(f"joints of type {joint.get('type', '')[:40]}, which are held", name)
                 kind = "fixed"
-            placed = pose @ scope.resolve(joint.get("name", ""))
+            placed = pose @ scope.pose_of_part(joint)
             lower, upper = _limits(axis, joint.get("type", ""))
             self._world.joints.append(
                 Joint(
@@ -251,7 +251,7 @@ class _WorldReader:
                     parent=parent,
                     child=child,
                     pose=placed,
-                    axis=_axis(axis, scope, pose, placed, self._world.version),
+                    axis=_axis(axis, scope, pose, placed, self._version_of(joint)),
                     lower=lower,
                     upper=upper,
                     damping=number_of(dynamics, "damping", 0.0)
@@ -260,6 +260,11 @@ class _WorldReader:
                     friction=number_of(dynamics, "friction", 0.0) if dynamics is not None else 0.0,
                 )
             )
+
+    def _version_of(self, element: ET.Element) -> str:
+        """Version of the file that an element is in: models that are included have their own."""
+        root = self._roots.get(Path(getattr(element, "file", "")))
+        return self._world.version if root is None else root.get("version", "1.6")
 
     def _lights(self, element: ET.Element, pose: Pose, state: SavedState) -> None:
         for light in element.findall("light"):
@@ -276,7 +281,7 @@ class _WorldReader:
             direction = np.array((0.0, 0.0, -1.0))
         diffuse = (light.findtext("diffuse") or "1 1 1").replace(",", " ").split()[:3]
         try:
-            red, green, blue = (min(max(float(part), 0.0), 1.0) for part in diffuse)
+            red, green, blue = (min(max(0.0, float(part)), 1.0) for part in diffuse)  # what is no number is 0
         except ValueError:
             raise SdfError(f"{place(light)}: the light's <diffuse> is {' '.join(diffuse)!r}") from None
         spot = light.find("spot")
@@ -349,7 +354,8 @@ def _limits(axis: ET.Element | None, kind: str) -> tuple[float | None, float | N
     limit = _child(axis, "limit")
     if limit is None or kind == "continuous":
         return None, None
-    lower, upper = number_of(limit, "lower", -1e16), number_of(limit, "upper", 1e16)
+    lower = number_of(limit, "lower", -1e16, is_endless=True)
+    upper = number_of(limit, "upper", 1e16, is_endless=True)
     if lower > upper:
         return None, None
     return (lower if abs(lower) < _LIMITLESS else None), (upper if abs(upper) < _LIMITLESS else None)

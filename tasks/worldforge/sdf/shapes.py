@@ -105,7 +105,7 @@ class ShapeReader:
     def friction(self, collision: ET.Element, where: str) -> float:
         """Returns the sliding friction of a collision, limited to MuJoCo's range."""
         ode = collision.find("surface/friction/ode")
-        wanted = min(number_of(ode, "mu", 1.0), number_of(ode, "mu2", 1.0)) if ode is not None else 1.0
+        wanted = min(number_of(ode, name, 1.0, is_endless=True) for name in ("mu", "mu2")) if ode is not None else 1.0
         if wanted > MOST_FRICTION or wanted < 0:
             self._left_out.add(f"frictions that were clamped to 0 to {MOST_FRICTION:g}", f"{where} ({wanted:g})")
         return min(max(wanted, 0.0), MOST_FRICTION)
@@ -168,7 +168,7 @@ def _positive(shape: ET.Element, values: tuple[float, ...]) -> tuple[float, ...]
 def _color(element: ET.Element | None) -> Rgba | None:
     if element is None or not (element.text or "").strip():
         return None
-    values = [float(part) for part in re.findall(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", element.text or "")[:4]]
+    values = [float(part) for part in re.findall(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", element.text or "")[:4]]
     if len(values) < 3:
         return None
     red, green, blue = (min(max(value, 0.0), 1.0) for value in values[:3])

@@ -130,13 +130,16 @@ def text_of(parent: ET.Element, tag: str, otherwise: str = "") -> str:
     return otherwise if child is None or child.text is None else child.text.strip()
 
 
-def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, ...]) -> tuple[float, ...]:
+def numbers_of(
+    element: ET.Element | None, count: int, otherwise: tuple[float, ...], *, is_endless: bool = False
+) -> tuple[float, ...]:
     """Parses the numbers in an XML element.
 
     Args:
         element: the element; absent: what is meant otherwise.
         count: how many have to be there.
         otherwise: what an absent or empty element means.
+        is_endless: whether numbers may be as large as one likes, also infinite: limits that are none.
 
     Raises:
         SdfError: they are no finite numbers, or another count of them.
@@ -148,7 +151,7 @@ def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, .
         values = tuple(float(each) for each in said)
     except ValueError:
         values = ()
-    if len(values) != count or not all(abs(value) < 1e12 for value in values):
+    if len(values) != count or not all(abs(value) < 1e12 or (is_endless and value == value) for value in values):
         raise SdfError(
             f"{place(element)}: <{element.tag}> is {' '.join(said)[:80]!r}; {count} finite "
             f"{'number' if count == 1 else 'numbers'} would be right"
@@ -156,13 +159,13 @@ def numbers_of(element: ET.Element | None, count: int, otherwise: tuple[float, .
     return values
 
 
-def number_of(parent: ET.Element, tag: str, otherwise: float) -> float:
+def number_of(parent: ET.Element, tag: str, otherwise: float, *, is_endless: bool = False) -> float:
     """Parses the number in an XML child element.
 
     Raises:
         SdfError: it is no finite number.
     """
-    return numbers_of(parent.find(tag), 1, (otherwise,))[0]
+    return numbers_of(parent.find(tag), 1, (otherwise,), is_endless=is_endless)[0]
 
 
 def flag_of(parent: ET.Element, tag: str, otherwise: bool = False) -> bool:

@@ -1,0 +1,163 @@
+"""Joints, merges, meshes and materials as public files have them, and files that mean harm."""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from helpers.gazebo_house import model
+
+from prefect_robomaker.tasks.worldforge.sdf.lookup import Lookup
+from prefect_robomaker.tasks.worldforge.sdf.meshes import MeshError, Meshes
+from prefect_robomaker.tasks.worldforge.sdf.reader import read_world
+from prefect_robomaker.tasks.worldforge.sdf.sdf_types import Geometry, SdfWorld
+
+BOX = "<geometry><box><size>1 1 1</size></box></geometry>"
+TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def read(folder: Path, body: str, version: str = "1.7") -> SdfWorld:
+    path = folder / "some.world"
+    path.write_text(f'<sdf version="{version}"><world name="w">{body}</world></sdf>')
+    return read_world(path, [], {"HOME": str(folder)})
+
+
+def write_model(folder: Path, name: str, text: str) -> str:
+    """Writes a model beside the world; returns the element that includes it."""
+    (folder / "models" / name).mkdir(parents=True)
+    (folder / "models" / name / "model.sdf").write_text(text)
+    return f"<include><uri>model://{name}</uri></include>"
+
+
+def hinge(lower: str, upper: str) -> str:
+    return (
+        '<model name="m"><link name="leaf"/><joint name="leaf" type="revolute"><parent>world</parent>'
+        f"<child>leaf</child><axis><xyz>0 0 1</xyz><limit><lower>{lower}</lower><upper>{upper}</upper></limit></axis>"
+        "</joint></model>"
+    )
+
+
+@pytest.mark.parametrize(("lower", "upper"), [("-1e16", "1e16"), ("-inf", "inf"), ("-1.79769e+308", "1.79769e+308")])
+def test_limits_without_an_end_are_none(tmp_path: Path, lower: str, upper: str) -> None:
+    """Gazebo itself writes these; the joint of an older file may also be called like its link."""
+    [joint] = read(tmp_path, hinge(lower, upper), "1.6").joints
+    assert (joint.kind, joint.lower, joint.upper) == ("hinge", None, None)
+
+
+def test_endless_friction_is_the_most_that_there_is(tmp_path: Path) -> None:
+    surface = "<surface><friction><ode><mu>inf</mu><mu2>1e30</mu2></ode></friction></surface>"
+    [link] = read(
+        tmp_path, f'<model name="m"><link name="l"><collision name="c">{BOX}{surface}</collision></link></model>'
+    ).links
+    assert link.collisions[0].friction == 1.0
+
+
+@pytest.mark.parametrize(("version", "along"), [("1.4", [0, 0, 1]), ("1.6", [0, -1, 0])])
+def test_an_axis_is_read_by_the_version_of_the_file_that_it_is_in(
+    tmp_path: Path, version: str, along: list[float]
+) -> None:
+    """Before SDF 1.5 it was in the model's frame; since, in the joint's, which lies on its side here."""
+    text = model(
+        "wheel",
+        '<link name="l"><pose>0 0 0 1.5707963 0 0</pose></link><joint name="j" type="revolute">'
+        "<parent>world</parent><child>l</child><axis><xyz>0 0 1</xyz></axis></joint>",
+        version=version,
+        static="",
+    )
+    [joint] = read(tmp_path, write_model(tmp_path, "wheel", text), "1.7").joints
+    assert np.round(joint.axis, 3).tolist() == along
+
+
+def test_merged_models_hand_their_frames_and_joints_to_the_model_around(tmp_path: Path) -> None:
+    base = '<link name="base"><pose>0 0 1 0 0 0</pose></link><frame name="top" attached_to="base"><pose>0 0 2 0 0 0</pose></frame>'  # noqa: E501
+    inner = write_model(tmp_path, "inner", model("inner", base, version="1.9", static=""))
+    middle = write_model(
+        tmp_path, "middle", model("middle", inner.replace("<include>", '<include merge="true">'), version="1.9")
+    )
+    merged = middle.replace("<include>", '<include merge="true">').replace(
+        "</include>", "<pose>5 0 0 0 0 0</pose></include>"
+    )
+    arm = '<link name="arm"><pose relative_to="top"/></link><joint name="j" type="ball"><parent>base</parent><child>arm</child></joint>'  # noqa: E501
+    world = read(tmp_path, f'<model name="robot"><static>false</static>{merged}{arm}</model>', "1.9")
+    assert {link.path: link.pose.position.tolist() for link in world.links} == {
+        "robot::base": [5, 0, 1],
+        "robot::arm": [5, 0, 3],
+    }
+    [joint] = world.joints
+    assert (joint.kind, joint.parent, joint.child) == ("ball", "robot::base", "robot::arm")
+
+
+def test_odd_colours_addresses_and_versions_are_no_crash(tmp_path: Path) -> None:
+    material = "<material><diffuse>0.5.5 . 1 nan 1</diffuse></material>"
+    world = read(
+        tmp_path,
+        f'<model name="m"><link name="l"><visual name="v">{BOX}{material}</visual></link></model>'
+        "<include><uri>http://[x/a/models/b</uri></include>"
+        '<light name="s" type="point"><diffuse>nan 1 0</diffuse></light>',
+    )
+    assert "models that are missing" in world.left_out
+    assert all(0 <= share <= 1 for share in (*world.links[0].visuals[0].material.color, *world.lights[0].diffuse))
+
+
+def test_the_folder_of_models_may_be_the_one_here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    include = write_model(tmp_path, "rock", model("rock", '<link name="l"/>'))
+    path = tmp_path / "far" / "off" / "from" / "here" / "some.world"
+    path.parent.mkdir(parents=True)
+    path.write_text(f'<sdf version="1.7"><world name="w">{include}</world></sdf>')
+    monkeypatch.chdir(tmp_path / "models")
+    assert [link.path for link in read_world(path, [Path()], {"HOME": str(tmp_path)}).links] == ["rock::l"]
+
+
+@pytest.mark.parametrize("uri", ["../../secret.obj", "linked.obj"])
+def test_two_folders_up_nothing_is_read(tmp_path: Path, uri: str) -> None:
+    """A world in a folder of downloads must not read what else is in a home."""
+    home = tmp_path / "downloads" / "house"
+    home.mkdir(parents=True)
+    (tmp_path / "secret.obj").write_text(TETRAHEDRON)
+    (home / "linked.obj").symlink_to(tmp_path / "secret.obj")
+    mesh = f"<geometry><mesh><uri>{uri}</uri></mesh></geometry>"
+    world = read(home, f'<model name="m"><link name="l"><collision name="c">{mesh}</collision></link></model>')
+    assert "meshes that are missing" in world.left_out
+
+
+def meshes_of(path: Path) -> Meshes:
+    return Meshes(Lookup(path.parent / "some.world", [], {"HOME": str(path.parent)}))
+
+
+def test_gltf_keeps_its_axes_as_in_gazebo(tmp_path: Path) -> None:
+    import trimesh
+
+    path = tmp_path / "box.glb"
+    trimesh.creation.box((1.0, 2.0, 3.0)).export(str(path))
+    corners = meshes_of(path).triangles(Geometry("mesh", file=path)).reshape(-1, 3)
+    assert np.ptp(corners, axis=0).tolist() == pytest.approx([1, 2, 3])
+
+
+def test_a_mesh_names_no_pipe_and_nothing_outside_of_its_folder(tmp_path: Path) -> None:
+    """A pipe would hold the import up for ever."""
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    os.mkfifo(folder / "pipe.mtl")
+    (tmp_path / "secret.mtl").write_text("newmtl red\nKd 1 0 0\n")
+    for name in ("pipe.mtl", "../secret.mtl"):
+        path = folder / "rock.obj"
+        path.write_text(f"mtllib {name}\nusemtl red\n{TETRAHEDRON}")
+        try:
+            parts = meshes_of(path).parts(Geometry("mesh", file=path))
+        except MeshError:
+            continue
+        assert [part.material.color for part in parts] != [(1.0, 0.0, 0.0, 1.0)]
+
+
+def test_a_mesh_larger_than_a_world_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "rock.obj"
+    path.write_text(TETRAHEDRON)
+    with pytest.raises(MeshError, match=r"in its scale it reaches 3e\+09 m"):
+        meshes_of(path).parts(Geometry("mesh", file=path, scale=(1e9, 1e9, 1e9)))
+
+
+def test_a_header_with_a_thousand_million_faces_is_no_mesh(tmp_path: Path) -> None:
+    path = tmp_path / "rock.stl"
+    path.write_bytes(b"\0" * 80 + (10**9).to_bytes(4, "little") + b"\0" * 50)
+    with pytest.raises(MeshError, match=r"rock\.stl: it has no triangles"):
+        meshes_of(path).parts(Geometry("mesh", file=path))
