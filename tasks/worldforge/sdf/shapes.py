@@ -16,6 +16,8 @@ from .xml_files import flag_of, number_of, numbers_of, place, text_of
 MOST_FRICTION = 1.0
 """MuJoCo takes the larger friction of two shapes where Gazebo takes the smaller: worlds that say 100 for floors and
 walls would hold every robot fast."""
+_LEAST_MOMENT = 1e-12
+"""Least moment of inertia of a body, kg m2: that of a milligram within a millimetre; MuJoCo refuses 1e-15."""
 _ONES = (1.0, 1.0, 1.0)
 
 
@@ -152,7 +154,9 @@ class ShapeReader:
         xx, yy, zz, xy, xz, yz = values
         moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
         principal = np.linalg.eigvalsh(moments)
-        is_possible = mass > 0 and principal[0] > 0 and principal[0] + principal[1] >= principal[2] * (1 - 1e-6)
+        is_possible = (
+            mass > 0 and principal[0] > _LEAST_MOMENT and principal[0] + principal[1] >= principal[2] * (1 - 1e-6)
+        )
         if not is_possible:
             self._left_out.add("inertias that were mended", where)
             return Inertia(mass if mass > 0 else 1.0, link_pose @ own_pose(element), None)

@@ -97,6 +97,17 @@ def test_what_hangs_on_a_body_comes_to_rest_with_it(tmp_path: Path) -> None:
     assert violations(world.checks) == []
 
 
+def test_a_moment_of_inertia_of_nearly_nothing_is_mended(tmp_path: Path) -> None:
+    world, _ = imported(
+        tmp_path,
+        '<model name="dust"><link name="l"><pose>3 0 0.5 0 0 0</pose><inertial><mass>1e-9</mass><inertia>'
+        "<ixx>1e-16</ixx><iyy>1e-16</iyy><izz>1e-16</izz></inertia></inertial>"
+        f'<collision name="c">{boxed(1, 1, 1)}</collision></link></model>',
+    )
+    assert isinstance(world.source, GazeboSource)
+    assert [left.what for left in world.source.left_out] == ["inertias that were mended"]
+
+
 def test_a_ball_joint_turns_about_its_anchor(tmp_path: Path) -> None:
     _, model = imported(
         tmp_path,
