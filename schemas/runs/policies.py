@@ -11,6 +11,7 @@ from pydantic import AfterValidator
 from ..wire.base import ShapeName
 from ..wire.common import text
 from ..wire.job_configs import JobRequest, is_program, launches
+from .recording_sources import RECORDED_RUN
 from .trials import Trials
 
 POLICY_VARIABLE = "ROBOMAKER_POLICY"
@@ -46,12 +47,12 @@ class PolicyReference:
         return self.attribute is None
 
     @property
-    def package(self) -> str:
-        """Dotted package that contains the policy, in which the robot's `robot.yaml` is looked for."""
+    def folders(self) -> list[str]:
+        """Names of the nested folders that contain the policy, in which the robot's `robot.yaml` is looked for."""
         if self.module is not None:
-            return self.module
+            return self.module.split(".")
         folder = PurePosixPath(self.file or "").parent
-        return "" if folder.is_absolute() else ".".join(part for part in folder.parts if part != ".")
+        return [] if folder.is_absolute() else list(folder.parts)
 
 
 def parse_policy(policy: str) -> PolicyReference:
@@ -162,6 +163,11 @@ def _check_nothing_else(request: PolicyRequest, where: str) -> None:
                 "one of them out"
             )
     for index, config in enumerate(request.simulationApplications or ()):
+        if config.application == RECORDED_RUN or f"/{RECORDED_RUN}/" in config.application:
+            raise ValueError(
+                f"{where}: simulationApplications[{index}].application, {RECORDED_RUN}, judges a robot that has driven "
+                "already, and a policy would drive nothing; leave one of them out"
+            )
         member = "command" if config.launchConfig.command else "launchFile"
         if is_program(config.launchConfig):
             raise ValueError(

@@ -32,8 +32,6 @@ class JobWorkers(Protocol):
 
         Called several times a second, from one thread; returns at once.
 
-        Called several times a second, from one thread; returns at once.
-
         Returns:
             What there is, in words that a user reads while the batch runs: `2 job workers on tcp://10.0.0.7:8786`.
 

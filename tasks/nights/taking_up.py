@@ -106,9 +106,6 @@ class TakingUp:
 
         All processes of a container die with its first one, which is the flow run: each night would take up the run
         that broke off, and none would finish it.
-
-        All processes of a container die with its first one, which is the flow run: each night would take up the run
-        that broke off, and none would finish it.
         """
         if not _ends_with_container():
             return

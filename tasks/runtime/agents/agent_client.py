@@ -274,8 +274,6 @@ class Simulation:
     """Connection from a robot program to its simulation; `connect` makes it.
 
     Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
-
-    Iterating gives time steps until the run is over. Leaving a `with` block ends the run; an exception fails it.
     """
 
     def __init__(self, connection: socket.socket, options: dict[str, Any]) -> None:

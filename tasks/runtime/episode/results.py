@@ -150,8 +150,6 @@ class Observer:
     """Base class of observers, which look at the physics during a run and report findings at the end.
 
     It must not change the run: with and without it, the same seed gives the same states.
-
-    It must not change the run: with and without it, the same seed gives the same states.
     """
 
     next_time_s: float = 0.0

@@ -2,6 +2,7 @@
 
 import importlib.util
 import inspect
+import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -97,7 +98,7 @@ def _callable(reference: PolicyReference, folder: Path | None, root: Path | None
 def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Callable[..., Any]:
     if folder is not None:
         add_to_import_path(folder)  # so that it may import what is beside it
-    name = f"robomaker_policy_{path.stem}"
+    name = f"robomaker_policy_{re.sub(r'[^0-9A-Za-z_]', '_', path.stem)}"  # files may be called `turn-away.v2.py`
     spec = importlib.util.spec_from_file_location(name, path)
     assert spec is not None
     assert spec.loader is not None
@@ -107,7 +108,10 @@ def _attribute_of_file(path: Path, attribute: str, folder: Path | None) -> Calla
         spec.loader.exec_module(module)
     except Exception as error:
         raise LoadError(f"running {path.name} failed: {type(error).__name__}: {error}") from error
-    return load_factory(f"{name}.{attribute}")
+    try:
+        return load_factory(f"{name}.{attribute}")
+    except LoadError as error:
+        raise LoadError(str(error).replace(f"{name}.{attribute}", attribute).replace(name, path.name)) from None
 
 
 def _file(reference: PolicyReference, folder: Path | None, root: Path | None) -> Path:

@@ -119,7 +119,20 @@ def checked_action(action: Any, spec: specs.Array, giver: str) -> NDArray[Any]:
         raise NotFiniteError(f"{giver} gave {_shown(action)}, which is not finite")
     if np.dtype(spec.dtype).kind in "iu" and found.dtype.kind == "f":
         raise RobotProgramError(f"{giver} gave {_shown(action)}; an action has whole numbers{_named(spec)}")
-    return found.astype(spec.dtype).reshape(spec.shape)
+    with np.errstate(over="ignore", invalid="ignore"):
+        converted = found.astype(spec.dtype)
+    if not fits(found, converted):
+        raise RobotProgramError(
+            f"{giver} gave {_shown(action)}; an action has numbers of type {spec.dtype}{_named(spec)}"
+        )
+    return converted.reshape(spec.shape)
+
+
+def fits(numbers: NDArray[Any], converted: NDArray[Any]) -> bool:
+    """Whether numbers kept their values in another type, but for rounding: 300 becomes 44 in `int8`, unsaid."""
+    if converted.dtype.kind == "f":
+        return bool((np.isfinite(converted) == np.isfinite(numbers)).all())
+    return bool((converted == numbers).all())
 
 
 def _named(spec: specs.Array) -> str:

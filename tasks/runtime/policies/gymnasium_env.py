@@ -11,6 +11,7 @@ import numpy as np
 from dm_env import specs
 from numpy.typing import NDArray
 
+from ....schemas.extras import how_to_install
 from ....schemas.runs.plan import ApplicationPlan, RunPlan
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import WORLD_FILE, World
@@ -29,7 +30,7 @@ try:
 except ImportError as error:
     raise ConfigurationError(
         f"environments for training need gymnasium, which cannot be imported here ({error}); "
-        "pip install 'prefect-robomaker[gymnasium]'"
+        f"{how_to_install('gymnasium')}"
     ) from None
 
 _SEEDS = 2**63

@@ -11,9 +11,10 @@ import numpy as np
 from dm_env import specs
 from numpy.typing import NDArray
 
+from ....schemas.extras import how_to_install
 from ..episode.context import RobotProgramError
 from ..episode.loading import LoadError
-from .arrays import Observed, ObservedArrays
+from .arrays import Observed, ObservedArrays, fits
 
 _ACTION_NAMES = ("action", "actions")
 _TYPES: Mapping[str, type] = {
@@ -66,14 +67,21 @@ class OnnxPolicy:
 
     def __call__(self, observed: Observed) -> NDArray[Any]:
         """Returns the action."""
-        feed = {
-            each.name: np.ascontiguousarray(each.read(observed).reshape(each.shape).astype(each.dtype))
-            for each in self._inputs
-        }
+        feed = {each.name: self._fed(each, each.read(observed)) for each in self._inputs}
         try:
             return np.asarray(self._session.run([self._output], feed)[0])
         except Exception as error:  # onnxruntime's exceptions have no common class but this
             raise RobotProgramError(f"policy {self._policy} cannot be computed: {_words(error)}") from None
+
+    def _fed(self, into: _Input, numbers: NDArray[Any]) -> NDArray[Any]:
+        with np.errstate(over="ignore"):
+            converted = np.ascontiguousarray(numbers.reshape(into.shape).astype(into.dtype))
+        if not fits(numbers.reshape(into.shape), converted):
+            raise RobotProgramError(
+                f"policy {self._policy}: its input {into.name!r} has type {np.dtype(into.dtype)}, which cannot hold "
+                f"what was observed, up to {np.max(np.abs(numbers[np.isfinite(numbers)].astype(float))):g}"
+            )
+        return converted
 
     def state(self) -> dict[str, Any]:
         """Returns nothing: a network remembers nothing between two steps, so that a killed run can go on."""
@@ -139,8 +147,7 @@ def _session(path: Path, policy: str) -> Any:
         import onnxruntime
     except ImportError as error:
         raise LoadError(
-            f"policy {policy} needs onnxruntime, which cannot be imported here ({error}); "
-            "pip install 'prefect-robomaker[onnx]'"
+            f"policy {policy} needs onnxruntime, which cannot be imported here ({error}); {how_to_install('onnx')}"
         ) from None
     options = onnxruntime.SessionOptions()
     # Sums over several threads are added in the order in which these end, so that a run would not repeat to the bit.

@@ -81,6 +81,8 @@ def find_robot(application: ApplicationPlan | None, variables: Mapping[str, str]
                 where = file.relative_to(package.root).as_posix()
                 return FoundRobot(robot, f"from {where} of the robot application {application.name}")
     module = (application.attribute or "").removeprefix(f"{_PACKAGE}.").split(".")[0]
+    if application.policy is not None and application.path is None:
+        module = application.name  # the attribute is that of the policy's factory
     if module in BUILT_IN:
         return FoundRobot(BUILT_IN[module], f"which the robot application {application.name} drives")
     return FoundRobot(SCOUT, f"since {_why_it_has_none(application, package)}")
@@ -162,9 +164,9 @@ def _short_name(text: str) -> str:
 def _package_of(application: ApplicationPlan) -> _Package | None:
     """Finds an application's files without importing them: a failed import could not be attributed yet."""
     module = application.package or (application.attribute or "").rpartition(".")[0]
-    if application.policy is not None:  # the attribute is that of a built-in factory
-        module = parse_policy(application.policy).package
     parts = module.split(".") if module else []
+    if application.policy is not None:  # the attribute is that of a built-in factory
+        parts = parse_policy(application.policy).folders
     if application.path is not None:
         return _Package([*_inwards(application.path, parts)[::-1], application.path], application.path)
     if not parts or (application.attribute or "").startswith(f"{_PACKAGE}."):

@@ -19,6 +19,7 @@ from ...bundles.launch_files import node_variables, own_master
 from ...catalog import Resource
 from ...runtime.ros.ros1_bridge import BRIDGE
 from ...runtime.ros.topic_report import PROGRAM
+from ...service.service import PACKAGE
 from ..containers.plans import plan_container
 from ..environment.folders import HOME, TEMPORARY, remove
 from ..environment.run_environment import RunEnvironment, application_configs, tool_plan
@@ -187,6 +188,12 @@ def _follow_policy(policy: str, planned: Applications) -> tuple[str, Factory]:
     if robot is not None and robot.path is None and module is not None:
         # An installed package is named by its application, as `launchFile` is: its modules may be named without it.
         package = (robot.attribute or "").rpartition(".")[0]
+        if package.startswith(f"{PACKAGE}."):
+            raise LaunchError(
+                f"policy {policy}: robot application {robot.name} came with this package and has no modules of yours; "
+                f"leave it out, and say which robot it is with ROBOMAKER_ROBOT: {robot.name}",
+                "RobotApplicationCrash",
+            )
         if module != package and not module.startswith(f"{package}."):
             policy = f"{package}.{policy}"
     planned.plans["robot"] = ApplicationPlan(

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from ....schemas.extras import how_to_install
 from .lookup import Lookup
 from .sdf_types import Geometry, Material, Rgba, SdfError
 from .xml_files import read_bytes
@@ -142,9 +143,7 @@ def _read_dae(content: bytes, path: Path, submesh: str | None, lookup: Lookup) -
         import collada
         from collada.common import DaeBrokenRefError, DaeUnsupportedError
     except ImportError:
-        raise ImportError(
-            f"{path}: COLLADA meshes need pycollada: .tools/bin/uv sync --frozen --inexact --extra gazebo"
-        ) from None
+        raise ImportError(f"{path}: COLLADA meshes need pycollada: {how_to_install('gazebo')}") from None
     document = collada.Collada(io.BytesIO(content), ignore=[DaeUnsupportedError, DaeBrokenRefError])
     unit = float(getattr(document.assetInfo, "unitmeter", None) or 1.0)
     if document.scene is None:

@@ -103,7 +103,7 @@ def test_a_policy_that_cannot_be_used_fails_with_one_sentence(swing: Any, follow
     for policy, said in {
         "nets/gone.onnx": "the robot application has no file nets/gone.onnx; the robot application has nets/nan.onnx",
         "nets/nan.onnx": "policy nets/nan.onnx gave array([[nan]], dtype=float32), which is not finite",
-        "push.py:walk": "policy push.py:walk: robomaker_policy_push has no walk",
+        "push.py:walk": "policy push.py:walk: push.py has no walk",
         "pushy:act": "policy pushy:act: the bundle has no package pushy",
     }.items():
         done = swing(robot=robot, job={"policy": policy})
@@ -111,6 +111,11 @@ def test_a_policy_that_cannot_be_used_fails_with_one_sentence(swing: Any, follow
         assert said in done["failureReason"]
         assert "Traceback" not in done["failureReason"]
 
+    done = swing(robot={"application": "scout", "launchConfig": {}}, job={"policy": "pushy:act"})
+    assert done["failureReason"].endswith(
+        "policy pushy:act: robot application scout came with this package and has no modules of yours; leave it out, "
+        "and say which robot it is with ROBOMAKER_ROBOT: scout"
+    )
     call(
         "CreateRobotApplication",
         {"name": "boxed", "environment": {"uri": "example.com/robot:1"}, "robotSoftwareSuite": SUITE},

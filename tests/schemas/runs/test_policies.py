@@ -18,21 +18,22 @@ def request(**members: Any) -> SimulationJobRequest:
 
 
 @pytest.mark.parametrize(
-    ("policy", "file", "module", "attribute", "package"),
+    ("policy", "file", "module", "attribute", "folders"),
     [
-        ("nav.policies:act", None, "nav.policies", "act", "nav.policies"),
+        ("nav.policies:act", None, "nav.policies", "act", "nav/policies"),
         ("nav:Policy.make", None, "nav", "Policy.make", "nav"),
         ("nav/walk.py:act", "nav/walk.py", None, "act", "nav"),
-        ("nav/nets/walk.onnx", "nav/nets/walk.onnx", None, None, "nav.nets"),
+        ("nav/nets/walk.onnx", "nav/nets/walk.onnx", None, None, "nav/nets"),
+        ("nav-1.0/walk.onnx", "nav-1.0/walk.onnx", None, None, "nav-1.0"),
         ("walk.onnx", "walk.onnx", None, None, ""),
         ("/opt/robomaker/datasources/nets/walk.onnx", "/opt/robomaker/datasources/nets/walk.onnx", None, None, ""),
     ],
 )
 def test_what_a_text_names(
-    policy: str, file: str | None, module: str | None, attribute: str | None, package: str
+    policy: str, file: str | None, module: str | None, attribute: str | None, folders: str
 ) -> None:
     found = parse_policy(policy)
-    assert (found.file, found.module, found.attribute, found.package) == (file, module, attribute, package)
+    assert (found.file, found.module, found.attribute, "/".join(found.folders)) == (file, module, attribute, folders)
 
 
 @pytest.mark.parametrize(
@@ -74,6 +75,8 @@ def test_a_launch_variable_says_the_same() -> None:
          r"robotApplications\[0\].launchConfig.packageName both say"),
         ({"policy": "nav:act", "simulationApplications": [{**SIMULATION, "launchConfig": {"command": ["gazebo"]}}]},
          r"simulationApplications\[0\].launchConfig.command starts a program, which makes none"),
+        ({"policy": "nav:act", "simulationApplications": [{**SIMULATION, "application": "recorded-run"}]},
+         r"simulationApplications\[0\].application, recorded-run, judges a robot that has driven already"),
         ({"policy": "nav:act", "robotApplications": [
             {**ROBOT, "launchConfig": {"environmentVariables": {POLICY_VARIABLE: "nav:walk"}}}]},
          f"policy and .*{POLICY_VARIABLE} differ"),

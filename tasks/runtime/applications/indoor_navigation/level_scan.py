@@ -258,8 +258,6 @@ _BOX, _CYLINDER, _PLANE = (
 class LevelScan:
     """Fast lidar for a robot that stands level: casts rays against a floor plan instead of MuJoCo geoms.
 
-    Movable and irregular things are left to MuJoCo, which is asked only about rays that can hit them.
-
     The sides of fixed, upright boxes and cylinders come from the plan of the world. Everything else (what can move,
     what lies or is otherwise shaped, what ends within the lidar's plane) is left to MuJoCo, which is asked only about
     the rays that go there.

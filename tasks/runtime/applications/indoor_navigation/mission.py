@@ -185,9 +185,6 @@ class _Touch:
 class CollisionMonitor(KeepsAttributes):
     """Detects collisions of the robot with anything but the floor from simulated contacts.
 
-    Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest force is the
-    largest of those sampled.
-
     Call `sample` often: a touch that begins and ends between two calls is not seen, and the largest
     force is the largest of those sampled.
     """

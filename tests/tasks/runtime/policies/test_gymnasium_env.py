@@ -113,4 +113,4 @@ def test_what_it_cannot_be_made_of_is_told(world: Path, tmp_path: Path) -> None:
     )
     said = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert said.startswith("environments for training need gymnasium, which cannot be imported here")
-    assert said.endswith("pip install 'prefect-robomaker[gymnasium]'\n")
+    assert said.endswith("uv sync --frozen --inexact --extra gymnasium\n")

@@ -86,6 +86,31 @@ def test_a_class_of_a_package_is_made_once_and_says_what_it_remembers(make: Make
     assert (act(agent), agent.state()) == ([8.0, 0.0], 8)
 
 
+@pytest.mark.parametrize("file", ["turn-away.py", "walk.v2.py"])
+def test_files_of_any_name_hold_policies(make: Make, tmp_path: Path, file: str) -> None:
+    (tmp_path / file).write_text("act = lambda seen: [0.5, 1]\n")
+    assert act(make(f"{file}:act")) == [0.5, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("dtype", "action"), [(np.int8, "[1, 300]"), (np.uint8, "[-1, 0]"), (np.float32, "[1e300, 0]")]
+)
+def test_an_action_is_not_turned_into_another_one(make: Make, tmp_path: Path, dtype: Any, action: str) -> None:
+    (tmp_path / "walk.py").write_text(f"act = lambda seen: {action}\n")
+    agent = make("walk.py:act", action=specs.Array((2,), dtype))
+    with pytest.raises(RobotProgramError, match=rf"an action has numbers of type {np.dtype(dtype)}"):
+        agent(dm_env.transition(0.0, OBSERVATION))
+
+
+def test_what_was_observed_is_not_turned_into_something_else(make: Make, tmp_path: Path) -> None:
+    write_network(tmp_path / "half.onnx", {"obs": SUM}, kind=TensorProto.FLOAT16)
+    agent = make("half.onnx")
+    assert act(agent) == [sum(IN_A_ROW)] * 2
+    seen = {**OBSERVATION, "speed": np.array(7e4)}
+    with pytest.raises(RobotProgramError, match=r"its input 'obs' has type float16, which cannot hold .*up to 70000"):
+        agent(dm_env.transition(0.0, seen))
+
+
 def test_a_network_gets_all_numbers_in_a_row_or_arrays_by_name(make: Make, tmp_path: Path) -> None:
     write_network(tmp_path / "row.onnx", {"obs": SUM}, output="mean")
     assert act(make("row.onnx")) == [sum(IN_A_ROW)] * 2
@@ -148,7 +173,7 @@ def test_what_cannot_be_loaded_is_told_in_one_sentence(
         "text.onnx": "policy text.onnx is no network that onnxruntime can read",
         "gone.onnx": r"policy gone.onnx: the robot application has no file gone.onnx; .* has text.onnx",
         "broken.py:act": "policy broken.py:act: running broken.py failed: ZeroDivisionError",
-        "fine.py:walk": r"policy fine.py:walk: robomaker_policy_fine has no walk",
+        "fine.py:walk": r"policy fine.py:walk: fine.py has no walk \(needed for walk\); it has Idle, act",
         "fine.py:Idle": "an instance of it cannot be called",
         "fines:act": r"policy fines:act: the bundle has no package fines .*did you mean fine",
     }.items():
@@ -159,7 +184,7 @@ def test_what_cannot_be_loaded_is_told_in_one_sentence(
         make("fine.py:act", action={"left": ACTION, "right": ACTION})
     write_network(tmp_path / "fine.onnx", {"obs": SUM})
     monkeypatch.setitem(sys.modules, "onnxruntime", None)
-    with pytest.raises(LoadError, match=r"needs onnxruntime, .*; pip install 'prefect-robomaker\[onnx\]'$"):
+    with pytest.raises(LoadError, match=r"needs onnxruntime, .*uv sync --frozen --inexact --extra onnx$"):
         make("fine.onnx")
 
 

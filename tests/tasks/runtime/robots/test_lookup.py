@@ -9,6 +9,7 @@ import pytest
 from helpers.robot_stands import CART, CART_MAPPING, Stand, write_robot
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
+from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 
@@ -45,6 +46,17 @@ def test_the_innermost_package_with_a_mapping_counts(tmp_path: Path) -> None:
     (inner / "robot.yaml").rename(tmp_path / "robot.yaml")
     (inner / "cart.xml").rename(tmp_path / "cart.xml")
     assert find_robot(plan(None, tmp_path), {}).robot.name == "inner"
+
+
+def test_the_robot_of_a_policy_is_beside_it_or_that_of_the_application(tmp_path: Path) -> None:
+    write_robot(tmp_path, CART_MAPPING)
+    (tmp_path / "my_cart").rename(tmp_path / "cart-1.0")
+    policy = {"role": "robot", "attribute": POLICY_FACTORY}
+    beside = ApplicationPlan(name="mine", path=tmp_path, policy="cart-1.0/walk.onnx", **policy)
+    assert find_robot(beside, {}).robot.name == "cart_1_0"
+    for name in ("walker", "scout"):
+        network = ApplicationPlan(name=name, policy="/opt/robomaker/datasources/nets/walk.onnx", **policy)
+        assert find_robot(network, {}).robot.name == name
 
 
 @pytest.mark.parametrize(
