@@ -11,36 +11,20 @@ theirs is called.
 import resource
 import sys
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
-from pydantic import Field
-
-from ....schemas.runs.plan import RunPlan, RunResult
-from ....schemas.runs.recording_sources import RecordingSources
-from ....schemas.wire.base import Model, optional
+from ....schemas.runs.plan import RunResult
 from ....schemas.wire.errors import RobomakerError
 from ..applications.recorded_run import RecordedRun, make_agent
 from ..episode.results import make_result
 from ..limits.processes import die_with_parent
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver
+from .judging_request import JudgingRequest
 from .loop import run_episode
 
 _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
 """Address space of the program: libraries of numerics reserve gigabytes for threads that they never start."""
-
-
-class JudgingRequest(Model):
-    """Request to judge the recording of a run by its requirements."""
-
-    plan: RunPlan = Field(description="The run, with its requirements and its world.")
-    recording: Path = Field(description="The recording.")
-    sources: RecordingSources = Field(default=RecordingSources(), description="Topics that it is judged by.")
-    losses: dict[str, str] = Field(
-        default={}, description="Why topics are not recorded whole, by their names: what is missing proves nothing."
-    )
-    ended_by: str | None = optional("Cause of the end of the run; absent: it ended by itself.")
 
 
 class _NeverStopped:

@@ -11,7 +11,7 @@ from ....schemas.runs.variables import variables_of
 from ....schemas.wire.errors import InvalidParameterException
 from ..episode.results import write_result
 from ..limits.logs import LOG_FOLDER
-from ..process.judging import JudgingRequest
+from ..process.judging_request import JudgingRequest
 from ..ros.topic_report import PROGRAM
 from .finished_outputs import read_result, with_judged
 from .helper_programs import run_helper

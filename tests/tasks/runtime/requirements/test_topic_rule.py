@@ -12,7 +12,8 @@ from rosbags.typesys import Stores, get_typestore
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.requirements import parse_requirements
 from prefect_robomaker.schemas.runs.trials import Trials
-from prefect_robomaker.tasks.runtime.process.judging import JudgingRequest, judge
+from prefect_robomaker.tasks.runtime.process.judging import judge
+from prefect_robomaker.tasks.runtime.process.judging_request import JudgingRequest
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 
 STORE = get_typestore(Stores.LATEST)
