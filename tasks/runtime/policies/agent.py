@@ -88,7 +88,11 @@ def _callable(reference: PolicyReference, folder: Path | None, root: Path | None
         else:
             found = _attribute_of_file(_file(reference, folder, root), reference.attribute, folder)
     except LoadError as error:
-        raise LoadError(f"policy {reference.text}: {error}") from error.__cause__
+        is_absent = str(error).startswith("there is no installed package")
+        hint = (
+            "; a module of your own is in a robot application's archive, or where PYTHONPATH says" if is_absent else ""
+        )
+        raise LoadError(f"policy {reference.text}: {error}{hint}") from error.__cause__
     policy = found() if inspect.isclass(found) else found
     if not callable(policy):
         raise LoadError(f"policy {reference.text}: an instance of it cannot be called; give its class a __call__")

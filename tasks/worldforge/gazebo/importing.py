@@ -31,7 +31,7 @@ from ..model.description import description_text
 from ..pictures.plan_svg import floorplan_svg
 from ..sdf.lookup import Lookup
 from ..sdf.meshes import Meshes
-from ..sdf.reader import missing_models, read_world
+from ..sdf.reader import missing_parts, read_world
 from ..sdf.sdf_types import Joint, Link, Pose, SdfError, SdfWorld, euler_matrix
 from ..seeds import GENERATOR_VERSION
 from .bodies import Body, make_solids, moved, tie_bodies
@@ -81,9 +81,9 @@ def import_gazebo_world(path: Path, wishes: Wishes, folder: Path) -> World:
     """
     lookup = Lookup(path, wishes.model_paths, os.environ)
     sdf = read_world(path, wishes.model_paths, os.environ)
-    if not wishes.allow_missing and (missing := list(missing_models(sdf))):
+    if not wishes.allow_missing and (missing := list(missing_parts(sdf))):
         raise SdfError(
-            f"{path}: {len(missing)} {'model is' if len(missing) == 1 else 'models are'} missing: "
+            f"{path}: {len(missing)} {'model or file is' if len(missing) == 1 else 'models or files are'} missing: "
             f"{'; '.join(missing[:5])}{'; ...' if len(missing) > 5 else ''}. Name the folders of models with "
             "--model-path (or GAZEBO_MODEL_PATH), or import without them by --allow-missing"
         )

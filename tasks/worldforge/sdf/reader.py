@@ -23,7 +23,7 @@ from .sdf_types import (
     Visual,
     identity,
 )
-from .shapes import ShapeReader, cone_half_angle
+from .shapes import MISSING_COLLISION_HEIGHTMAPS, MISSING_COLLISION_MESHES, ShapeReader, cone_half_angle
 from .usual_models import usual_model
 from .xml_files import Element, flag_of, number_of, numbers_of, place, read_xml, text_of
 
@@ -378,6 +378,7 @@ def _axis(axis: ET.Element | None, scope: Scope, model: Pose, joint: Pose, versi
     return along / np.linalg.norm(along)
 
 
-def missing_models(world: SdfWorld) -> Iterator[str]:
-    """Yields the models that were not found, with similar names that exist."""
-    yield from world.left_out.names("models that are missing")
+def missing_parts(world: SdfWorld) -> Iterator[str]:
+    """Yields the models, with similar names that exist, and the files of collision shapes that were not found."""
+    for what in ("models that are missing", MISSING_COLLISION_MESHES, MISSING_COLLISION_HEIGHTMAPS):
+        yield from world.left_out.names(what)

@@ -21,6 +21,11 @@ _LEAST_MOMENT = 1e-12
 _ONES = (1.0, 1.0, 1.0)
 
 
+MISSING_COLLISION_MESHES = "collision meshes that are missing"
+MISSING_COLLISION_HEIGHTMAPS = "collision heightmaps that are missing or no pictures"
+"""What a robot would drive through, so that an import says so, and not only its list of what was left out."""
+
+
 class ShapeReader:
     """Parses shapes, materials and inertias of SDF elements.
 
@@ -61,20 +66,20 @@ class ShapeReader:
                     raise SdfError(f"{place(shape)}: the plane's normal has no direction")
                 return Geometry("plane", numbers_of(shape.find("size"), 2, (1.0, 1.0)), normal=(x, y, z))
             case "mesh":
-                return self._mesh(shape, base, where)
+                return self._mesh(shape, base, where, collides=parent.tag == "collision")
             case "polyline":
                 return self._polyline(shape, where)
             case "heightmap":
-                return self._heightmap(shape, base, where)
+                return self._heightmap(shape, base, where, collides=parent.tag == "collision")
             case other:
                 self._left_out.add(f"shapes of kind {other[:40]}", where)
                 return None
 
-    def _mesh(self, shape: ET.Element, base: Path, where: str) -> Geometry | None:
+    def _mesh(self, shape: ET.Element, base: Path, where: str, *, collides: bool) -> Geometry | None:
         uri = text_of(shape, "uri")
         path = self._lookup.file(uri, base)
         if path is None:
-            self._left_out.add("meshes that are missing", f"{uri} ({where})")
+            self._left_out.add(MISSING_COLLISION_MESHES if collides else "meshes that are missing", f"{uri} ({where})")
             return None
         x, y, z = numbers_of(shape.find("scale"), 3, _ONES)
         if 0.0 in (x, y, z):
@@ -94,11 +99,12 @@ class ShapeReader:
         height = _positive(shape, (number_of(shape, "height", 1.0),))
         return Geometry("prism", height, outline=tuple((x, y) for x, y in corners))
 
-    def _heightmap(self, shape: ET.Element, base: Path, where: str) -> Geometry | None:
+    def _heightmap(self, shape: ET.Element, base: Path, where: str, *, collides: bool) -> Geometry | None:
         uri = text_of(shape, "uri")
         path = self._lookup.file(uri, base)
         if path is None or path.suffix.lower() not in (".png", ".jpg", ".jpeg", ".bmp"):
-            self._left_out.add("heightmaps that are missing or no pictures", f"{uri} ({where})")
+            what = MISSING_COLLISION_HEIGHTMAPS if collides else "heightmaps that are missing or no pictures"
+            self._left_out.add(what, f"{uri} ({where})")
             return None
         x, y, z = numbers_of(shape.find("pos"), 3, (0.0, 0.0, 0.0))
         size = _positive(shape, numbers_of(shape.find("size"), 3, _ONES))

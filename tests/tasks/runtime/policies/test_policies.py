@@ -180,6 +180,10 @@ def test_what_cannot_be_loaded_is_told_in_one_sentence(
         with pytest.raises(LoadError, match=said) as caught:
             make(policy)
         assert "\n" not in str(caught.value)
+    with pytest.raises(
+        LoadError, match=r"no installed package no_such_here .*; a module of your own is .*PYTHONPATH says"
+    ):
+        make("no_such_here:act", folder=None)
     with pytest.raises(LoadError, match="the environment's action is not one array"):
         make("fine.py:act", action={"left": ACTION, "right": ACTION})
     write_network(tmp_path / "fine.onnx", {"obs": SUM})

@@ -184,7 +184,13 @@ def test_held_worlds_have_no_loose_bodies(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("more", "wishes", "said"),
     [
-        ("<include><uri>model://shelff</uri></include>", Wishes(), "1 model is missing: model://shelff"),
+        ("<include><uri>model://shelff</uri></include>", Wishes(), "1 model or file is missing: model://shelff"),
+        (
+            '<model name="rock"><link name="l"><collision name="c"><geometry>'
+            "<mesh><uri>rock.obj</uri></mesh></geometry></collision></link></model>",
+            Wishes(),
+            "1 model or file is missing: rock.obj (rock::l::c)",
+        ),
         ("", Wishes(start=Start(4.2, 0.8)), "is not free within 0.5 m, on a floor at 0.03 m: furnishing_table"),
         (
             "",

@@ -93,7 +93,7 @@ def test_names_of_meshes_have_to_be_right_to_the_letter(tmp_path: Path) -> None:
     (tmp_path / "Rock.stl").write_text("solid")
     mesh = "<geometry><mesh><uri>rock.stl</uri></mesh></geometry>"
     world = read(tmp_path, f'<model name="m"><link name="l"><collision name="c">{mesh}</collision></link></model>')
-    assert world.left_out.names("meshes that are missing") == ["rock.stl (m::l::c)"]
+    assert world.left_out.names("collision meshes that are missing") == ["rock.stl (m::l::c)"]
 
 
 def test_a_world_reads_no_file_outside_of_its_models(tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_a_world_reads_no_file_outside_of_its_models(tmp_path: Path) -> None:
     for uri in (f"file://{tmp_path}/secret.stl", "../../../secret.stl", f"{tmp_path}/secret.stl"):
         mesh = f"<geometry><mesh><uri>{uri}</uri></mesh></geometry>"
         world = read(home, f'<model name="m"><link name="l"><collision name="c">{mesh}</collision></link></model>')
-        assert "meshes that are missing" in world.left_out
+        assert "collision meshes that are missing" in world.left_out
 
 
 def test_models_in_a_fuel_cache_are_found_in_their_newest_version(tmp_path: Path) -> None:
