@@ -23,7 +23,7 @@ _ONES = (1.0, 1.0, 1.0)
 
 MISSING_COLLISION_MESHES = "collision meshes that are missing"
 MISSING_COLLISION_HEIGHTMAPS = "collision heightmaps that are missing or no pictures"
-"""What a robot would drive through, so that an import says so, and not only its list of what was left out."""
+"""A robot would drive through these, so an import is refused, instead of only listing them as left out."""
 
 
 class ShapeReader:
