@@ -25,7 +25,10 @@ _LEVEL_M = 0.01
 
 def _pair(value: object) -> object:
     """YAML has lists where the world has pairs."""
-    return tuple(float(each) if isinstance(each, int) else each for each in value) if isinstance(value, list) else value
+    if not isinstance(value, list):
+        return value
+    given: list[object] = value  # pyright: ignore[reportUnknownVariableType] - pydantic checks what is in it
+    return tuple(float(each) if isinstance(each, int) else each for each in given)
 
 
 def _finite(point: Point) -> Point:

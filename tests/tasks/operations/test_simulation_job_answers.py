@@ -30,9 +30,12 @@ def test_the_service_s_defaults_are_told(service: Service) -> None:
     answer = created(service, {})
 
     assert answer["loggingConfig"] == {"recordAllRosTopics": False}
+    application = answer["simulationApplications"][0]
+    assert application.pop("application").startswith(
+        "arn:aws:robomaker:us-east-1:000000000000:simulation-application/indoor-navigation/"
+    )
     assert answer["simulationApplications"] == [
         {
-            "application": "indoor-navigation",
             "applicationVersion": "$LATEST",
             "launchConfig": {},
             "uploadConfigurations": [],

@@ -85,11 +85,12 @@ def test_links_are_not_followed_wherever_they_are(root: Path, tmp_path: Path) ->
     assert found(root, "/var/log/*") == []
 
 
-def test_what_is_no_file_is_skipped(root: Path) -> None:
+def test_what_is_no_file_is_skipped(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home = root / "home/robomaker"
+    monkeypatch.chdir(home)  # paths of sockets have at most 107 characters
     os.mkfifo(home / "pipe")
     with socket.socket(socket.AF_UNIX) as listener:
-        listener.bind(os.path.relpath(home / "socket"))
+        listener.bind("socket")
 
     assert found(root, "/home/robomaker/*") == []
 

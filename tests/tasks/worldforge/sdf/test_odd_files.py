@@ -117,7 +117,7 @@ def test_two_folders_up_nothing_is_read(tmp_path: Path, uri: str) -> None:
     (home / "linked.obj").symlink_to(tmp_path / "secret.obj")
     mesh = f"<geometry><mesh><uri>{uri}</uri></mesh></geometry>"
     world = read(home, f'<model name="m"><link name="l"><collision name="c">{mesh}</collision></link></model>')
-    assert "meshes that are missing" in world.left_out
+    assert "collision meshes that are missing" in world.left_out
 
 
 def meshes_of(path: Path) -> Meshes:

@@ -53,7 +53,9 @@ def execute(arguments: argparse.Namespace) -> int:
     facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))
     if arguments.output == "json":
         proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
-        checked = {**proofs, "checks": checks.model_dump(mode="json")}
+        # As in `world.json`: only of imported Gazebo worlds this area is measured.
+        absent = {"reachable_m2"} if checks.reachable_m2 is None else set[str]()
+        checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=absent)}
         sys.stdout.write(json.dumps(checked, indent=2, ensure_ascii=False) + "\n")
     else:
         print_proofs(facts, sys.stdout)
