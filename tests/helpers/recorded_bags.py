@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Nodetype
 from rosbags.rosbag1 import Writer as Writer1
@@ -137,7 +138,9 @@ def mount(time_s: float, x: float = 0.0, frame: str = "base_scan") -> Said:
     return Said(time_s, "/tf_static", TF, {"transforms": [link(time_s, "base_link", frame, (x, 0.0, 0.0))]})
 
 
-def scan(time_s: float, ranges: Sequence[float], frame: str = "base_scan", **fields: Any) -> Said:
+def scan(
+    time_s: float, ranges: Sequence[float] | NDArray[np.floating], frame: str = "base_scan", **fields: Any
+) -> Said:
     """A scan all around."""
     usual = {"angle_min": -math.pi, "angle_increment": math.tau / len(ranges), "range_min": 0.1, "range_max": 10.0}
     return Said(time_s, "/scan", SCAN, {"header": header(time_s, frame), **usual, **fields, "ranges": ranges})

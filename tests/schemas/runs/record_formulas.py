@@ -53,7 +53,7 @@ def draw() -> None:
 
 def ask() -> None:
     """Prints the robustness that mtl finds for formulas of standard input."""
-    import mtl
+    import mtl  # pyright: ignore[reportMissingImports] - installed only where the file is recorded
 
     for line in sys.stdin:
         asked = json.loads(line)

@@ -13,12 +13,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from helpers.networks import write_network
 
-from prefect_robomaker import ConfigurationError, robot_env
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
+from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.runtime.episode.context import RobotProgramError, SimulationContext
 from prefect_robomaker.tasks.runtime.policies.agent import PolicyAgent
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
+from prefect_robomaker.tasks.worlds.training import robot_env
 
 MakeContext = Callable[..., SimulationContext]
 
@@ -92,7 +93,7 @@ def test_a_policy_has_the_same_bits_here_and_in_a_job(
     assert outcome.status == "Completed", outcome.failure_reason
 
     agent: Any = PolicyAgent(policy, bundle, None, env.environment)
-    observed, _ = env.reset(seed=6)
+    observed, info = env.reset(seed=6)
     is_over = False
     while not is_over:
         observed, _, terminated, truncated, info = env.step(agent._policy(observed))

@@ -11,10 +11,8 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.runs.requirement_kinds.all_rooms import AllRoomsRule
 from prefect_robomaker.schemas.runs.requirement_kinds.coverage import CoverageRule
 from prefect_robomaker.schemas.runs.requirement_kinds.expression import ExpressionRule
-from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRule
 from prefect_robomaker.schemas.runs.requirement_kinds.kind import yaw_rad
 from prefect_robomaker.schemas.runs.requirement_kinds.localization import LocalizationRule, pose_of
-from prefect_robomaker.schemas.runs.requirement_kinds.path_length import PathLengthRule
 from prefect_robomaker.schemas.runs.requirement_kinds.progress import ProgressRule
 from prefect_robomaker.schemas.runs.requirement_kinds.speed import SpeedRule
 from prefect_robomaker.schemas.runs.requirement_kinds.upright import UprightRule, tilt_deg
@@ -127,7 +125,8 @@ def test_a_robot_may_rest_where_it_had_to_go() -> None:
     assert rule.judged(20, "duration limit").satisfied
 
 
-def drive(goal: GoalRule, rule: PathLengthRule, way: list[tuple[float, float]], shortest_m: float | None) -> Any:
+def drive(rules: list[Any], way: list[tuple[float, float]], shortest_m: float | None) -> Any:
+    goal, rule = rules  # of `EAST`, and of the way there
     for time_s, (x, y) in enumerate(way):
         goal.update(time_s, math.hypot(x - 5, y))
         if time_s == 0:
@@ -138,15 +137,15 @@ def drive(goal: GoalRule, rule: PathLengthRule, way: list[tuple[float, float]], 
 
 def test_success_weighted_by_path_length() -> None:
     asked = {"kind": "path_length", "goal": "east", "min_ratio": 0.8}
-    straight = drive(*rules_of(EAST, asked), [(0, 0), (3, 0), (4.6, 0), (9, 0)], 4.5)
+    straight = drive(rules_of(EAST, asked), [(0, 0), (3, 0), (4.6, 0), (9, 0)], 4.5)
     assert (straight.satisfied, straight.value) == (True, pytest.approx(4.5 / 4.6, abs=1e-6))
-    detour = drive(*rules_of(EAST, asked), [(0, 0), (0, 3), (5, 3), (5, 0)], 4.5)
+    detour = drive(rules_of(EAST, asked), [(0, 0), (0, 3), (5, 3), (5, 0)], 4.5)
     assert (detour.satisfied, detour.value) == (False, pytest.approx(4.5 / 11, abs=1e-6))
     assert detour.margin == pytest.approx(4.5 / 11 - 0.8, abs=1e-6)
     assert detour.detail == (
         "0.409 of success weighted by path length, 0.8 asked for: the shortest way is 4.50 m, it took 11.00 m"
     )
-    missed = drive(*rules_of(EAST, asked), [(0, 0), (1, 0)], 4.5)
+    missed = drive(rules_of(EAST, asked), [(0, 0), (1, 0)], 4.5)
     assert (missed.satisfied, missed.value) == (False, 0.0)
     assert missed.detail == "0, since east was not reached; 0.8 asked for"
 
@@ -154,7 +153,7 @@ def test_success_weighted_by_path_length() -> None:
 @pytest.mark.parametrize(("shortest_m", "words"), [(None, "the map has no way to east"), (0.0, "is reached already")])
 def test_a_way_that_cannot_be_missed_or_is_none(shortest_m: float | None, words: str) -> None:
     asked = {"kind": "path_length", "goal": "east", "min_ratio": 0.8}
-    assert words in drive(*rules_of(EAST, asked), [(5, 0), (5, 0)], shortest_m).error
+    assert words in drive(rules_of(EAST, asked), [(5, 0), (5, 0)], shortest_m).error
 
 
 def cover(rule: CoverageRule, passed: list[set[int]], cells: int = 10) -> Any:

@@ -51,7 +51,7 @@ def test_the_innermost_package_with_a_mapping_counts(tmp_path: Path) -> None:
 def test_the_robot_of_a_policy_is_beside_it_or_that_of_the_application(tmp_path: Path) -> None:
     write_robot(tmp_path, CART_MAPPING)
     (tmp_path / "my_cart").rename(tmp_path / "cart-1.0")
-    policy = {"role": "robot", "attribute": POLICY_FACTORY}
+    policy: dict[str, Any] = {"role": "robot", "attribute": POLICY_FACTORY}
     beside = ApplicationPlan(name="mine", path=tmp_path, policy="cart-1.0/walk.onnx", **policy)
     assert find_robot(beside, {}).robot.name == "cart_1_0"
     for name in ("walker", "scout"):

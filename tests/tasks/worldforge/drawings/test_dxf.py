@@ -10,7 +10,7 @@ from ezdxf import filemanagement
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.schemas.worlds.world import DrawnSource, World
 from prefect_robomaker.tasks.worldforge.drawings import dxf
 from prefect_robomaker.tasks.worldforge.drawings.dxf import read_dxf
 from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
@@ -110,7 +110,7 @@ def test_a_flat_of_a_cad_program_is_imported_furnished_and_proved(tmp_path: Path
     assert len({item.room for item in world.furniture}) == 3
     assert world.checks is not None
     assert violations(world.checks) == []
-    assert world.source is not None
+    assert isinstance(world.source, DrawnSource)
     assert (world.source.form, world.source.metres_per_unit, world.source.outlines) == ("dxf", 0.001, "faces")
     assert world.source.left_out == ['1 DIMENSION on layer "DIM"']
 
@@ -130,7 +130,7 @@ def test_versions_and_units_draw_the_same_flat(
     plan.both_doors()
     world = plan.made(tmp_path, kind, scale=scale)
     assert doors_are_drawn(world)
-    assert world.source is not None
+    assert isinstance(world.source, DrawnSource)
     assert world.source.metres_per_unit == (scale or 0.0254)
 
 

@@ -7,7 +7,7 @@ import pytest
 from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
-from prefect_robomaker.schemas.worlds.world import World, contains
+from prefect_robomaker.schemas.worlds.world import DrawnSource, World, contains
 from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
@@ -74,7 +74,7 @@ def test_it_is_proved_and_says_what_is_not_as_drawn(flat: World) -> None:
         "flat.svg#to-bath": "it is 0.85 m wide here, so that 0.8 m stay clear",
         "flat.svg#front": "it leads out of Hall, and worlds end at their outer walls",
     }
-    assert flat.source is not None
+    assert isinstance(flat.source, DrawnSource)
     assert flat.source.sha256 == hashlib.sha256(FLAT.read_bytes()).hexdigest()
     assert (flat.source.form, flat.source.metres_per_unit, flat.source.outlines) == ("svg", 1.0, "faces")
 
@@ -110,7 +110,7 @@ def test_outlines_that_touch_are_the_middles_of_walls(tmp_path: Path) -> None:
     assert [room.area_m2 for room in (living, kitchen, closet)] == pytest.approx([16, 9, 3])
     assert living.floor_m2 == pytest.approx((4 - 0.15) * (4 - 0.2))
     assert living.desired_area_m2 == pytest.approx(living.floor_m2)
-    assert world.source is not None
+    assert isinstance(world.source, DrawnSource)
     assert world.source.outlines == "centres"
     assert world.floorplan.windows, "a drawing without windows gets those of a generated world"
 

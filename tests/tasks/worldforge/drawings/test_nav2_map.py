@@ -10,7 +10,7 @@ from PIL import Image
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, RobomakerError
-from prefect_robomaker.schemas.worlds.world import World
+from prefect_robomaker.schemas.worlds.world import DrawnSource, World
 from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid, write_map
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
@@ -49,7 +49,7 @@ def test_rooms_and_doors_of_an_empty_flat_come_back(flat: World, noise: float, t
     assert all(passage.width_m == pytest.approx(0.9, abs=0.21) for passage in world.floorplan.passages)
     assert world.checks is not None
     assert violations(world.checks) == []
-    assert world.source is not None
+    assert isinstance(world.source, DrawnSource)
     assert (world.source.form, world.source.metres_per_unit) == ("nav2-map", 0.05)
     assert world.source.left_out[0].endswith("of the map's free cells, which are in no room")
 
@@ -73,7 +73,7 @@ def test_specks_are_no_walls_and_the_frame_of_the_map_is_told(flat: World, tmp_p
     assert world.floorplan.rooms == clean.floorplan.rooms
     assert clean.source is not None
     assert clean.source.origin_m is not None
-    assert world.source is not None
+    assert isinstance(world.source, DrawnSource)
     assert world.source.origin_m == pytest.approx((clean.source.origin_m[0] + 10, clean.source.origin_m[1] - 3))
     # The map is the flat's own: what the import says of its frame puts walls back where they were.
     [bath] = [room for room in flat.floorplan.rooms if room.name == "Bathroom"]
