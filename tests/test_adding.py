@@ -25,7 +25,7 @@ from prefect_robomaker.tasks.backends.backend import BackendError
 
 make_context = hand_written_flat.make_context
 PAGE = (REPOSITORY / "docs" / "adding.md").read_text()
-HIGH = "requirements: [{kind: height, name: low, max_m: 0.001}]"
+FAR = "requirements: [{kind: reach, name: low, max_m: 0.001}]"
 
 
 def shown(language: str, text: str) -> str:
@@ -37,7 +37,7 @@ def shown(language: str, text: str) -> str:
 @pytest.fixture
 def example(tmp_path: Path) -> Path:
     """A folder in which a distribution is installed that has one of each kind, as the page shows them."""
-    kinds = {"requirements": shown("py", "class HeightRule"), "sensors": shown("py", "class Magnetometer")}
+    kinds = {"requirements": shown("py", "class ReachRule"), "sensors": shown("py", "class Magnetometer")}
     kinds["backends"] = shown("py", "def backend_at")
     kinds["pages"] = shown("py", "visit.page(_PAGE")
     site = tmp_path / "site"
@@ -81,7 +81,7 @@ except SpecError as error:
     refused = str(error)
 print(json.dumps({
     "refused": refused,
-    "made of": list(_judging_packages([{"kind": "height"}])),
+    "made of": list(_judging_packages([{"kind": "reach"}])),
     "page": with_tables("<!-- made: requirement-kinds -->\\n<!-- end -->"),
 }))
 """
@@ -89,14 +89,14 @@ print(json.dumps({
 
 def test_one_file_is_seen_everywhere(example: Path) -> None:
     """All but what runs: validation, JSON Schema, documentation."""
-    misspelt = poles(HIGH.replace("kind: height", "kind: heigt"))
+    misspelt = poles(FAR.replace("kind: reach", "kind: reech"))
     seen = json.loads(run(example, "-c", SEEN.replace("PLACE", repr(misspelt))))
 
-    assert "requirements[0].kind: is 'heigt'; did you mean 'height'?" in seen["refused"]
+    assert "requirements[0].kind: is 'reech'; did you mean 'reach'?" in seen["refused"]
     schema = json.loads(run(example, "-m", "prefect_robomaker", "schema"))
-    assert schema["$defs"]["HeightRequirement"]["properties"]["max_m"]["anyOf"][0]["type"] == "number"
+    assert schema["$defs"]["ReachRequirement"]["properties"]["max_m"]["anyOf"][0]["type"] == "number"
     assert seen["made of"] == ["package example"], "results are not reused when the rule has changed"
-    assert "| `height` | its body is higher than `max_m` |" in seen["page"]
+    assert "| `reach` | its body is farther from the origin than `max_m` |" in seen["page"]
 
 
 DRIVEN = """
@@ -285,7 +285,7 @@ def test_names_of_entry_points_are_given_once(example: Path) -> None:
 
 @pytest.mark.deep
 def test_a_requirement_of_another_distribution_is_judged_and_reported(example: Path, prefect_server: str) -> None:
-    (example.parent / "spec.yaml").write_text(poles(HIGH, HIGH.replace("0.001", "1000")))
+    (example.parent / "spec.yaml").write_text(poles(FAR, FAR.replace("0.001", "1000")))
     words = ("-m", "prefect_robomaker", "run", str(example.parent / "spec.yaml"))
 
     said = run(example, *words, code=1, PREFECT_API_URL=prefect_server)
@@ -294,7 +294,7 @@ def test_a_requirement_of_another_distribution_is_judged_and_reported(example: P
     junit = example.parent / "junit.xml"
     run(example, "-m", "prefect_robomaker", "report", str(folder), "--junit", str(junit))
     for text in (said, (folder / "report.html").read_text(), junit.read_text()):
-        assert "m high at most, 0.001 m allowed" in text
+        assert "m away at most, 0.001 m allowed" in text
     assert 'tests="2" failures="1" errors="0"' in junit.read_text()
 
 

@@ -2,6 +2,6 @@
 
 
 def act(observation):
-    """Policy that turns away from obstacles: returns forward velocity (m/s) and turning rate (rad/s)."""
+    """Returns forward velocity in m/s and turning rate in rad/s."""
     ahead = observation["scan"][150:210].min()
     return [0.3, 0.0] if ahead > 0.6 else [0.0, 1.0]

@@ -67,9 +67,23 @@ def later(service: Service) -> Service:
     return replace(service, catalog=catalog)
 
 
-def killed(service: Service, job: dict[str, Any], worker: Callable[..., "subprocess.Popen[bytes]"]) -> Path:
-    """Has a job performed and kills the job worker in the middle; returns the folder of the run that died with it."""
+def killed(
+    service: Service,
+    job: dict[str, Any],
+    worker: Callable[..., "subprocess.Popen[bytes]"],
+    status: str | None = None,
+) -> Path:
+    """Has a job performed and kills the job worker in the middle; returns the folder of the run that died with it.
+
+    Args:
+        service: Where the job is.
+        job: Description of the job.
+        worker: Starts a job worker.
+        status: Status that the job has to have first; None: any.
+    """
     process = worker(job["arn"])
+    if status is not None:
+        wait_for(lambda: service.catalog.get(job["arn"]).status == status, status)
     folder = service.settings.home / "jobs" / job["name"]
     [checkpoint, *_] = wait_for(lambda: list(folder.glob("*/checkpoints/checkpoint-*.bin")), "a checkpoint")
     process.send_signal(signal.SIGKILL)
@@ -149,8 +163,9 @@ def test_what_was_done_is_stored_when_the_rest_cannot_be_started(
     port = free_port()
     ports = {"portMappings": [{"jobPort": port, "applicationPort": 4000}]}
     push = {"packageName": "swinger", "launchFile": "make_agent", "portForwardingConfig": ports}
-    job = swing(perform=False, robot={"launchConfig": push}, **SLOW)
-    killed(service, job, worker)
+    # Nothing listens on the port, so that the job counts as running after 10 s only; then its outputs are known.
+    job = swing(perform=False, robot={"launchConfig": push}, **{**SLOW, "TIME_LIMIT_S": "600"})
+    killed(service, job, worker, status="Running")
 
     with socket.create_server(("127.0.0.1", port)):
         perform_job(job["arn"], later(service))
