@@ -38,7 +38,9 @@ def test_the_example_of_requirements_meets_all_of_them(run_example: RunExample) 
     assert [job["verdict"] for job in record["jobs"]] == ["PASS"] * 4
     for result in results:
         judged = {each["name"]: each["satisfied"] for each in result["requirements"] if each["counts"]}
-        assert judged == dict.fromkeys(("at-home", "to-bed", "gentle", "polite", "quick"), True)
+        assert judged == dict.fromkeys(
+            ("at-home", "to-bed", "gentle", "polite", "quick", "calm", "direct", "careful"), True
+        )
         assert result["ended_by"] == "requirements"
         assert result["sim_time_s"] > 2, "the bedroom is a way off"
 
