@@ -41,7 +41,7 @@ def test_the_checker_of_gymnasium_passes_it(world: Path, robot: str) -> None:
 
 
 def test_an_episode_ends_by_its_time_or_by_the_task_and_says_the_verdict(world: Path) -> None:
-    env = robot_env(world, time_limit_s=0.5)
+    env: Any = robot_env(world, time_limit_s=0.5)  # which also takes lists, and says what it does not take
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(np.zeros(2))
     env.reset(seed=1)
