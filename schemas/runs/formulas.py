@@ -13,7 +13,7 @@ from typing import TypeAlias
 from ..wire.request_problems import nearest
 
 MAX_DEPTH = 30
-"""How deeply formulas may be nested: reading and judging them takes the stack."""
+"""Greatest depth of nested formulas: reading and judging them takes the stack."""
 
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d{1,2})?)|(?P<name>[a-zA-Z_]\w*)"
@@ -26,7 +26,7 @@ _OTHERS = {"=": "<= or >=", "==": "abs(a - b) < 0.1", "!=": "abs(a - b) > 0.1", 
 _OTHERS["/"] = "* 0.5 for / 2"
 
 Bounds: TypeAlias = tuple[float, float]
-"""From when to when, in seconds from now, both included."""
+"""First and last moment that count, in seconds from now, both included."""
 
 
 class FormulaError(ValueError):

@@ -30,9 +30,9 @@ class Robustness:
     """Lower and upper bound of a formula's robustness, the margin by which a run satisfies it."""
 
     least: float
-    """With the worst of what could have come after the end; above 0 the formula holds in any case."""
+    """Robustness with the worst that could have come after the end; above 0 the formula holds in any case."""
     most: float
-    """With the best; below 0 it is violated in any case."""
+    """Robustness with the best that could have come; below 0 the formula is violated in any case."""
     violated_at: int | None = None
     """Number of the first sample at which it is known to be violated; None: it is not, or only its end says so."""
     idle: tuple[Formula, ...] = ()

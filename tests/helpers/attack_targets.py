@@ -128,7 +128,7 @@ def succeeds(attack: str) -> bool:
 def targets(
     tmp_path: Path, victim: subprocess.Popen[bytes], listeners: dict[str, Any], key: str | None
 ) -> dict[str, Any]:
-    """What is attacked."""
+    """Targets of an attack."""
     home = tmp_path / "home"
     with sqlite3.connect(home / "catalog.db") as database:
         database.execute("CREATE TABLE jobs (secret)")

@@ -27,7 +27,7 @@ _STATE = (
     "geometry_msgs/Vector3[] contact_normals\nfloat64[] depths\n"
 )
 EPOCH_S = 1_760_000_000
-"""When real robots drive."""
+"""Wall-clock time of a recording, in seconds since 1970."""
 
 
 class Said(NamedTuple):
@@ -134,7 +134,7 @@ def odometry(time_s: float, pose: Sequence[float], topic: str = "/odom") -> Said
 
 
 def mount(time_s: float, x: float = 0.0, frame: str = "base_scan") -> Said:
-    """Where the lidar is."""
+    """A transform that says where the lidar is."""
     return Said(time_s, "/tf_static", TF, {"transforms": [link(time_s, "base_link", frame, (x, 0.0, 0.0))]})
 
 
@@ -178,7 +178,7 @@ def drive(seconds: float = 12.0, start_s: float = EPOCH_S, wall_x: float = 6.0) 
 
 
 def as_real_robot(recording: Path, seed: int = 1) -> list[Said]:
-    """What a real robot would have recorded in a simulated run: noise, drift, a localisation, and no ground truth.
+    """Makes a real robot's recording of a simulated run: with noise, drift, a localisation, and no ground truth.
 
     Times are of a day in 2025, each message is received a little after its stamp. The odometry drifts; a localisation
     tells ten times a second where `odom` is in the map, to a centimetre; the lidar is noisy. Neither the clock nor

@@ -96,7 +96,7 @@ class Probation:
     """The version that ran before, to which the robot goes back; absent: none did."""
 
     ends: int = 0
-    """How often the application has ended by itself since then."""
+    """Number of times that the application has ended by itself since then."""
 
 
 @dataclass(frozen=True)

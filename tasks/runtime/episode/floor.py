@@ -16,7 +16,7 @@ from ....schemas.worlds.world import Point
 from .occupancy_map import OccupancyMap, read_world_map
 
 _SNAP_M = 0.5
-"""How far from a free cell a way may begin or end: robots and goals touch things."""
+"""Greatest distance from a free cell at which a way may begin or end: robots and goals touch things."""
 _NEIGHBOURS = ((0, 1), (1, 0), (1, 1), (1, -1), (1, 2), (2, 1), (1, -2), (2, -1))
 """Half of the cells that one step leads to: with knights' moves, ways are at most 2.8 % longer than straight ones."""
 

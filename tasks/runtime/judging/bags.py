@@ -45,7 +45,7 @@ class Message(NamedTuple):
     """A message of a ROS recording, with its topic and time."""
 
     time_ns: int
-    """When it was received, as the recording says."""
+    """Time of receipt in nanoseconds, as the recording says."""
 
     topic: str
     type: str
@@ -129,9 +129,9 @@ class Bag:
             topics = f" on its topics {self.shown()}" if self.counts else ""
             raise RecordingFault(f"{self.path} is empty: there is no message in it{topics}; record a run")
         self.start_ns: int = self._reader.start_time
-        """When the first message was received."""
+        """Time of receipt of the first message, in nanoseconds."""
         self.end_ns: int = self._reader.end_time - 1
-        """When the last message was received."""
+        """Time of receipt of the last message, in nanoseconds."""
         self._store: Any = None
 
     def close(self) -> None:

@@ -316,7 +316,7 @@ _CHUNK = 4_000_000
 
 
 def _depths(mesh: _Faces, polygons: list[tuple[float, list[int], Points]]) -> list[float]:
-    """How thick each polygon's prism is: up to the mesh's other side, where that is near.
+    """Thickness of each polygon's prism: up to the mesh's other side, where that is near.
 
     The nearest back side counts, from the polygon's middle and from spots towards its corners.
     """

@@ -38,7 +38,7 @@ class Solid:
     pose: Pose
     """Pose in the world."""
     size: tuple[float, ...]
-    """As MuJoCo has it: half extents, radius, radius and half length."""
+    """Size as MuJoCo has it: half extents, radius, radius and half length."""
     friction: float
     corners: Points | None = None
     """Corners of a hull, in its own frame."""

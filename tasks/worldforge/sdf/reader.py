@@ -49,7 +49,7 @@ class _Model:
     folder: Path
     """Folder that its files are named from."""
     is_static: bool | None
-    """As it says itself or by what it includes; absent: neither says it."""
+    """Whether the model is static, as it says itself or by what it includes; None: neither says it."""
     nested: list["_Model"]
     kind: str
     is_merged: bool = False

@@ -416,7 +416,7 @@ def test_a_job_that_goes_on_after_a_crash_can_be_restarted(
 
 
 def answer_of(job: Ending, port: int) -> bytes:
-    """What is answered at a job's port; nothing where no program listens."""
+    """Returns the answer at a job's port; nothing where no program listens."""
     import urllib.request
 
     try:

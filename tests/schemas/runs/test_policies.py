@@ -1,4 +1,4 @@
-"""What a request may say of a policy."""
+"""Policies in requests."""
 
 from typing import Any
 

@@ -92,7 +92,7 @@ class Application:
         return f"the application ended with {how} after {up_s:.1f} s"
 
     def steady_s(self) -> float | None:
-        """When it will have been up for long, by the monotonic clock; `None`: it does not run."""
+        """Time when it will have been up for long, by the monotonic clock; `None`: it does not run."""
         return None if self._process is None else self._since_s + _STEADY_S
 
     def fall_back(self, *, was_steady: bool = False) -> None:

@@ -164,7 +164,7 @@ class Watch:
 
     @property
     def due_s(self) -> float | None:
-        """When to look next, by the monotonic clock in seconds."""
+        """Time of the next look, by the monotonic clock in seconds."""
         if self._checking is not None:
             return self._checking.due_s
         return None if self._is_over else self._until_s

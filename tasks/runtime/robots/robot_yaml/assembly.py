@@ -87,13 +87,13 @@ _OVERHANG_M = 0.01
 """Length by which parts may stick out of the footprint before a warning, in metres."""
 
 _TOO_LARGE = 20
-"""How many times the footprint's radius a part may reach.
+"""Greatest reach of a part, in radii of the footprint.
 
 Parts in millimetres are told from a fiftieth of the radius on, those in inches from half of it on.
 """
 
 _TOO_SMALL = 100
-"""How many times less than the footprint a robot may reach; one in millimetres that has its scale twice, 1000 times."""
+"""Divisor of the footprint that is the least reach of a robot; one in millimetres, scaled twice, has 1000."""
 
 _SINGLE = (int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE))
 """Kinds of joints with one coordinate; numpy's numbers are equal to MuJoCo's names from one side only."""

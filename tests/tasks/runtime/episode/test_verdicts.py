@@ -81,7 +81,7 @@ def test_trials(passed: int, failed: int, errors: int, unjudged: int, verdict: V
 
 
 def test_goals_that_end_a_run_count_alone_also_while_topics_are_to_be_judged() -> None:
-    """What the environment asks for beyond them does not count, whatever else the job asks for."""
+    """Further requirements of the environment do not count, whatever else the job asks for."""
     report = EnvironmentReport(verdict="FAIL", requirements=[MISSED])
     topic = Requirement(name="often", satisfied=False, detail="", error=NOT_READ)
     result = make_result(Episode("requirements", report, 20, 1.0, 1.0), 1, [Findings(requirements=[MET, topic])])

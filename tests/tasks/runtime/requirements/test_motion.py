@@ -34,7 +34,7 @@ MODEL = """
 """
 STEP_S = 0.05
 TOUR = [(0, 0), (0.45, 0), (0.45, 2), (0.45, 0), (4.45, 0), (4.45, 2)]
-"""From the hall into the living room and the kitchen."""
+"""A way from the hall into the living room and the kitchen."""
 
 
 class Led(dm_env.Environment):

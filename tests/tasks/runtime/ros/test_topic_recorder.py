@@ -218,7 +218,7 @@ def test_a_node_is_asked_for_a_definition_that_is_not_known(
 
 SET_BOOL = "bool data # e.g. for hardware enabling / disabling\n---\nbool success   # indicate\nstring message # info\n"
 SET_BOOL_EVENT = "RIHS01_3c4c20015afb4303eafd347b1d6a786f171a89c814726961a9593ef10df878cf"
-"""Of `std_srvs/srv/SetBool_Event`, as Jazzy's own package says it."""
+"""Hash of `std_srvs/srv/SetBool_Event`, as Jazzy's own package says it."""
 FILES = {
     # As a merged install, an isolated one and a source tree have them.
     "install/share/my_msgs/msg/Spot.msg": "std_msgs/Header header\nSize size\nother_msgs/Kind[<=3] kinds\nchar mark 7",
