@@ -318,7 +318,7 @@ class GazeboSource(Model):
 
     form: Literal["gazebo"] = Field(default="gazebo", description="How it was read.")
     file: str = Field(description="Name of the world file.")
-    sha256: str = Field(description="SHA-256 over it and all files that were read with it, hexadecimal.")
+    sha256: str = Field(description="SHA-256 over it, its models and meshes, hexadecimal.")
     sdf_version: str = Field(description="Version of SDF that the file says.")
     origin_m: tuple[float, float, float] = Field(
         description="Position of the world's origin in the file's frame, metres: the start, on the floor. A point p "

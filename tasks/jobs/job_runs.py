@@ -408,7 +408,7 @@ class JobRun:
         self._answers = True
 
     def _interruption(self) -> RunStop | None:
-        """Returns the cause for which the run has to end, if any; says that its job runs once forwarded ports answer."""
+        """Returns why the run has to end, if it has to; says that its job runs once forwarded ports answer."""
         try:
             if self._answers:
                 self._note_running()
