@@ -10,10 +10,11 @@ from ..wire.base import Model, optional
 from .changes import CellName, Losses, RequirementChange
 from .run_record import CaseOutcome, SourceCommit
 
-Answer = Literal["better", "worse", "no difference shown", "not comparable"]
+Answer = Literal["better", "not worse", "worse", "no difference shown", "not comparable"]
 
 ANSWER_EXIT_CODES: dict[Answer, int] = {
     "better": OK,
+    "not worse": OK,
     "worse": VERDICT_FAILED,
     "no difference shown": NO_DIFFERENCE,
     "not comparable": NOT_COMPARABLE,
@@ -46,6 +47,21 @@ class PairedJob(Model):
 Test = Literal["exact McNemar", "sign flip of worlds"]
 
 
+MarginOutcome = Literal["shown", "not shown"]
+
+
+class MarginTest(Model):
+    """Test of whether the pass rate fell by less than a margin that was asked for."""
+
+    margin: float = Field(description="The fall of the pass rate that would matter, a share from 0 to 1.")
+    outcome: MarginOutcome = Field(description="Whether a fall by less than that is shown.")
+    test: Literal["Tango's score", "interval between worlds"] = Field(
+        description="The test that decides, one-sided at half of alpha: where whole worlds are flipped, the lower end "
+        "of the interval has to be above the margin."
+    )
+    p_value: float | None = optional("One-sided p-value of Tango's test.")
+
+
 class RateChange(Model):
     """Pass rates of two runs over the trials that were judged in both, with a test of the difference.
 
@@ -67,15 +83,19 @@ class RateChange(Model):
         "whole worlds are flipped."
     )
     p_value: float = Field(description="Its two-sided p-value.")
+    margin: MarginTest | None = optional("Present where a margin is asked for.")
 
 
 class NeededPairs(Model):
-    """Number of trial pairs needed to detect a difference of pass rates, by the power of the statistical test."""
+    """Number of trial pairs needed to answer a question about pass rates, by the power of the test that decides it."""
 
-    difference: float = Field(description="Difference of the pass rates that is to be shown, positive.")
-    basis: Literal["asked for", "as found", "10 points"] = Field(
-        description="Source of that difference: an option, what the pairs showed, or what is taken where they showed "
-        "none."
+    difference: float = Field(
+        description="Difference of the pass rates that is to be shown, positive; with a margin, the fall that is to be "
+        "excluded."
+    )
+    basis: Literal["asked for", "as found", "10 points", "margin"] = Field(
+        description="Source of that difference: an option, what the pairs showed, what is taken where they showed "
+        "none, or the margin that was asked for, where nothing changed in truth."
     )
     discordant: float = Field(description="Share of pairs that differ, as expected from those there are.")
     power: float = Field(description="Probability with which it would be shown.")

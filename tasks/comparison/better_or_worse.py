@@ -12,6 +12,7 @@ from ...schemas.reports.comparison import (
     Answer,
     ComparedRun,
     Comparison,
+    MarginTest,
     MetricChange,
     PairedJob,
     RateChange,
@@ -29,7 +30,14 @@ _LARGEST = 1e100
 """Numbers from here on are left out of means: their squares are not finite."""
 
 
-def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, difference: float | None = None) -> Comparison:
+def compare(
+    before: NightRun,
+    after: NightRun,
+    *,
+    alpha: float = 0.05,
+    difference: float | None = None,
+    margin: float | None = None,
+) -> Comparison:
     """Compares two runs of a specification by a statistical test: did the robot get better, worse, or is it unclear?
 
     The answer is that of a test of the trials that were judged in both runs: the exact McNemar test, or where six
@@ -41,6 +49,8 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         after: the second run.
         alpha: error probability of the test; the intervals of all metrics together have it too (Bonferroni).
         difference: difference of pass rates that `needed` is about, a share from 0 to 1; None: the one found.
+        margin: fall of the pass rate that would matter, a share from 0 to 1; with it, a second run that is shown to
+            have fallen by less is "not worse".
 
     Returns:
         The answer, with what it rests on.
@@ -50,8 +60,10 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
     is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
     fair = trials.only(is_fair[trials.jobs])
     judged = _judged(fair.only(fair.judged), alpha)
-    rate = rate_change(judged, alpha) if len(judged) else None
+    rate = rate_change(judged, alpha, margin) if len(judged) else None
     answer, why = _answer(before, after, pairing, fair, judged, rate, alpha)
+    if answer == "not worse" and (open_question := _depends_on_lost(judged, fair, alpha, margin)):
+        answer, why = "not comparable", open_question
     requirements = requirement_changes(trials, pairing.pairs)
     told = [(_told(pair, requirements), pair.outcomes) for pair in pairing.pairs]
     return Comparison(
@@ -76,7 +88,7 @@ def compare(before: NightRun, after: NightRun, *, alpha: float = 0.05, differenc
         newly_passing=[pair for pair, (old, new) in told if old.is_failure and new is Outcome.PASSED],
         still_failing=[pair for pair, (old, new) in told if old.is_failure and new.is_failure],
         rate=rate,
-        needed=needed_pairs(judged, alpha, difference) if answer == "no difference shown" else None,
+        needed=needed_pairs(judged, alpha, difference, margin) if answer == "no difference shown" else None,
         metrics=_changes("metric", trials, alpha),
         margins=_changes("margin", fair, alpha),
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
@@ -125,14 +137,44 @@ def _answer(
     answer = _tested(rate, alpha)
     told = _judged(fair.only(fair.told), alpha)
     broken = len(told) - rate.pairs
-    if broken and (strict := _tested(rate_change(told, alpha), alpha)) != answer:
+    margin = rate.margin.margin if rate.margin else None
+    if broken and (strict := _tested(rate_change(told, alpha, margin), alpha)) != answer:
         return "not comparable", (
             f"the answer depends on the {_counted(broken, 'pair')} of which a side broke: {answer} when they are left "
             f"out, {strict} when what broke counts as failed; repair that and run it again"
         )
     scope = _scope(judged, fair) if answer != "no difference shown" else ""
     words = _judged_in_words(judged, fair)
-    return answer, f"{words}, p = {rate.p_value:.2g} ({rate.test} test, alpha {alpha:g}){scope}"
+    about = f"; {_margin_in_words(rate.margin)}" if rate.margin else ""
+    return answer, f"{words}, p = {rate.p_value:.2g} ({rate.test} test, alpha {alpha:g}){about}{scope}"
+
+
+def _margin_in_words(test: MarginTest) -> str:
+    """Says what is shown about a margin: that the pass rate fell by less, or that this is open."""
+    by = f"p = {test.p_value:.2g}, {test.test} test" if test.p_value is not None else test.test
+    points = f"{100 * test.margin:.3g} points"
+    if test.outcome == "shown":
+        return f"the pass rate did not fall by {points} or more ({by})"
+    return f"a fall by {points} or more is not excluded ({by})"
+
+
+def _depends_on_lost(judged: JudgedTrials, fair: TrialPairs, alpha: float, margin: float | None) -> str:
+    """Says that passed trials of the first run which the second one lacks could be the fall that is to be excluded."""
+    lost = fair.only(fair.told).lost_passes
+    if not lost:
+        return ""
+    worst = JudgedTrials(
+        np.concatenate([judged.before, np.ones(lost, dtype=np.bool_)]),
+        np.concatenate([judged.after, np.zeros(lost, dtype=np.bool_)]),
+        np.concatenate([judged.worlds, np.full(lost, -1)]),
+        judged.fewest_worlds,
+    )
+    if _tested(rate_change(worst, alpha, margin), alpha) in ("not worse", "better"):
+        return ""
+    return (
+        f"{_counted(lost, 'trial')} that passed in the first run have no verdict by the same requirements in the "
+        "second, and if they failed, the pass rate fell by the margin; run them too"
+    )
 
 
 def _judged_in_words(judged: JudgedTrials, fair: TrialPairs) -> str:
@@ -152,9 +194,12 @@ def _scope(judged: JudgedTrials, fair: TrialPairs) -> str:
 
 
 def _tested(rate: RateChange, alpha: float) -> Answer:
-    if rate.p_value > alpha:
-        return "no difference shown"
-    return "better" if rate.difference > 0 else "worse"
+    differs = rate.p_value <= alpha
+    if differs and rate.difference > 0:
+        return "better"
+    if rate.margin is not None and rate.margin.outcome == "shown":
+        return "not worse"  # by as much as matters, also where it is shown to be a little worse
+    return "worse" if differs else "no difference shown"
 
 
 def _changes(kind: str, trials: TrialPairs, alpha: float) -> list[MetricChange]:

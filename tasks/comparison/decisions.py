@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...schemas.reports.comparison import NeededPairs, RateChange
+from ...schemas.reports.comparison import MarginTest, NeededPairs, RateChange
+from .margins import margin_p_value, margin_pairs_needed, margin_worlds_needed
 from .statistics import (
     Interval,
     clustered_mean,
@@ -88,12 +89,13 @@ class JudgedTrials:
         return sums.astype(np.float64), np.bincount(numbers).astype(np.float64)
 
 
-def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
+def rate_change(trials: JudgedTrials, alpha: float, margin: float | None = None) -> RateChange:
     """Computes both pass rates, their difference with its confidence interval, and the p-value.
 
     Args:
         trials: at least one pair.
         alpha: 1 minus the confidence level of the interval.
+        margin: the fall of the pass rate that would matter, a share; None: none was asked for.
     """
     counts = [int((trials.before == old)[trials.after == new].sum()) for old in (True, False) for new in (True, False)]
     both, worse, better, neither = counts
@@ -104,6 +106,7 @@ def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
     else:
         found, test = paired_rate_difference(both, worse, better, neither, alpha), "exact McNemar"
         p_value = mcnemar_p_value(worse, better)
+    by_worlds = found.low if trials.flips_worlds else None
     return RateChange(
         pairs=len(trials),
         worlds=trials.world_count,
@@ -114,38 +117,80 @@ def rate_change(trials: JudgedTrials, alpha: float) -> RateChange:
         high=min(found.high, 1.0),
         test=test,
         p_value=p_value,
+        margin=None if margin is None else _margin_test(len(trials), worse, better, margin, alpha, by_worlds),
     )
 
 
-def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None) -> NeededPairs:
-    """Computes how many pairs of trials would be needed to detect a difference of pass rates.
+def _margin_test(
+    pairs: int, worse: int, better: int, margin: float, alpha: float, low_by_worlds: float | None
+) -> MarginTest:
+    """The test of a margin; where worlds are flipped, the interval between them decides, since trials are alike."""
+    if low_by_worlds is not None:
+        outcome = "shown" if low_by_worlds > -margin else "not shown"
+        return MarginTest(margin=margin, outcome=outcome, test="interval between worlds")
+    p_value = margin_p_value(pairs, worse, better, margin)
+    return MarginTest(
+        margin=margin, outcome="shown" if p_value <= alpha / 2 else "not shown", test="Tango's score", p_value=p_value
+    )
+
+
+def needed_pairs(trials: JudgedTrials, alpha: float, asked: float | None, margin: float | None = None) -> NeededPairs:
+    """Computes how many pairs of trials would be needed to answer a question about pass rates.
 
     Args:
         trials: at least one pair.
         alpha: error probability of the test that decides.
         asked: the difference that was asked for, above 0; None: none was.
+        margin: the fall of the pass rate that is to be excluded, where nothing changed; None: the question is whether
+            there is a difference.
     """
     change, pairs = trials.change, len(trials)
     found = abs(int(change.sum())) / pairs
-    difference = asked or found or _USUAL_DIFFERENCE
-    discordant = max(int((change != 0).sum()) / pairs, difference)
-    worlds = None
-    if trials.flips_worlds:
-        sums, sizes = trials.by_world(change * (1 if change.sum() >= 0 else -1))
-        chance = np.random.default_rng(_SEED)
-        worlds = worlds_needed(sums / sizes, pairs / len(sizes), difference, chance, alpha=alpha, power=POWER)
-        needed = max(worlds, round(worlds * pairs / len(sizes)))
-    else:
-        needed = mcnemar_pairs_needed(discordant, difference, alpha, POWER)
+    differ = int((change != 0).sum()) / pairs
+    difference = margin or asked or found or _USUAL_DIFFERENCE
+    by_worlds = trials.by_world(change * (1 if change.sum() >= 0 else -1)) if trials.flips_worlds else None
+    needed, worlds = pairs_for(difference, differ, alpha, by_worlds, is_margin=margin is not None)
     return NeededPairs(
         difference=difference,
-        basis="asked for" if asked else "as found" if found else "10 points",
-        discordant=discordant,
+        basis="margin" if margin else "asked for" if asked else "as found" if found else "10 points",
+        discordant=differ if margin else max(differ, difference),
         power=POWER,
         pairs=needed,
         more=max(0, needed - pairs),
         worlds=worlds,
     )
+
+
+def pairs_for(
+    difference: float,
+    discordant: float,
+    alpha: float,
+    by_world: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+    *,
+    is_margin: bool,
+) -> tuple[int, int | None]:
+    """Computes how many pairs the test that decides needs, and in how many worlds.
+
+    Args:
+        difference: difference that is to be shown, or the margin that is to be excluded; a share above 0.
+        discordant: share of pairs that differ.
+        alpha: error probability of the test.
+        by_world: sum of the changes in each world and its number of pairs, where whole worlds decide; else None.
+        is_margin: whether it is about a margin.
+
+    Returns:
+        Pairs, and worlds where these decide.
+    """
+    if by_world is None:
+        if is_margin:
+            return margin_pairs_needed(discordant, difference, alpha, POWER), None
+        return mcnemar_pairs_needed(max(discordant, difference), difference, alpha, POWER), None
+    sums, sizes = by_world
+    chance, each = np.random.default_rng(_SEED), float(sizes.mean())
+    count = margin_worlds_needed if is_margin else worlds_needed
+    worlds = count(sums / sizes, each, difference, chance, discordant=discordant, alpha=alpha, power=POWER)
+    worlds = max(worlds, fewest_worlds(alpha))
+    return max(worlds, round(worlds * each)), worlds
 
 
 def mean_change(trials: JudgedTrials, differences: NDArray[np.float64], alpha: float) -> Interval:

@@ -152,6 +152,11 @@ class TrialPairs:
         before, after = self.outcomes
         return (before <= BROKEN) & (after <= BROKEN)
 
+    @property
+    def lost_passes(self) -> int:
+        """Number of trials that passed in the first run and are in none of these pairs."""
+        return int((_outcomes(self.before) == PASSED).sum()) - int((self.outcomes[0] == PASSED).sum())
+
     def only(self, which: NDArray[np.bool_]) -> "TrialPairs":
         """Returns the pairs that a mask selects."""
         return TrialPairs(

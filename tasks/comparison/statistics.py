@@ -215,7 +215,7 @@ def mcnemar_pairs_needed(discordant: float, difference: float, alpha: float = 0.
     approximate = _connor(discordant, difference, alpha, power)
     if approximate > _EXACT_UP_TO:
         return approximate
-    return _first(lambda pairs: mcnemar_power(pairs, discordant, difference, alpha) >= power, approximate)
+    return first_that_holds(lambda pairs: mcnemar_power(pairs, discordant, difference, alpha) >= power, approximate)
 
 
 def worlds_needed(
@@ -224,6 +224,7 @@ def worlds_needed(
     difference: float,
     chance: np.random.Generator,
     *,
+    discordant: float = 0.0,
     alpha: float = 0.05,
     power: float = 0.8,
 ) -> int:
@@ -236,23 +237,47 @@ def worlds_needed(
         trials: trials in a world.
         difference: difference of the pass rates that is to be shown, above 0.
         chance: what draws them.
+        discordant: share of pairs whose verdicts differ, at least the difference, where nothing is known of the worlds.
         alpha: error probability of the two-sided test.
         power: probability with which the difference is to be shown.
     """
     spread = differences - differences.mean()
+    sizes = max(1, round(trials))
+    discordant = max(discordant, difference)
 
     def draw(worlds: int) -> NDArray[np.float64]:
         if not spread.any():  # nothing is known of how worlds differ: each trial by itself
-            return chance.binomial(max(1, round(trials)), difference, (_DRAWS, worlds)) / max(1.0, trials)
+            return changes_of_worlds(sizes, worlds, discordant, difference, chance)
         return (difference + chance.choice(spread, (_DRAWS, worlds))).astype(np.float64)
 
     def shows(worlds: int) -> bool:
         if worlds > _SIMULATED_WORLDS:
-            deviation = max(float(spread.std()), math.sqrt(difference / max(1.0, trials)))
+            deviation = max(float(spread.std()), math.sqrt(discordant / sizes))
             return float(ndtr(math.sqrt(worlds) * difference / deviation + ndtri(alpha / 2))) >= power
         return float((_sign_flip_p_values(draw(worlds)) <= alpha).mean()) >= power
 
-    return _first(shows, 8)
+    return first_that_holds(shows, 8)
+
+
+def changes_of_worlds(
+    trials: int, worlds: int, discordant: float, difference: float, chance: np.random.Generator
+) -> NDArray[np.float64]:
+    """Draws changes of pass rates in worlds whose trials are independent of each other.
+
+    Args:
+        trials: trials in a world.
+        worlds: number of worlds.
+        discordant: share of pairs whose verdicts differ; at least the difference.
+        difference: difference of the pass rates.
+        chance: what draws them.
+
+    Returns:
+        Rows of 2,000 simulated comparisons with a column for each world.
+    """
+    better = (discordant + difference) / 2
+    up = chance.binomial(trials, better, (_DRAWS, worlds))
+    down = chance.binomial(trials - up, (discordant - difference) / 2 / (1 - better) if better < 1 else 0.0)
+    return (up - down) / trials
 
 
 def _sign_flip_p_values(drawn: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -281,8 +306,13 @@ def _connor(discordant: float, difference: float, alpha: float, power: float) ->
     return math.ceil(round((root / difference) ** 2, 9))
 
 
-def _first(holds: Callable[[int], bool], start: int) -> int:
-    """A number from which on something holds, by halving; it has to hold for all larger ones."""
+def first_that_holds(holds: Callable[[int], bool], start: int) -> int:
+    """Finds a number from which on something holds, by halving; it has to hold for all larger ones.
+
+    Args:
+        holds: whether it holds for a number.
+        start: the number that is tried first.
+    """
     low, high = 0, max(1, start)
     while not holds(high):
         low, high = high, high * 2

@@ -121,6 +121,8 @@ def _pairs(comparison: Comparison) -> str:
 
 
 def _needed(needed: NeededPairs) -> str:
+    if needed.basis == "margin":
+        return _needed_for_margin(needed)
     basis = {
         "asked for": "the difference asked for",
         "as found": "the difference as found",
@@ -132,6 +134,15 @@ def _needed(needed: NeededPairs) -> str:
         return f"no more pairs: {needed.pairs} show {of} with a {chance}, and there are as many"
     worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
     return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, to show {of} with a {chance}"
+
+
+def _needed_for_margin(needed: NeededPairs) -> str:
+    what = f"to exclude a fall by {needed.difference * 100:.3g} points with a {needed.power:.0%} chance"
+    what = f"{what}, if nothing changed"
+    if not needed.more:
+        return f"no more pairs: {needed.pairs} are enough {what}, and there are as many"
+    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    return f"{needed.more} more pairs, {needed.pairs} in all{worlds}, {what}"
 
 
 def _paired(title: str, jobs: Sequence[PairedJob]) -> list[str]:

@@ -41,6 +41,41 @@ def test_the_answer_is_that_of_the_exact_test(before: str, after: str, answer: s
     assert f"p = {p_value:.2g} (exact McNemar test, alpha 0.05)" in comparison.why
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "answer"),
+    [
+        ("P" * 40, "P" * 40, "not worse"),  # 36 pairs without a change exclude 10 points
+        ("P" * 20, "P" * 20, "no difference shown"),
+        ("P" * 100, "P" * 98 + "FF", "not worse"),
+        ("P" * 100, "P" * 94 + "F" * 6, "worse"),
+        ("P" * 400, "P" * 392 + "F" * 8, "not worse"),  # shown to be worse, but by two points only
+        ("F" * 8 + "P" * 40, "P" * 48, "better"),
+    ],
+)
+def test_a_margin_asks_whether_nothing_got_worse_by_more(before: str, after: str, answer: str) -> None:
+    comparison = compared(before, after, margin=0.1)
+    assert (comparison.answer, comparison.exit_code) == (answer, ANSWER_EXIT_CODES[comparison.answer])
+    assert comparison.rate is not None
+    assert comparison.rate.margin is not None
+    assert (comparison.rate.margin.outcome == "shown") == (answer in ("not worse", "better"))
+    assert "10 points or more" in comparison.why
+
+
+@pytest.mark.parametrize("rest", ["C" * 10, ""])
+def test_trials_that_the_second_run_lacks_may_be_the_fall(rest: str) -> None:
+    """Else a run of which the worst tenth was cancelled or left out would be called no worse."""
+    comparison = compared("P" * 60, "P" * 50 + rest, margin=0.1)
+    assert comparison.answer == "not comparable"
+    assert "10 trials that passed in the first run have no verdict" in comparison.why
+    assert compared("P" * 50 + "C" * 10, "P" * 50 + rest, margin=0.1).answer == "not worse"
+
+
+def test_pairs_that_are_needed_to_exclude_a_margin() -> None:
+    needed = compared("P" * 20, "P" * 20, margin=0.1).needed
+    assert needed is not None
+    assert (needed.basis, needed.pairs, needed.more) == ("margin", 35, 15)
+
+
 def test_what_changed_is_listed_with_its_reason() -> None:
     comparison = compared("PPFFE", "PFPFP")
     assert [each.cell.title for each in comparison.newly_failing] == ["drive: world-2 scout, seed 7"]

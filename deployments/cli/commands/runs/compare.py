@@ -2,8 +2,8 @@
 
 Jobs are paired by step, world and seed, and their trials by seed and parameters. The answer is that of the exact
 McNemar test of the pairs that were judged in both runs, or where six worlds or more have several trials, of a test
-that flips whole worlds. It is also the exit code: 0 better, 1 worse, 6 no difference shown, 7 not
-comparable.
+that flips whole worlds. It is also the exit code: 0 better, or with `--margin` not worse, 1 worse, 6 no difference
+shown, 7 not comparable.
 """
 
 import argparse
@@ -33,6 +33,13 @@ def declare(parser: argparse.ArgumentParser) -> None:
         help="difference of pass rates, in percentage points, that the number of needed pairs is about (default: the "
         "one found, or 10)",
     )
+    parser.add_argument(
+        "--margin",
+        type=float,
+        metavar="POINTS",
+        help="fall of the pass rate, in percentage points, that would matter: B is not worse, exit code 0, where it is "
+        "shown to have fallen by less",
+    )
     add_output(parser, "text", "json")
 
 
@@ -52,8 +59,8 @@ def execute(arguments: argparse.Namespace) -> int:
     before, after = (NightRun.of(read_record(file)) for file in files)
     if before.run_id == after.run_id:
         raise ConfigurationError(f"both runs are {before.run_id}; name two")
-    share = None if arguments.difference is None else arguments.difference / 100
-    comparison = compare(before, after, alpha=arguments.alpha, difference=share)
+    difference, margin = (None if each is None else each / 100 for each in (arguments.difference, arguments.margin))
+    comparison = compare(before, after, alpha=arguments.alpha, difference=difference, margin=margin)
     print_either(arguments.output, comparison, comparison_lines(comparison))
     return comparison.exit_code
 
@@ -70,3 +77,7 @@ def _check(arguments: argparse.Namespace) -> None:
         raise ConfigurationError(
             f"--difference is {arguments.difference:g}; it has to be above 0 and at most 100 points"
         )
+    if arguments.margin is not None and not 0 < arguments.margin < 100:
+        raise ConfigurationError(f"--margin is {arguments.margin:g}; it has to be above 0 and below 100 points")
+    if arguments.margin is not None and arguments.difference is not None:
+        raise ConfigurationError("--difference and --margin ask for different numbers of pairs; leave one out")
