@@ -104,6 +104,19 @@ class NeededPairs(Model):
     worlds: int | None = optional("Worlds needed in all, where whole worlds are flipped, with as many trials as now.")
 
 
+class PlannedPairs(NeededPairs):
+    """Number of pairs that a specification's next two runs need to answer a question, beside those it has."""
+
+    test: Test | Literal["Tango's score", "interval between worlds"] = Field(description="The test that will decide.")
+    planned: int | None = optional("Pairs of trials that two runs of the specification have; absent: a run tells.")
+    smallest: float | None = optional(
+        "Smallest difference, or margin, that the planned pairs answer with the same power; absent: none, or not known."
+    )
+    assumed: list[str] = Field(description="Assumptions behind the number, in words.")
+    wall_time_s: float | None = optional("Wall-clock time of one run with so many trials; absent: not probed.")
+    cost: float | None = optional("Cost of one such run; absent: not probed, or no price is given.")
+
+
 class MetricChange(Model):
     """Change of one metric, or of a requirement's margin, over the trials that ended in both runs."""
 

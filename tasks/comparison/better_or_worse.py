@@ -57,8 +57,7 @@ def compare(
     """
     pairing = pair_jobs(before.jobs, after.jobs)
     trials = pair_trials(pairing.pairs, before, after)
-    is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
-    fair = trials.only(is_fair[trials.jobs])
+    is_fair, fair = _fair(pairing, trials)
     judged = _judged(fair.only(fair.judged), alpha)
     rate = rate_change(judged, alpha, margin) if len(judged) else None
     answer, why = _answer(before, after, pairing, fair, judged, rate, alpha)
@@ -93,6 +92,19 @@ def compare(
         margins=_changes("margin", fair, alpha),
         **dict(told_losses(losses_of([before, after], appearances_of([before, after])))),
     )
+
+
+def judged_pairs(before: NightRun, after: NightRun, alpha: float = 0.05) -> JudgedTrials:
+    """Returns the pairs of trials that were judged by the same requirements in two runs."""
+    pairing = pair_jobs(before.jobs, after.jobs)
+    _, fair = _fair(pairing, pair_trials(pairing.pairs, before, after))
+    return _judged(fair.only(fair.judged), alpha)
+
+
+def _fair(pairing: Pairing, trials: TrialPairs) -> tuple[NDArray[np.bool_], TrialPairs]:
+    """A mask of the pairs of jobs with the same requirements in both runs, and the trials of those."""
+    is_fair = np.array([pair.has_same_requirements for pair in pairing.pairs], dtype=bool)
+    return is_fair, trials.only(is_fair[trials.jobs])
 
 
 def _told(pair: Pair, requirements: RequirementChanges) -> PairedJob:

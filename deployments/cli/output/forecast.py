@@ -10,6 +10,7 @@ from .answers import duration
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from ....schemas.reports.comparison import PlannedPairs
     from ....schemas.reports.forecast import Forecast, ProbedJob, StepForecast
     from ....tasks.inspection.reuse_plans import PlannedPart
 
@@ -19,6 +20,12 @@ _ENDING_S = 5.0
 """The time that a job's end takes beyond its limit: how much it would have needed is not known then."""
 _AS_MUCH = 1.05
 """A job that the limit ended in the probe is known to need that much, but not how much more."""
+_TESTS = {
+    "exact McNemar": "the exact McNemar test",
+    "sign flip of worlds": "the test that flips whole worlds",
+    "Tango's score": "Tango's score test",
+    "interval between worlds": "the interval between worlds",
+}
 _UNITS = ("bytes", "kB", "MB", "GB", "TB")
 
 
@@ -43,6 +50,27 @@ def forecast_lines(forecast: "Forecast") -> list[str]:
     if forecast.assumed:
         lines += ["", *(f"  assumed: {words}" for words in forecast.assumed)]
     return [*lines, f"  measured: {', '.join(forecast.probes)}"]
+
+
+def needed_lines(needed: "PlannedPairs") -> list[str]:
+    """Formats how many trials answer a question about two runs as text lines, the number first."""
+    points = f"{needed.difference * 100:.3g} points"
+    question = f"that nothing got worse by {points}" if needed.basis == "margin" else f"a difference of {points}"
+    took = [] if needed.wall_time_s is None else [duration(needed.wall_time_s)]
+    took += [] if needed.cost is None else [f"cost {needed.cost:.4f}"]
+    worlds = f" in {needed.worlds} worlds" if needed.worlds else ""
+    lines = [
+        f"to show {question} with a chance of {needed.power:.0%}: "
+        f"{', '.join([f'{needed.pairs} trials{worlds} in each of two runs', *took])}",
+        f"  decided by  {_TESTS[needed.test]}",
+    ]
+    if needed.planned is not None:
+        enough = f"{needed.more} too few" if needed.more else "enough"
+        lines.append(f"  a run has   {needed.planned} trials: {enough}")
+    if needed.smallest is not None and needed.more:
+        what = "exclude a fall by" if needed.basis == "margin" else "show a difference of"
+        lines.append(f"  they        {what} {needed.smallest * 100:.3g} points")
+    return [*lines, *(f"  assumed: {words}" for words in needed.assumed)]
 
 
 def _warnings(step: "StepForecast") -> list[str]:

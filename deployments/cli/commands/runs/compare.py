@@ -11,7 +11,7 @@ import os
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_output
-from ...inputs.options import find_record
+from ...inputs.options import find_record, percentage
 from ...output.answers import print_either
 
 
@@ -28,14 +28,12 @@ def declare(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--difference",
-        type=float,
         metavar="POINTS",
         help="difference of pass rates, in percentage points, that the number of needed pairs is about (default: the "
         "one found, or 10)",
     )
     parser.add_argument(
         "--margin",
-        type=float,
         metavar="POINTS",
         help="fall of the pass rate, in percentage points, that would matter: B is not worse, exit code 0, where it is "
         "shown to have fallen by less",
@@ -47,7 +45,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker compare`: compares two runs; the exit code tells whether the second is better or worse."""
     from .....schemas.settings import Settings
 
-    _check(arguments)
+    difference, margin = _shares(arguments)
     runs = Settings.from_environment(os.environ).home / "runs"
     files = [find_record(runs, run) for run in (arguments.before, arguments.after)]
 
@@ -59,25 +57,19 @@ def execute(arguments: argparse.Namespace) -> int:
     before, after = (NightRun.of(read_record(file)) for file in files)
     if before.run_id == after.run_id:
         raise ConfigurationError(f"both runs are {before.run_id}; name two")
-    difference, margin = (None if each is None else each / 100 for each in (arguments.difference, arguments.margin))
     comparison = compare(before, after, alpha=arguments.alpha, difference=difference, margin=margin)
     print_either(arguments.output, comparison, comparison_lines(comparison))
     return comparison.exit_code
 
 
-def _check(arguments: argparse.Namespace) -> None:
-    """Checks the numbers.
+def _shares(arguments: argparse.Namespace) -> tuple[float | None, float | None]:
+    """Checks the numbers, and returns difference and margin as shares.
 
     Raises:
         ConfigurationError: one is out of range.
     """
     if not 0 < arguments.alpha < 1:
         raise ConfigurationError(f"--alpha is {arguments.alpha:g}; it has to be above 0 and below 1, such as 0.05")
-    if arguments.difference is not None and not 0 < arguments.difference <= 100:
-        raise ConfigurationError(
-            f"--difference is {arguments.difference:g}; it has to be above 0 and at most 100 points"
-        )
-    if arguments.margin is not None and not 0 < arguments.margin < 100:
-        raise ConfigurationError(f"--margin is {arguments.margin:g}; it has to be above 0 and below 100 points")
     if arguments.margin is not None and arguments.difference is not None:
         raise ConfigurationError("--difference and --margin ask for different numbers of pairs; leave one out")
+    return percentage(arguments.difference, "--difference", whole=True), percentage(arguments.margin, "--margin")

@@ -5,22 +5,27 @@ run --reuse` would take it over from an earlier run, and if not, why: what is ne
 
 With `--probe` it runs a few worlds, a job of each step and a few of its trials, and says what the whole run will take:
 wall time, CPU hours, bytes and, given a price, cost. The next run of SPEC says how far off that was.
+
+With `--detect` or `--margin` it says how many trials two runs of SPEC need so that `robomaker compare` shows a
+difference of so many points, or that nothing got worse by so many, with a chance of 80 %.
 """
 
 import argparse
 import os
 from collections.abc import Iterator
 from dataclasses import asdict
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from .....schemas.wire.errors import ConfigurationError
 from ...arguments import add_backend, add_output, add_spec
-from ...inputs.options import open_service
+from ...inputs.options import open_service, percentage
 from ...output.answers import in_columns, print_either
 
 if TYPE_CHECKING:
+    from .....schemas.reports.comparison import PlannedPairs
     from .....schemas.reports.forecast import Forecast
     from .....schemas.specs.model import CheckedSpec
+    from .....tasks.comparison.detection import Question
     from .....tasks.inspection.reuse_plans import PlannedPart
     from ...planning import PlannedStep
 
@@ -34,6 +39,17 @@ def declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--price-per-hour", metavar="P", type=float, help="price of a machine for an hour, in any currency; for --probe"
     )
+    parser.add_argument("--detect", metavar="POINTS", help="say how many trials show a difference of pass rates")
+    parser.add_argument("--margin", metavar="POINTS", help="say how many trials show that nothing got worse by more")
+    parser.add_argument(
+        "--differ",
+        metavar="PERCENT",
+        help="share of trials whose verdict will differ between the two runs; for --detect and --margin (default: as "
+        "in earlier runs of SPEC, or 20)",
+    )
+    parser.add_argument(
+        "--alpha", type=float, metavar="P", help="error probability of the comparison; for --detect and --margin"
+    )
     add_backend(parser)
     add_output(parser, "text", "json")
 
@@ -44,14 +60,63 @@ def execute(arguments: argparse.Namespace) -> int:
     from ...planning import planned
 
     _check(arguments)
+    asked = _questions(arguments)
     spec = read_spec(arguments.spec)
     steps = planned(spec)
     parts = _reuse(spec) if arguments.reuse else {}
     forecast = _forecast(spec, arguments) if arguments.probe else None
-    print_either(
-        arguments.output, _document(spec, steps, parts, forecast), _lines(arguments, spec, steps, parts, forecast)
-    )
+    needed = _needed(spec, steps, asked, forecast) if asked else []
+    document = _document(spec, steps, parts, forecast)
+    if needed:
+        document["needed"] = [each.model_dump(mode="json", exclude_none=True) for each in needed]
+    print_either(arguments.output, document, _lines(arguments, spec, steps, parts, forecast, needed))
     return 0
+
+
+def _questions(arguments: argparse.Namespace) -> "list[Question]":
+    """The questions of `--detect` and `--margin`."""
+    shares = {
+        "difference": percentage(arguments.detect, "--detect", whole=True),
+        "margin": percentage(arguments.margin, "--margin"),
+    }
+    if not any(shares.values()):
+        for option in ("differ", "alpha"):
+            if getattr(arguments, option) is not None:
+                raise ConfigurationError(f"--{option} is for --detect and --margin; add one, or leave it out")
+        return []
+    alpha = 0.05 if arguments.alpha is None else arguments.alpha
+    if not 0 < alpha < 1:
+        raise ConfigurationError(f"--alpha is {alpha:g}; it has to be above 0 and below 1, such as 0.05")
+
+    from .....tasks.comparison.detection import Question
+
+    differ = percentage(arguments.differ, "--differ", whole=True)
+    if differ is not None and (shares["difference"] or 0) > differ:
+        raise ConfigurationError(
+            f"--detect is {arguments.detect} and --differ {arguments.differ}; pass rates cannot differ by more than "
+            "the share of trials that differ"
+        )
+    kinds: tuple[Literal["difference", "margin"], ...] = ("difference", "margin")
+    return [Question(kind, share, alpha, differ) for kind in kinds if (share := shares[kind])]
+
+
+def _needed(
+    spec: "CheckedSpec", steps: "list[PlannedStep]", asked: "list[Question]", forecast: "Forecast | None"
+) -> "list[PlannedPairs]":
+    """How many trials answer each question, by what earlier runs say and the probe measured."""
+    from .....schemas.settings import Settings
+    from .....tasks.comparison.detection import liveliest_pairs, plan_pairs
+    from .....tasks.comparison.nights import NightRun
+    from .....tasks.inspection.run_records import find_records
+    from ...planning import planned_trials_of, with_time
+
+    records = find_records(Settings.from_environment(os.environ).home / "runs", spec.name).records
+    earlier = liveliest_pairs([NightRun.of(each) for each in records], asked[0].alpha)
+    planned = planned_trials_of(steps)
+    found = [plan_pairs(each, planned, earlier) for each in asked]
+    if forecast is None or planned is None:
+        return found
+    return [with_time(each, forecast, planned.trials) for each in found]
 
 
 def _check(arguments: argparse.Namespace) -> None:
@@ -81,8 +146,9 @@ def _lines(
     steps: "list[PlannedStep]",
     parts: "dict[str, list[PlannedPart]]",
     forecast: "Forecast | None",
+    needed: "list[PlannedPairs]",
 ) -> Iterator[str]:
-    from ...output.forecast import forecast_lines, reuse_lines, reuse_total
+    from ...output.forecast import forecast_lines, needed_lines, reuse_lines, reuse_total
     from ...planning import after, counted
 
     yield f"{spec.name}: {counted(len(steps), 'step')}, one after the other\n"
@@ -94,6 +160,8 @@ def _lines(
         yield f"\n{reuse_total(parts)}"
     if forecast is not None:
         yield "\n" + "\n".join(forecast_lines(forecast))
+    for each in needed:
+        yield "\n" + "\n".join(needed_lines(each))
     options = f"{' --reuse' if arguments.reuse else ''}{f' --backend {arguments.backend}' if arguments.backend else ''}"
     yield f"\nrobomaker run {arguments.spec}{options}"
 

@@ -44,6 +44,24 @@ def test_the_answer_is_the_exit_code(
     assert (machine.code, comparison.exit_code) == (code, code)
 
 
+@pytest.mark.parametrize(
+    ("before", "after", "code", "told"),
+    [
+        ("P" * 100, "P" * 98 + "FF", 0, "Not worse: 100 pairs judged in both runs, p = 0.5 (exact McNemar test, alpha "
+         "0.05); the pass rate did not fall by 10 points or more (p = 0.0038, Tango's score test)"),
+        ("P" * 20, "P" * 20, 6, "a fall by 10 points or more is not excluded (p = 0.068, Tango's score test)"),
+        ("P" * 30, "P" * 20 + "F" * 10, 1, "Worse: "),
+    ],
+)  # fmt: skip
+def test_a_margin_lets_a_gate_pass(robomaker: Any, nights: Any, before: str, after: str, code: int, told: str) -> None:
+    nights(before, after)
+    ended = robomaker("compare", FIRST, SECOND, "--margin", "10points")
+    assert ended.code == code
+    assert told in ended.out
+    needed = "15 more pairs, 35 in all, to exclude a fall by 10 points with a 80% chance, if nothing changed"
+    assert (needed in ended.out) == (code == 6)
+
+
 def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, nights: Any) -> None:
     nights("PPPFE", "FPPPE", metrics={"distance_m": 2.0})
     out = robomaker("compare", FIRST, SECOND).out
@@ -67,7 +85,10 @@ def test_the_text_says_how_much_what_changed_and_what_is_needed(robomaker: Any, 
         ((FIRST, "nothing"), "there is no run 'nothing'"),
         ((FIRST, SECOND, "--alpha", "0"), "--alpha is 0; it has to be above 0 and below 1, such as 0.05"),
         ((FIRST, SECOND, "--alpha", "nan"), "--alpha is nan"),
-        ((FIRST, SECOND, "--difference", "101"), "--difference is 101; it has to be above 0 and at most 100 points"),
+        ((FIRST, SECOND, "--difference", "101"), "--difference is '101'; a number above 0 and at most 100, such as 5"),
+        ((FIRST, SECOND, "--margin", "100"), "--margin is '100'; a number above 0 and below 100, such as 5"),
+        ((FIRST, SECOND, "--margin", "-5"), "--margin is '-5'; a number above 0"),
+        ((FIRST, SECOND, "--margin", "5", "--difference", "5"), "ask for different numbers of pairs; leave one out"),
     ],
 )
 def test_bad_usage_has_a_code_of_its_own(robomaker: Any, nights: Any, words: tuple[str, ...], said: str) -> None:

@@ -127,6 +127,40 @@ steps:
     assert json.loads(robomaker("plan", path, "-o", "json").out)["steps"][1]["jobs"] is None
 
 
+def test_a_plan_says_how_many_trials_answer_a_question(robomaker, spec) -> None:
+    """Trials of all jobs are counted, by worlds where there are several; a job without trials is one."""
+    path = spec("""\
+version: 1
+name: often
+steps:
+  drive:
+    operation: StartSimulationJobBatch
+    input:
+      createSimulationJobRequests:
+        forEach: [1, 2, 3, 4]
+        value:
+          maxJobDurationInSeconds: 90
+          trials: {seeds: 50}
+          simulationApplications: [{application: indoor-navigation, launchConfig: {}}]
+""")
+    ended = robomaker("plan", path, "--detect", "10points", "--margin", "10")
+    assert (
+        "to show a difference of 10 points with a chance of 80%: 168 trials in each of two runs\n"
+        "  decided by  the exact McNemar test\n"
+        "  a run has   200 trials: enough\n" in ended.out
+    )
+    assert (
+        "to show that nothing got worse by 10 points with a chance of 80%: 165 trials in each of two runs" in ended.out
+    )
+    assert "assumed: 20% of pairs differ" in ended.out
+    [first, second] = json.loads(robomaker("plan", path, "--detect", "5", "--margin", "5", "-o", "json").out)["needed"]
+    assert (first["pairs"], first["more"], first["planned"], first["basis"]) == (658, 458, 200, "asked for")
+    assert (second["pairs"], second["basis"]) == (639, "margin")
+    quickstart = robomaker("plan", SPECS / "quickstart.yaml", "--detect", "10", "--differ", "14").out
+    assert "114 trials in each of two runs" in quickstart
+    assert "a run has   4 trials: 110 too few" in quickstart
+
+
 @pytest.mark.parametrize(
     ("options", "said"),
     [
@@ -137,6 +171,12 @@ steps:
         (("--probe", "--machines", "0"), "--machines is 0; a number from 1 would be right"),
         (("--probe", "--machines", "2"), "--machines is 2, but the backend is local"),
         (("--probe", "--price-per-hour", "-1"), "--price-per-hour is -1"),
+        (("--alpha", "0.1"), "--alpha is for --detect and --margin; add one, or leave it out"),
+        (("--differ", "10"), "--differ is for --detect and --margin"),
+        (("--detect", "0"), "--detect is '0'; a number above 0 and at most 100, such as 5, would be right"),
+        (("--margin", "ten"), "--margin is 'ten'; a number above 0 and below 100"),
+        (("--detect", "10", "--differ", "5"), "pass rates cannot differ by more than the share of trials that differ"),
+        (("--detect", "10", "--alpha", "1"), "--alpha is 1; it has to be above 0 and below 1"),
         (("--probe", "--backend", "slurm"), "ROBOMAKER_BACKEND is 'slurm'"),
     ],
 )

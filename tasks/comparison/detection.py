@@ -1,0 +1,151 @@
+"""How many trials a specification needs so that two of its runs answer a question: planned before anything runs."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from ...schemas.reports.comparison import NeededPairs, PlannedPairs
+from ..results.rates import wilson_interval
+from .better_or_worse import judged_pairs
+from .decisions import POWER, JudgedTrials, fewest_worlds, pairs_for
+from .margins import margin_power
+from .nights import NightRun
+from .statistics import mcnemar_power
+
+ASSUMED_SHARE = 0.2
+"""Share of pairs that differ, where no earlier runs tell: a fifth is much for a robot that mostly does what it did."""
+
+FEWEST_PAIRS = 20
+"""Fewer pairs of earlier runs say little: with 20, a share of 10 % is known as 3 to 30 %."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """A question about the pass rates of two runs."""
+
+    kind: Literal["difference", "margin"]
+    share: float
+    """The difference to be shown, or the fall to be excluded; above 0 and below 1."""
+
+    alpha: float = 0.05
+    """Error probability of the test that will decide."""
+
+    discordant: float | None = None
+    """Share of pairs whose verdicts differ, as the user expects it; None: it is taken from earlier runs."""
+
+
+@dataclass(frozen=True)
+class PlannedTrials:
+    """Number of trials of one run of a specification, and of different worlds they drive in."""
+
+    trials: int
+    worlds: int
+
+
+@dataclass(frozen=True)
+class EarlierPairs:
+    """Pairs of two earlier runs of a specification, from which the share of pairs that differ is taken."""
+
+    judged: JudgedTrials
+    runs: tuple[str, str]
+
+    @property
+    def share(self) -> float:
+        """Share of pairs whose verdicts differ."""
+        return float((self.judged.change != 0).mean())
+
+
+def liveliest_pairs(runs: Sequence[NightRun], alpha: float = 0.05) -> EarlierPairs | None:
+    """Finds the two consecutive runs with the largest share of pairs that differ, so that a plan is not too hopeful.
+
+    Args:
+        runs: runs of one specification, the earliest first.
+        alpha: error probability of the test.
+
+    Returns:
+        Their pairs; None: no two runs have 20 pairs in common, or no pair differed yet.
+    """
+    found = [EarlierPairs(judged_pairs(old, new, alpha), (old.run_id, new.run_id)) for old, new in pairwise(runs)]
+    found = [each for each in found if len(each.judged) >= FEWEST_PAIRS and each.share > 0]
+    return max(found, key=lambda each: each.share, default=None)
+
+
+def plan_pairs(question: Question, planned: PlannedTrials | None, earlier: EarlierPairs | None) -> PlannedPairs:
+    """Computes how many pairs of trials the test that will decide needs, and whether the specification has them.
+
+    Args:
+        question: what is asked.
+        planned: the trials of one run; None: only a run can tell.
+        earlier: pairs of earlier runs; None: there are none.
+    """
+    share, assumed = _discordant(question, earlier)
+    is_margin = question.kind == "margin"
+    by_worlds = planned is not None and planned.trials > planned.worlds >= fewest_worlds(question.alpha)
+    spread = None
+    if planned is not None and by_worlds:
+        each = planned.trials / planned.worlds
+        if question.discordant is None and earlier is not None and earlier.judged.flips_worlds:
+            sums, sizes = earlier.judged.by_world(earlier.judged.change)
+            spread = (sums / sizes * each, np.full(len(sums), each))
+            assumed.append(f"worlds differ as much as in {' and '.join(earlier.runs)}")
+        else:
+            worlds = max(planned.worlds, fewest_worlds(question.alpha))
+            spread = (np.zeros(worlds), np.full(worlds, each))
+            assumed.append("trials of one world are no more alike than others; where they are, it takes more worlds")
+        assumed.append(f"{each:.3g} trials in each world, as now")
+    pairs, worlds_needed = pairs_for(question.share, share, question.alpha, spread, is_margin=is_margin)
+    needed = NeededPairs(
+        difference=question.share,
+        basis="margin" if is_margin else "asked for",
+        discordant=share if is_margin else max(share, question.share),
+        power=POWER,
+        pairs=pairs,
+        more=max(0, pairs - planned.trials) if planned else pairs,
+        worlds=worlds_needed,
+    )
+    tests = ("Tango's score", "interval between worlds") if is_margin else ("exact McNemar", "sign flip of worlds")
+    return PlannedPairs(
+        **needed.model_dump(),
+        test=tests[by_worlds],
+        planned=planned.trials if planned else None,
+        smallest=_smallest(planned.trials, question, share) if planned and not by_worlds else None,
+        assumed=assumed,
+    )
+
+
+def _discordant(question: Question, earlier: EarlierPairs | None) -> tuple[float, list[str]]:
+    """The share of pairs that differ, and where it comes from."""
+    if question.discordant is not None:
+        return question.discordant, []
+    if earlier is None:
+        why = f"no two earlier runs with {FEWEST_PAIRS} pairs in common differed; --differ says another share"
+        return ASSUMED_SHARE, [f"{ASSUMED_SHARE:.0%} of pairs differ: {why}"]
+    low, high = wilson_interval(round(earlier.share * len(earlier.judged)), len(earlier.judged))
+    between = f"{earlier.runs[0]} and {earlier.runs[1]}, {len(earlier.judged)} pairs"
+    return earlier.share, [
+        f"{earlier.share:.1%} of pairs differ, as between {between} (95% interval {low:.1%} to {high:.1%})"
+    ]
+
+
+def _smallest(pairs: int, question: Question, discordant: float) -> float | None:
+    """The smallest difference or margin, in whole tenths of a point, that so many pairs answer."""
+
+    def power(share: float) -> float:
+        if question.kind == "margin":
+            return margin_power(pairs, discordant, share, question.alpha)
+        return mcnemar_power(pairs, max(discordant, share), share, question.alpha)
+
+    return _first_tenth(lambda share: power(share) >= POWER)
+
+
+def _first_tenth(holds: Callable[[float], bool]) -> float | None:
+    low, high = 0, 1000
+    if not holds((high - 1) / 1000):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(middle / 1000) else (middle, high)
+    return high / 1000
