@@ -124,6 +124,18 @@ class Losses(Model):
         return bool(self.gone or self.no_longer_judged or self.asked_less or self.fewer_trials)
 
 
+class MarginTrend(Model):
+    """A requirement that is met, and whose smallest margin shrinks steadily from night to night."""
+
+    name: str = Field(description="The requirement.")
+    unit: str | None = optional("Unit of the margins; absent: they have none.")
+    margins: list[float] = Field(
+        description="Smallest margin of each night that the line is fitted through, the last at the end."
+    )
+    slope: float = Field(description="Change of the margin from night to night by the line, below 0.")
+    nights_left: float = Field(description="Nights from the last one until the line reaches 0.")
+
+
 class SinceLastRun(Losses):
     """Differences of a run from the run before, which a nightly report shows first."""
 
@@ -138,6 +150,9 @@ class SinceLastRun(Losses):
     )
     requirements: list[RequirementChange] = Field(
         default=[], description="Requirements that trials newly miss, the most frequent first, or newly meet."
+    )
+    shrinking: list[MarginTrend] = Field(
+        default=[], description="Requirements that are met with margins that shrink steadily, the soonest miss first."
     )
     newly_failing: list[CellChange] = Field(default=[], description="Passed when they ran last, and do not now.")
     newly_passing: list[CellChange] = Field(default=[], description="Did not pass when they ran last, and do now.")

@@ -21,6 +21,7 @@ from .losses import losses_of, told_losses
 from .nights import TOLD, NightRun, name_of, outcome_of, reason_of
 from .pairing import Pair, pair_trials
 from .requirement_changes import RequirementChanges, requirement_changes
+from .trends import margin_trends
 
 
 def history_of(name: str, runs: Sequence[NightRun], left_out: int = 0) -> History:
@@ -95,6 +96,7 @@ def _since_last(runs: Sequence[NightRun], cells: Sequence[Sequence[Appearance]])
         unpaired=len(told) - len(paired),
         other_requirements=otherwise,
         requirements=requirements.changes,
+        shrinking=margin_trends(runs),
         **found,
         **dict(lost),
     )

@@ -13,6 +13,7 @@ from ..reporting.nights.changes import (
     losses_in_words,
     newly_missed_briefly,
     requirement_in_words,
+    trend_in_words,
     without_earlier_in_words,
 )
 
@@ -92,6 +93,7 @@ def message_of(record: RunRecord, before: RunRecord | None, since: SinceLastRun 
     lines += [f"Step {step.name} ({step.operation}): {_short(step.error)}" for step in record.steps if step.error]
     if since is not None:
         lines += [requirement_in_words(each) for each in since.requirements[:WORST]]
+        lines += [trend_in_words(each) for each in since.shrinking[:WORST]]
     lines += [f"{number}. {_line(job)}" for number, job in enumerate(failures[:WORST], start=1)]
     if len(failures) > WORST:
         lines.append(f"and {len(failures) - WORST} more")

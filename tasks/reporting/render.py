@@ -23,6 +23,7 @@ from .nights.changes import (
     requirement_in_words,
     shared_since,
     since_in_words,
+    trend_in_words,
 )
 from .nights.view import view_history
 from .view import view_report
@@ -170,5 +171,6 @@ def page_environment(*folders: Path) -> jinja2.Environment:
         loss=loss_in_words,
         place=place_in_words,
         requirement=requirement_in_words,
+        trend=trend_in_words,
     )
     return environment

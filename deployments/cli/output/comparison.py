@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from ....schemas.reports.changes import CellChange, RequirementChange
+from ....schemas.reports.changes import CellChange, RequirementChange, SinceLastRun
 from ....schemas.reports.comparison import Comparison, MetricChange, NeededPairs, PairedJob
 from ....schemas.reports.history import History, MissedNight, Night
 from ....schemas.reports.run_record import RunRecord, interrupted_briefly
@@ -18,6 +18,7 @@ from ....tasks.reporting.nights.changes import (
     requirement_in_words,
     shared_since,
     since_in_words,
+    trend_in_words,
     without_earlier_in_words,
 )
 
@@ -69,7 +70,7 @@ def history_lines(history: History, page: Path) -> list[str]:
         lines += [f"  {judged_otherwise_in_words(since.other_requirements)}", ""]
     if lost := losses_in_words(since, _MOST_JOBS):
         lines += [*(f"  {line}" for line in lost), ""]
-    if changed := requirement_lines(since.requirements):
+    if changed := _changed_requirements(since):
         lines += [*(f"  {line}" for line in changed), ""]
     for title, changes in (
         ("newly failing", since.newly_failing),
@@ -104,7 +105,12 @@ def changed_lines(record: RunRecord) -> list[str]:
     if not is_night(record):
         return []
     since = since_last(NightRun.of(record), record.run_dir.parent)
-    return [*requirement_lines(since.requirements), *losses_in_words(since, _MOST_JOBS)]
+    return [*_changed_requirements(since), *losses_in_words(since, _MOST_JOBS)]
+
+
+def _changed_requirements(since: SinceLastRun) -> list[str]:
+    """Requirements that are newly missed or met, and those that will be missed soon."""
+    return [*requirement_lines(since.requirements), *map(trend_in_words, since.shrinking[:_MOST_JOBS])]
 
 
 def _pairs(comparison: Comparison) -> str:

@@ -9,6 +9,7 @@ from ....schemas.reports.changes import (
     FailureStart,
     Loss,
     Losses,
+    MarginTrend,
     NewlyMissed,
     RequirementChange,
     SinceLastRun,
@@ -17,6 +18,7 @@ from .. import outcomes
 
 _MOST_NAMED = 4
 """Requirements that a title names."""
+_MOST_MARGINS = 5
 _SHOWN = 8
 """Characters of a hash that people compare."""
 
@@ -59,6 +61,19 @@ def requirement_in_words(change: RequirementChange) -> str:
     same = "world and seed are" if all(place.cell.world for place in change.places) else "the seed is"
     fact = f"; {same} the same, so this is not by chance" if _is_certain(change) else ""
     return f"{change.name}: {', '.join(told)}{fact}"
+
+
+def trend_in_words(trend: MarginTrend) -> str:
+    """Describes a margin that shrinks: `gentle: its smallest margin shrinks, 3, 2, 1 N in the last 3 nights: …`."""
+    shown = trend.margins[-_MOST_MARGINS:]
+    margins = ", ".join(f"{each:.3g}" for each in shown)
+    unit = f" {trend.unit}" if trend.unit else ""
+    nights = max(1, round(trend.nights_left))
+    when = "night" if nights == 1 else "nights"
+    return (
+        f"{trend.name}: its smallest margin shrinks, {margins}{unit} in the last {len(shown)} nights: "
+        f"missed in about {nights} {when}"
+    )
 
 
 def place_in_words(place: NewlyMissed) -> str:

@@ -30,6 +30,15 @@ def test_the_text_opens_with_what_changed(robomaker: Any, nights: None, home: Pa
     assert 'href="../runs/nightly-20260303T020000000/report.html"' in page.read_text()
 
 
+def test_a_margin_that_shrinks_is_told_before_it_is_missed(robomaker: Any, home: Path) -> None:
+    for night, limit in enumerate((21.0, 18.1, 15.0, 12.0, 9.9)):
+        store_night(make_night("PP", night, runs=home / "runs", name="shrinks", limit=limit))
+    said = "gentle: its smallest margin shrinks, 12, 9.1, 6, 3, 0.9 N in the last 5 nights: missed in about 1 night"
+    assert said in robomaker("history", "shrinks").out
+    assert said in (home / "history" / "shrinks.html").read_text()
+    assert "Nothing changed" not in (home / "history" / "shrinks.html").read_text()
+
+
 def test_json_and_options(robomaker: Any, nights: None, tmp_path: Path) -> None:
     told = robomaker("history", "nightly", "-o", "json", "--runs", "2", "--to", tmp_path / "page.html")
     history = History.model_validate_json(told.out)
