@@ -10,5 +10,3 @@ May import everything below `deployments` and its neighbours `endpoint`, `worker
 `--help`, `validate`, `plan` and `schema` answer at once. Its modules are imported by name; the package itself has no
 names.
 """
-
-__all__: list[str] = []

@@ -9,5 +9,3 @@ option, so it imports at its top what is quick, and inside `execute` what is not
 
 May import what is beside this folder, but for `main` and `grammar`; no other command.
 """
-
-__all__: list[str] = []

@@ -3,5 +3,3 @@
 What is not there, or is something else, becomes one clear error here. May import schemas, and tasks where a catalog
 has to be asked; prints nothing.
 """
-
-__all__: list[str] = []

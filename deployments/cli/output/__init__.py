@@ -3,5 +3,3 @@
 Takes data and a stream, and decides nothing about exit codes. May import schemas, the types of `inputs`, and rich,
 which is imported when something is printed with it; no command.
 """
-
-__all__: list[str] = []

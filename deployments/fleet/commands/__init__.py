@@ -2,5 +2,3 @@
 
 The commands of the wing: one module each, as in `deployments.cli.commands`.
 """
-
-__all__: list[str] = []

@@ -1,3 +1,1 @@
 """Serve, and set up this machine."""
-
-__all__: list[str] = []

@@ -1,3 +1,1 @@
 """Call operations, look at worlds."""
-
-__all__: list[str] = []

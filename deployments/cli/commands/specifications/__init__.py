@@ -1,3 +1,1 @@
 """Check, run and deploy specifications."""
-
-__all__: list[str] = []

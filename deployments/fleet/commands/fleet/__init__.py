@@ -2,8 +2,6 @@
 
 import argparse
 
-__all__: list[str] = []
-
 
 def add_deployment(parser: argparse.ArgumentParser) -> None:
     """Adds the argument for the deployment job to decide about to a command's parser."""

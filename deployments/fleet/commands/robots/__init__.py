@@ -1,3 +1,1 @@
 """Let robots in, look at them, and keep the keys of what they install: enroll, list, keys."""
-
-__all__: list[str] = []

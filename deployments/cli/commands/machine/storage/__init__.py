@@ -1,3 +1,1 @@
 """Prepare the object store for the roles of the roles file: init."""
-
-__all__: list[str] = []

@@ -1,3 +1,1 @@
 """Units of systemd that keep server, worker, serve and gc running: show, install."""
-
-__all__: list[str] = []

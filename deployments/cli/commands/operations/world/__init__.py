@@ -1,3 +1,1 @@
 """Look at worlds, prove, vary, light and draw them: show, view, sheet, prove, vary, relight, import."""
-
-__all__: list[str] = []

@@ -1,3 +1,1 @@
 """The keys of what agents install: init, status, renew, renew-root, renew-applications."""
-
-__all__: list[str] = []
