@@ -53,7 +53,7 @@ from ..tasks.jobs.job_owners import OwnOrder
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
-from ..tasks.nights.orders import keep_order, ordered_spec, taken_run, tell_of_left
+from ..tasks.nights.orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.notices import LongWaits
 from ..tasks.operations.applications import existing_application
@@ -239,11 +239,7 @@ class PipelineRun:
     @classmethod
     def of_order(cls, run: OpenRun) -> "PipelineRun":
         """Makes the run that continues an interrupted run whose process died."""
-        service, order = once_catalog_answers(Service.current), run.order
-        return cls(
-            ordered_spec(order), service, _log, order.spec_path, order.command, reuse=order.reuse,
-            rerun_of=order.rerun_of, open_run=run,
-        )  # fmt: skip
+        return cls(ordered_spec(run.order), once_catalog_answers(Service.current), _log, **as_ordered(run))
 
     @classmethod
     def of_parameters(cls, spec: str | None, text: str | None, origin: str, *, reuse: bool = False) -> "PipelineRun":

@@ -76,19 +76,14 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
     """Finishes a run, and says so on standard error."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
-    from ...tasks.nights.orders import ordered_spec
+    from ...tasks.nights.orders import as_ordered, ordered_spec
 
-    order = run.order
-    sys.stderr.write(f"robomaker: the run {order.run_id} had broken off, and is finished now\n")
+    sys.stderr.write(f"robomaker: the run {run.order.run_id} had broken off, and is finished now\n")
     record = run_spec(
-        ordered_spec(order),
+        ordered_spec(run.order),
         settings,
         lambda event: _logger.warning("%s", event.text) if isinstance(event, Note) else None,
-        spec_path=order.spec_path,
-        command=order.command,
-        reuse=order.reuse,
-        rerun_of=order.rerun_of,
-        open_run=run,
+        **as_ordered(run),
     )
     sys.stderr.write(f"robomaker: the run {record.run_id}: {record.state}; report: {record.report_path}\n")
 

@@ -15,7 +15,7 @@ from ..wings import parts_of_wings
 from ..wire.base import Shape, choices
 from ..wire.common import MAX_SEED
 from ..wire.errors import InvalidParameterException
-from ..wire.operation_shape import ErrorClass, OperationShape
+from ..wire.operation_shape import OperationShape
 from ..wire.request_problems import RequestProblem, nearest, null_characters, problems_of
 from ..worlds.step_operations import STEP_OPERATIONS
 from . import (
@@ -53,21 +53,6 @@ OPERATION_GROUPS: Mapping[str, tuple[OperationShape, ...]] = {
 
 MODULES: tuple[str, ...] = tuple(sorted(module.__name__ for module in _MODULES.values()))
 """Full names of the resources' modules, those of wings included."""
-
-
-__all__ = [
-    "OPERATIONS",
-    "STEPS",
-    "ErrorClass",
-    "OperationShape",
-    "agreed",
-    "check_request",
-    "operation_shape",
-    "parse_request",
-    "priority_of",
-    "seed_of",
-    "video_of",
-]
 
 SEED_TAG = "robomaker:seed"
 VIDEO_TAG = "robomaker:video"

@@ -1,10 +1,12 @@
 """Keeping the order of a run, taking the order of one that broke off, and the specification made of it again."""
 
 import logging
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypedDict
 
 from ...schemas.reports.progress import Note, ProgressListener
-from ...schemas.reports.run_record import Order
+from ...schemas.reports.run_record import Order, RerunOf
 from ...schemas.settings import Settings
 from ...schemas.specs.check import load_spec
 from ...schemas.specs.model import CheckedSpec, with_seed
@@ -80,6 +82,24 @@ def keep_order(
     except OSError as error:
         listener(Note(f"no other process could finish this run, since its order cannot be kept: {error}"))
         return open_run
+
+
+class OrderedRun(TypedDict):
+    """Arguments by which a run whose order is kept is carried out as it was ordered."""
+
+    spec_path: str
+    command: Sequence[str]
+    reuse: bool
+    rerun_of: RerunOf | None
+    open_run: OpenRun
+
+
+def as_ordered(run: OpenRun) -> OrderedRun:
+    """Returns what a run's order says about it, but for its specification."""
+    order = run.order
+    return OrderedRun(
+        spec_path=order.spec_path, command=order.command, reuse=order.reuse, rerun_of=order.rerun_of, open_run=run
+    )
 
 
 def ordered_spec(order: Order) -> CheckedSpec:

@@ -20,11 +20,11 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Protocol
 
-from ...schemas.operations.registry import MODULES, OPERATIONS, OperationShape, parse_request
+from ...schemas.operations.registry import MODULES, OPERATIONS, parse_request
 from ...schemas.wire.base import STORED, Shape
 from ...schemas.wire.common import filter_values
 from ...schemas.wire.errors import InvalidParameterException, ServiceError
-from ...schemas.wire.operation_shape import deprecated_uses
+from ...schemas.wire.operation_shape import OperationShape, deprecated_uses
 from ...schemas.wire.request_problems import nearest
 from ..catalog import Page
 from ..execution.job_leases import CatalogWait

@@ -70,7 +70,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
     api_url = use_server(settings, for_runs=True)
     # Imported when it is known which server of Prefect's is used.
     from ....flows.pipelines import run_spec
-    from ....tasks.nights.orders import ordered_spec
+    from ....tasks.nights.orders import as_ordered, ordered_spec
     from ....tasks.service.service import Service
     from ...spec_runs.rights import Permits
 
@@ -78,17 +78,8 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
     wait_for_server_once(api_url, settings, lambda text: listener(Note(text)))
     service = Service.open(settings)
     audit_log = AuditLog(order.audit_log, service.clock) if order.audit_log else None
-    run_spec(
-        ordered_spec(order),
-        settings,
-        listener,
-        spec_path=order.spec_path,
-        command=order.command,
-        reuse=order.reuse,
-        rerun_of=order.rerun_of,
-        permit=Permits(_key(order, settings), order.address, audit_log, service),
-        open_run=run,
-    )
+    permit = Permits(_key(order, settings), order.address, audit_log, service)
+    run_spec(ordered_spec(order), settings, listener, permit=permit, **as_ordered(run))
 
 
 def _log(event: ProgressEvent) -> None:

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from helpers.published_model import Model, published_files
 
-from prefect_robomaker.schemas.operations.registry import OPERATIONS, OperationShape
+from prefect_robomaker.schemas.operations.registry import OPERATIONS
+from prefect_robomaker.schemas.wire.operation_shape import OperationShape
 from tools.reference.differences import changed_bounds, changed_members
 
 Schema = dict[str, Any]
