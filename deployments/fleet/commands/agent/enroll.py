@@ -5,6 +5,8 @@ Run it on the robot; `robomaker robots enroll NAME --agent` prints the token.
 
 import argparse
 
+from . import as_command
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker agent enroll` to its parser."""
@@ -15,11 +17,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the command that enrols a robot's agent at the service."""
-    from .....schemas.wire.errors import ConfigurationError
-    from .....tasks.fleet.agent import command_line
-    from .....tasks.fleet.agent.errors import AgentError
+    from .....tasks.fleet.agent.command_line import enroll
 
-    try:
-        return command_line.enroll(arguments)
-    except AgentError as error:
-        raise ConfigurationError(str(error)) from error
+    return as_command(enroll, arguments)

@@ -5,6 +5,8 @@ It ends at SIGTERM and SIGINT, and goes on from its journal when it is started a
 
 import argparse
 
+from . import as_command
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker agent run` to its parser."""
@@ -15,11 +17,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs the agent on a robot until it is stopped."""
-    from .....schemas.wire.errors import ConfigurationError
-    from .....tasks.fleet.agent import command_line
-    from .....tasks.fleet.agent.errors import AgentError
+    from .....tasks.fleet.agent.command_line import run
 
-    try:
-        return command_line.run(arguments)
-    except AgentError as error:
-        raise ConfigurationError(str(error)) from error
+    return as_command(run, arguments)

@@ -2,6 +2,8 @@
 
 import argparse
 
+from . import as_command
+
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker agent status` to its parser."""
@@ -12,11 +14,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Prints what the agent on this robot is doing, and the installed version."""
-    from .....schemas.wire.errors import ConfigurationError
-    from .....tasks.fleet.agent import command_line
-    from .....tasks.fleet.agent.errors import AgentError
+    from .....tasks.fleet.agent.command_line import status
 
-    try:
-        return command_line.status(arguments)
-    except AgentError as error:
-        raise ConfigurationError(str(error)) from error
+    return as_command(status, arguments)

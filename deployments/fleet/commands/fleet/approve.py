@@ -5,24 +5,17 @@ it cannot be approved before.
 """
 
 import argparse
-import sys
 
-from ....cli.inputs.options import open_service
-from . import add_deployment, add_who
+from . import add_decision, decided
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker fleet approve` to its parser."""
-    add_deployment(parser)
-    add_who(parser)
+    add_decision(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet approve`: approves a deployment that waits for approval."""
     from .....tasks.fleet.control.decisions import approve
-    from ....cli.inputs.options import who
 
-    service = open_service()
-    approve(arguments.job, who(arguments.by), service)
-    sys.stdout.write(f"{arguments.job}: approved\n")
-    return 0
+    return decided(approve, arguments, "approved")

@@ -5,24 +5,17 @@ stand still; the 30 days of the whole do not. Any machine with the same catalog 
 """
 
 import argparse
-import sys
 
-from ....cli.inputs.options import open_service
-from . import add_deployment, add_who
+from . import add_decision, decided
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker fleet pause` to its parser."""
-    add_deployment(parser)
-    add_who(parser)
+    add_decision(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet pause`: pauses a deployment."""
     from .....tasks.fleet.control.decisions import pause
-    from ....cli.inputs.options import who
 
-    service = open_service()
-    pause(arguments.job, who(arguments.by), service)
-    sys.stdout.write(f"{arguments.job}: paused; `robomaker fleet resume {arguments.job}` lets it go on\n")
-    return 0
+    return decided(pause, arguments, f"paused; `robomaker fleet resume {arguments.job}` lets it go on")

@@ -4,24 +4,17 @@ Robots that have the new version keep it; SyncDeploymentJob and a deployment of 
 """
 
 import argparse
-import sys
 
-from ....cli.inputs.options import open_service
-from . import add_deployment, add_who
+from . import add_decision, decided
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
     """Adds the arguments of `robomaker fleet reject` to its parser."""
-    add_deployment(parser)
-    add_who(parser)
+    add_decision(parser)
 
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet reject`: cancels a deployment that waits for approval."""
     from .....tasks.fleet.control.decisions import reject
-    from ....cli.inputs.options import who
 
-    service = open_service()
-    reject(arguments.job, who(arguments.by), service)
-    sys.stdout.write(f"{arguments.job}: canceled, since it was not approved\n")
-    return 0
+    return decided(reject, arguments, "canceled, since it was not approved")
