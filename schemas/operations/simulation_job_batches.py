@@ -13,7 +13,7 @@ from ..wire.common import (
     Filters,
     GenericString,
     LastUpdatedAt,
-    MaxResults,
+    PageRequest,
     PaginationToken,
     TagMap,
     Timestamp,
@@ -110,11 +110,9 @@ class DescribeSimulationJobBatchResponse(StartSimulationJobBatchResponse):
     lastUpdatedAt: LastUpdatedAt | None = optional("When it last changed.")
 
 
-class ListSimulationJobBatchesRequest(Shape):
+class ListSimulationJobBatchesRequest(PageRequest):
     """Request of `ListSimulationJobBatches`: asks for a page of batches, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
     filters: Filters | None = optional("Filter by `status`; absent: all batches.")
 
 

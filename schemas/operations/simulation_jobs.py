@@ -20,10 +20,12 @@ from ..wire.common import (
     GenericString,
     IamRole,
     JobDuration,
+    JobReference,
     LastStartedAt,
     LastUpdatedAt,
     Name,
     OptionalOutputLocation,
+    PageRequest,
     PaginationToken,
     Seed,
     TagMap,
@@ -197,10 +199,8 @@ class SimulationJob(CreateSimulationJobResponse):
     networkInterface: NetworkInterface | None = optional("Its address, once it runs.")
 
 
-class DescribeSimulationJobRequest(Shape):
+class DescribeSimulationJobRequest(JobReference):
     """Request of `DescribeSimulationJob`: names the simulation job to describe."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class DescribeSimulationJobResponse(SimulationJob):
@@ -246,10 +246,9 @@ SimulationJobSummaries = Annotated[list[SimulationJobSummary], ShapeName("Simula
 SimulationJobMaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=1000)]
 
 
-class ListSimulationJobsRequest(Shape):
+class ListSimulationJobsRequest(PageRequest):
     """Request of `ListSimulationJobs`: asks for a page of simulation jobs, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: SimulationJobMaxResults | None = optional(
         "Entries per page, 1 to 1000; a page never has more than 100."
     )
@@ -265,10 +264,8 @@ class ListSimulationJobsResponse(Shape):
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
-class CancelSimulationJobRequest(Shape):
+class CancelSimulationJobRequest(JobReference):
     """Request of `CancelSimulationJob`: names the simulation job to cancel."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class CancelSimulationJobResponse(Shape):

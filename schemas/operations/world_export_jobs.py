@@ -13,8 +13,9 @@ from ..wire.common import (
     Filters,
     GenericString,
     IamRole,
-    MaxResults,
+    JobReference,
     OutputLocation,
+    PageRequest,
     PaginationToken,
     TagMap,
     Timestamp,
@@ -57,10 +58,8 @@ class CreateWorldExportJobResponse(Shape):
     tags: TagMap | None = optional("The job's tags.")
 
 
-class DescribeWorldExportJobRequest(Shape):
+class DescribeWorldExportJobRequest(JobReference):
     """Request of `DescribeWorldExportJob`: names the world export job to describe."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
@@ -70,11 +69,9 @@ class DescribeWorldExportJobResponse(CreateWorldExportJobResponse):
     worlds: AnsweredArns | None = optional("ARNs of the worlds in the archive.")
 
 
-class ListWorldExportJobsRequest(Shape):
+class ListWorldExportJobsRequest(PageRequest):
     """Request of `ListWorldExportJobs`: asks for a page of world export jobs, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
     filters: Filters | None = optional(
         "Filter by `status`, or by `generationJobId` or `templateId`, the id of what one of a job's worlds "
         "came from; absent: all jobs."
@@ -101,10 +98,8 @@ class ListWorldExportJobsResponse(Shape):
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
-class CancelWorldExportJobRequest(Shape):
+class CancelWorldExportJobRequest(JobReference):
     """Request of `CancelWorldExportJob`: names the world export job to cancel."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class CancelWorldExportJobResponse(Shape):

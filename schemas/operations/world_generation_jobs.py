@@ -11,7 +11,8 @@ from ..wire.common import (
     ClientRequestToken,
     Filters,
     GenericString,
-    MaxResults,
+    JobReference,
+    PageRequest,
     PaginationToken,
     Seed,
     TagMap,
@@ -106,10 +107,8 @@ class CreateWorldGenerationJobResponse(Shape):
     worldTags: TagMap | None = optional("Tags of the worlds it generates.")
 
 
-class DescribeWorldGenerationJobRequest(Shape):
+class DescribeWorldGenerationJobRequest(JobReference):
     """Request of `DescribeWorldGenerationJob`: names the world generation job to describe."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class WorldFailure(Shape):
@@ -145,11 +144,9 @@ class DescribeWorldGenerationJobResponse(CreateWorldGenerationJobResponse):
     finishedWorldsSummary: FinishedWorldsSummary | None = optional("How many worlds were made, and which failed.")
 
 
-class ListWorldGenerationJobsRequest(Shape):
+class ListWorldGenerationJobsRequest(PageRequest):
     """Request of `ListWorldGenerationJobs`: asks for a page of world generation jobs, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
     filters: Filters | None = optional("Filter by `status` or `templateId`, the template's id; absent: all jobs.")
 
 
@@ -177,10 +174,8 @@ class ListWorldGenerationJobsResponse(Shape):
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
-class CancelWorldGenerationJobRequest(Shape):
+class CancelWorldGenerationJobRequest(JobReference):
     """Request of `CancelWorldGenerationJob`: names the world generation job to cancel."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class CancelWorldGenerationJobResponse(Shape):

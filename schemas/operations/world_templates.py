@@ -13,7 +13,7 @@ from ..wire.common import (
     GenericString,
     Json,
     LastUpdatedAt,
-    MaxResults,
+    PageRequest,
     PaginationToken,
     S3Bucket,
     S3Key,
@@ -150,11 +150,8 @@ class GetWorldTemplateBodyResponse(Shape):
     templateBody: Json | None = optional("The body, JSON text.")
 
 
-class ListWorldTemplatesRequest(Shape):
+class ListWorldTemplatesRequest(PageRequest):
     """Request of `ListWorldTemplates`: asks for a page of world templates, newest first."""
-
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
 
 
 class TemplateSummary(Shape):

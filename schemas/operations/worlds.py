@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ..wire.base import Shape, ShapeName, optional
-from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, MaxResults, PaginationToken, TagMap, Timestamp
+from ..wire.common import AnsweredArns, Arn, Arns, Filters, Json, PageRequest, PaginationToken, TagMap, Timestamp
 from ..wire.operation_shape import LIST_ERRORS, READ_ERRORS, OperationShape
 
 
@@ -28,11 +28,9 @@ class DescribeWorldResponse(Shape):
     )
 
 
-class ListWorldsRequest(Shape):
+class ListWorldsRequest(PageRequest):
     """Request of `ListWorlds`: asks for a page of worlds, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
-    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
     filters: Filters | None = optional(
         "Filter by `generationJobId` or `templateId`, the id of what the worlds came from, or by `status`, "
         "which is `Active` for every world; absent: all worlds."

@@ -166,6 +166,19 @@ PaginationToken = Annotated[str, ShapeName("PaginationToken"), text(1, 2048, r"[
 MaxResults = Annotated[int, ShapeName("MaxResults"), Field(ge=1, le=100)]
 
 
+class PageRequest(Shape):
+    """Members of a request for one page of a list."""
+
+    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
+    maxResults: MaxResults | None = optional("Entries per page; absent: 100.")
+
+
+class JobReference(Shape):
+    """Member of a request about one job."""
+
+    job: Arn = Field(description="ARN of the job.")
+
+
 class Filter(Shape):
     """A filter of a list request: a name and the accepted values."""
 

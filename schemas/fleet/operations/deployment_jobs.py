@@ -14,6 +14,7 @@ from ...wire.common import (
     ClientRequestToken,
     Filters,
     GenericString,
+    JobReference,
     NonEmptyString,
     PaginationToken,
     Path,
@@ -293,10 +294,8 @@ class RobotDeployment(Shape):
 RobotDeploymentSummary = Annotated[list[RobotDeployment], ShapeName("RobotDeploymentSummary")]
 
 
-class DescribeDeploymentJobRequest(Shape):
+class DescribeDeploymentJobRequest(JobReference):
     """Request of `DescribeDeploymentJob`: names the deployment job to describe."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class DeploymentWait(Shape):
@@ -354,10 +353,8 @@ class ListDeploymentJobsResponse(Shape):
     nextToken: PaginationToken | None = optional("Token of the next page; absent on the last.")
 
 
-class CancelDeploymentJobRequest(Shape):
+class CancelDeploymentJobRequest(JobReference):
     """Request of `CancelDeploymentJob`: names the deployment job to stop early."""
-
-    job: Arn = Field(description="ARN of the job.")
 
 
 class CancelDeploymentJobResponse(Shape):

@@ -5,7 +5,7 @@ from typing import Annotated
 from pydantic import Field
 
 from ...wire.base import Shape, ShapeName, optional
-from ...wire.common import Arn, Filters, Name, PaginationToken, TagMap, Timestamp
+from ...wire.common import Arn, Filters, Name, PageRequest, PaginationToken, TagMap, Timestamp
 from ...wire.operation_shape import INTERNAL, INVALID, LIMIT, READ_ERRORS, THROTTLED, OperationShape, deprecated
 from .deployment_jobs import DeploymentStatus
 from .robots import FleetMaxResults, Robots
@@ -46,10 +46,9 @@ class DescribeFleetResponse(Shape):
     tags: TagMap | None = optional("Its tags.")
 
 
-class ListFleetsRequest(Shape):
+class ListFleetsRequest(PageRequest):
     """Request of `ListFleets`: asks for a page of fleets, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
     filters: Filters | None = optional("`name`; absent: all fleets.")
 

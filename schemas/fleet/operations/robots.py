@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from ...wire.base import Shape, ShapeName, optional
-from ...wire.common import Architecture, Arn, Filters, Name, PaginationToken, TagMap, Timestamp, text
+from ...wire.common import Architecture, Arn, Filters, Name, PageRequest, PaginationToken, TagMap, Timestamp, text
 from ...wire.operation_shape import (
     EXISTS,
     INTERNAL,
@@ -68,10 +68,9 @@ class DescribeRobotResponse(Shape):
     tags: TagMap | None = optional("Its tags.")
 
 
-class ListRobotsRequest(Shape):
+class ListRobotsRequest(PageRequest):
     """Request of `ListRobots`: asks for a page of robots, newest first."""
 
-    nextToken: PaginationToken | None = optional("Token of the page before, to go on after it.")
     maxResults: FleetMaxResults | None = optional("Entries per page; absent: 200.")
     filters: Filters | None = optional("`status` or `fleetName`; absent: all robots.")
 
