@@ -110,23 +110,21 @@ _CORS = b"access-control-"
 
 
 class Guard:
-    """ASGI application wrapper that refuses requests of foreign web pages.
+    """ASGI application wrapper that refuses requests of foreign web pages to a server that listens at 127.0.0.1.
 
     Args:
         application: the one that is guarded.
-        is_own_host: whether a request's `Host` names this server; by default one that listens at 127.0.0.1.
     """
 
-    def __init__(self, application: ASGIApp, is_own_host: Callable[[str], bool] = is_loopback_host) -> None:
+    def __init__(self, application: ASGIApp) -> None:
         self._application = application
-        self._is_own_host = is_own_host
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Serves a request, a WebSocket, or the server's start and end."""
         if scope["type"] not in ("http", "websocket"):
             await self._application(scope, receive, send)
             return
-        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], self._is_own_host)
+        refused = refusal(scope["type"], scope.get("method", "GET"), scope["headers"], is_loopback_host)
         if refused is None:
             await self._application(scope, receive, _closing(send))
         elif scope["type"] == "websocket":

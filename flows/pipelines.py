@@ -4,7 +4,6 @@
 for a caller in this process who watches.
 """
 
-import logging
 import os
 import signal
 from collections.abc import Callable, Sequence
@@ -61,9 +60,6 @@ from ..tasks.operations.step_operations import step_registry
 from ..tasks.service.catalog_wait import once_catalog_answers
 from ..tasks.service.service import Progress, Service
 from .lookup import perform, without_heartbeat
-
-_logger = logging.getLogger(__name__)
-
 
 _NO_FILE = "specification"
 

@@ -83,12 +83,10 @@ class TrustUpkeep:
 
     Args:
         service: where the repository is stored.
-        pause_s: between two looks, in seconds.
     """
 
-    def __init__(self, service: Service, pause_s: float = PAUSE_S) -> None:
+    def __init__(self, service: Service) -> None:
         self._service = service
-        self._pause_s = pause_s
         self._stopped = threading.Event()
         self._problem = ""
         self._thread = threading.Thread(target=self._keep_up, name="trust-upkeep", daemon=True)
@@ -105,7 +103,7 @@ class TrustUpkeep:
     def _keep_up(self) -> None:
         while not self._stopped.is_set():
             self._tell(self._problem_now())
-            self._stopped.wait(self._pause_s)
+            self._stopped.wait(PAUSE_S)
 
     def _problem_now(self) -> str:
         if not (self._service.settings.home / "robots" / "trust" / "root.json").exists():

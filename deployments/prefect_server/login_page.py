@@ -79,16 +79,13 @@ class LoginPage:
         application: Prefect's.
         origin: origin of the server's pages, such as `http://127.0.0.1:4200`.
         auth_string: what a browser that logs in gets, `user:secret`.
-        tokens: the tokens of links.
     """
 
-    def __init__(
-        self, application: ASGIApp, origin: str, auth_string: str, tokens: OneTimeTokens | None = None
-    ) -> None:
+    def __init__(self, application: ASGIApp, origin: str, auth_string: str) -> None:
         self._application = application
         self._origin = origin
         self._password = base64.b64encode(auth_string.encode()).decode()
-        self._tokens = tokens or OneTimeTokens()
+        self._tokens = OneTimeTokens()
         self._cookie = f"robomaker-login-{urlsplit(origin).port}"
         self._page = files(__package__ or "").joinpath("login.html").read_text(encoding="utf-8")
         self._logo = files(__package__ or "").joinpath("logo.svg").read_bytes()

@@ -56,20 +56,19 @@ _WAITS = "AwaitingConcurrencySlot"
 _logger = logging.getLogger(__name__)
 
 
-def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any] | None:
+def skipped_night(settings: Settings) -> State[Any] | None:
     """Returns the end state for a scheduled flow run that starts too late and is skipped; `None` if it may run.
 
     Runs that somebody ordered are never too late.
 
     Args:
         settings: say how late is too late.
-        now: the time; None: that of the clock.
     """
     context = FlowRunContext.get()
     run = context.flow_run if context is not None else None
     if run is None or not run.auto_scheduled or run.expected_start_time is None:
         return None
-    late = (now or datetime.now(UTC)) - run.expected_start_time
+    late = datetime.now(UTC) - run.expected_start_time
     if late <= timedelta(hours=settings.max_late_hours):
         return None
     due, hours = f"{run.expected_start_time:%Y-%m-%d %H:%M} UTC", late.total_seconds() / 3600
@@ -78,19 +77,18 @@ def skipped_night(settings: Settings, now: datetime | None = None) -> State[Any]
     return Cancelled(name="Skipped", message=message)
 
 
-def give_way_to_earlier(continues: str | None = None, now: datetime | None = None) -> None:
+def give_way_to_earlier(continues: str | None = None) -> None:
     """Reschedules the current flow run and ends this process if an earlier run of its deployment still waits.
 
     A run goes before another of its deployment if it was due earlier, or if it continues one whose process died.
 
     Args:
         continues: id of the run that this one continues; such a run gives way to none.
-        now: the time; `None`: that of the clock.
 
     Raises:
         Pause: the run waits again; Prefect ends the process, with exit code 0.
     """
-    context, now = FlowRunContext.get(), now or datetime.now(UTC)
+    context, now = FlowRunContext.get(), datetime.now(UTC)
     run = context.flow_run if context is not None else None
     if run is None or run.deployment_id is None or continues is not None or run.run_count > _MOST_TRIES:
         return

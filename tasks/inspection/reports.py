@@ -5,21 +5,18 @@ import platform
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from ...schemas.documents.simulation_jobs import ReusedFrom, SimulationJobBatchDocument, SimulationJobDocument
 from ...schemas.documents.worlds import StoredPlace
 from ...schemas.job_owners import JobOwner
-from ...schemas.reports.forecast import ForecastCheck
 from ...schemas.reports.report import Report, ReportedJob, ReportedStep, ReportedWorld, ReportSummary, RunState
 from ...schemas.reports.run_record import (
-    Interruption,
+    EXIT_CODES,
     JobRecord,
     RerunOf,
     RunRecord,
-    SourceCommit,
     StepRecord,
     interrupted_in_words,
 )
@@ -36,7 +33,7 @@ from ..comparison.nights import NightRun
 from ..execution.events import tell_of_report
 from ..reporting import Outcome, case_names, classify, junit_xml, summarize, write_report
 from ..reporting.nights.changes import losses_in_words
-from ..results.table import RESULTS_FILE, ResultTable
+from ..results.table import ResultTable
 from ..service.service import Service
 from ..simulations.inputs.bundles import world_bundle
 from ..simulations.planning.run_plans import world_arn
@@ -50,52 +47,22 @@ _MOST_LOST = 10
 _PACKAGES = ("prefect-robomaker", "prefect", "mujoco", "dm-control", "numpy")
 
 
-def publish_report(
-    service: Service,
-    *,
-    name: str,
-    run_id: str,
-    command: Sequence[str],
-    steps: Sequence[StepRecord],
-    started_at: datetime,
-    ended_at: datetime,
-    versions: Mapping[str, str],
-    folder: Path,
-    state_of: Callable[[list[JobRecord]], RunState],
-    source: SourceCommit | None = None,
-    rerun_of: RerunOf | None = None,
-    probe: bool = False,
-    forecast: ForecastCheck | None = None,
-    interruptions: Sequence[Interruption] = (),
-) -> tuple[list[JobRecord], Path]:
-    """Writes the report of a run, and shows its main parts in Prefect's UI.
+def publish_report(record: RunRecord, service: Service, state_of: Callable[[list[JobRecord]], RunState]) -> RunRecord:
+    """Writes the report of a run that ends, and shows its main parts in Prefect's UI.
+
+    Args:
+        record: the run, without its jobs.
+        service: where its resources are stored.
+        state_of: says by the jobs how the run ended.
 
     Returns:
-        The run's simulation jobs in short, and the report's path.
+        The record with the run's jobs, its state, and the report's path.
     """
-    reported = jobs_of(steps, service, rerun_of)
-    places = places_of(reported, service)
-    records = _job_records(reported, places, service)
-    results = write_results(records, places, service, folder)
-    state = state_of(records)
-    run = NightRun(run_id, name, started_at, state, records, dict(versions), source, results_path=folder / RESULTS_FILE)
-    report = Report(
-        name=name,
-        run_id=run_id,
-        state=state,
-        started_at=started_at,
-        ended_at=ended_at,
-        steps=[_reported_step(step) for step in steps],
-        worlds=_worlds(steps, reported, service),
-        jobs=reported,
-        command=shlex.join(command),
-        rerun_of=_rerun_in_words(rerun_of),
-        forecast=forecast,
-        versions=dict(versions),
-        since_last=None if rerun_of or probe else since_last(run, folder.parent),
-        interrupted=interrupted_in_words(interruptions),
-    )
-    return records, _publish(report, records, results, folder)
+    report, jobs, results = _gathered(record, service)
+    state = state_of(jobs)
+    record = record.model_copy(update={"jobs": jobs, "state": state, "exit_code": EXIT_CODES[state]})
+    report = _with_changes(report.model_copy(update={"state": state}), record)
+    return record.model_copy(update={"report_path": _publish(report, jobs, results, record.run_dir)})
 
 
 def rebuild_report(record: RunRecord, service: Service, junit: Path | None = None) -> ReportSummary:
@@ -112,17 +79,28 @@ def rebuild_report(record: RunRecord, service: Service, junit: Path | None = Non
     Raises:
         OSError: a file cannot be written.
     """
-    report = report_of(record, service)
-    places = places_of(report.jobs, service)
-    jobs = _job_records(report.jobs, places, service)
-    results = write_results(jobs, places, service, record.run_dir)
-    if is_night(record):  # a rerun says of each job how it ended before
-        report = report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
+    report, jobs, results = _gathered(record, service)
+    report = _with_changes(report, record)
     path = _publish(report, jobs, results, record.run_dir)
     summary = summarize(report, results)
     if junit is not None:
         junit.write_bytes(junit_xml(summary))
     return summary.model_copy(update={"report_path": path, "junit_path": junit})
+
+
+def _gathered(record: RunRecord, service: Service) -> tuple[Report, list[JobRecord], ResultTable]:
+    """The report of a run as far as stored data has it, its jobs in short, and the table of results, written."""
+    report = report_of(record, service)
+    places = places_of(report.jobs, service)
+    jobs = _job_records(report.jobs, places, service)
+    return report, jobs, write_results(jobs, places, service, record.run_dir)
+
+
+def _with_changes(report: Report, record: RunRecord) -> Report:
+    """The report with what changed since the last run; that of a rerun says of each job how it ended before."""
+    if not is_night(record):
+        return report
+    return report.model_copy(update={"since_last": since_last(NightRun.of(record), record.run_dir.parent)})
 
 
 def report_of(record: RunRecord, service: Service) -> Report:

@@ -16,7 +16,7 @@ from ...schemas.runs.trials import TrialCounts, planned_trials
 from ...schemas.wire.errors import ConfigurationError, LeaseLostError, ResourceNotFoundException, RobomakerError
 from ...schemas.wire.errors import ServiceUnavailableException as CatalogUnavailable
 from ..catalog import Catalog, Resource
-from ..execution.held_leases import HELD, HeldLeases, WorkerStopping
+from ..execution.held_leases import HELD, WorkerStopping
 from ..execution.job_leases import fail_job, run_under_lease
 from ..machine.machine_slots import MachineSlots, Turn
 from ..service.service import Service
@@ -40,21 +40,11 @@ class BatchWorker:
     Args:
         batch: ARN of the batch.
         service: where it is stored.
-        held: where this process notes the leases that it holds.
-        perform: carries a job to its end.
     """
 
-    def __init__(
-        self,
-        batch: str,
-        service: Service,
-        held: HeldLeases = HELD,
-        perform: Callable[..., None] = perform_job,
-    ) -> None:
+    def __init__(self, batch: str, service: Service) -> None:
         self._batch = batch
         self._service = service
-        self._held = held
-        self._perform = perform
         self._status = ""
         self._waited_s: Mapping[Scarce, float] = {}
         self._alone_since: float | None = None
@@ -78,7 +68,7 @@ class BatchWorker:
         try:
             return self._run(pool, machine)
         except BaseException:
-            self._held.give_back_all(self._service.catalog)
+            HELD.give_back_all(self._service.catalog)
             pool.shutdown(wait=False, cancel_futures=True)
             raise
         finally:
@@ -169,7 +159,7 @@ class BatchWorker:
                 self._batch, KIND, owner, lease_s, most="concurrency", parent_in=places, finishing=SIMULATED
             )
 
-        return self._held.reserve_any(take, catalog)
+        return HELD.reserve_any(take, catalog)
 
     def _run_job(self, arn: str, machine: MachineSlots, slot: int, waited_s: Mapping[Scarce, float]) -> None:
         """Carries a claimed job to its end and frees its slot; one that this worker cannot carry out fails."""
@@ -185,7 +175,7 @@ class BatchWorker:
         try:
             with Place(take, permit_of(machine)) as place:
                 place.simulate()
-                self._perform(arn, self._service, self._why_stop, waited_s=waited_s, place=place, waits=False)
+                perform_job(arn, self._service, self._why_stop, waited_s=waited_s, place=place, waits=False)
         except (CatalogUnavailable, LeaseLostError, WorkerStopping) as error:
             _logger.warning("%s is left to another job worker: %s", arn, error)
         except Exception as error:
@@ -193,13 +183,13 @@ class BatchWorker:
             self._fail(arn, f"running it failed: {type(error).__name__}: {error}")
         finally:
             try:
-                self._held.cancel_reservation(arn, self._service.catalog)
+                HELD.cancel_reservation(arn, self._service.catalog)
             except CatalogUnavailable as error:
                 _logger.warning("the lease of %s is not given back; it runs out by itself: %s", arn, error)
 
     def _fail(self, arn: str, reason: str) -> None:
         try:
-            run_under_lease(arn, KIND, self._service, lambda lease: fail_job(lease, reason, self._service), self._held)
+            run_under_lease(arn, KIND, self._service, lambda lease: fail_job(lease, reason, self._service), HELD)
         except RobomakerError as error:
             _logger.warning("%s could not be marked as failed: %s", arn, error)
 

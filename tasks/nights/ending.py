@@ -79,43 +79,42 @@ def finish_run(
         outlasting: waits for the catalog.
     """
     # Slow to import, and not needed before.
-    from ..inspection.reports import installed_versions
+    from ..inspection.reports import installed_versions, publish_report
     from ..inspection.run_records import write_record
 
-    ended_at, versions = service.clock(), installed_versions()
+    ended_at = service.clock()
 
     def state_of(jobs: list[JobRecord]) -> RunState:
         return state_of_run(facts.checked, steps, jobs, is_canceled=is_canceled)
 
     # A forecast is of a run that nothing interrupts.
     comparable = not (is_canceled or interruptions)
-    forecast = outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None
-    jobs, report_path = _report(
-        facts, steps, service, listener, ended_at, versions, forecast, state_of, interruptions, outlasting
-    )
-    state = state_of(jobs) if report_path else "broken"
-    record = RunRecord(
+    without_report = RunRecord(
         run_id=facts.run_id,
         name=facts.checked.name,
         spec_path=facts.spec_path,
         command=list(facts.command),
-        state=state,
-        exit_code=EXIT_CODES[state],
+        state="broken",
+        exit_code=EXIT_CODES["broken"],
         started_at=facts.started_at,
         ended_at=ended_at,
         steps=steps,
-        jobs=jobs,
-        versions=versions,
-        report_path=report_path,
+        versions=installed_versions(),
         rerun_of=facts.rerun_of,
         reuse=service.reuses,
         probe=facts.is_probe,
-        forecast=forecast,
+        forecast=outlasting(lambda: _forecast(facts, steps, service, ended_at)) if comparable else None,
         interruptions=list(interruptions),
         run_dir=facts.folder,
         source=facts.source,
         flow_run=UUID(flow_run) if flow_run else None,
     )
+    try:
+        record = outlasting(lambda: publish_report(without_report, service, state_of))
+    except Exception as error:
+        _logger.exception("the report could not be written")
+        listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
+        record = without_report
     (facts.folder / "spec.yaml").write_text(facts.checked.text_for_others)
     write_record(record)
     notify_of(record, service, listener)
@@ -136,47 +135,6 @@ def _forecast(facts: RunFacts, steps: list[StepRecord], service: Service, ended_
     if facts.is_probe or facts.rerun_of or service.reuses:
         return None
     return check_forecast(facts.checked, service.settings, steps, facts.started_at, ended_at)
-
-
-def _report(
-    facts: RunFacts,
-    steps: list[StepRecord],
-    service: Service,
-    listener: ProgressListener,
-    ended_at: datetime,
-    versions: dict[str, str],
-    forecast: ForecastCheck | None,
-    state_of: Callable[[list[JobRecord]], RunState],
-    interruptions: Sequence[Interruption],
-    outlasting: Outlasting,
-) -> tuple[list[JobRecord], Path | None]:
-    """Writes the report; without one there still is a record."""
-    from ..inspection.reports import publish_report
-
-    try:
-        return outlasting(
-            lambda: publish_report(
-                service,
-                name=facts.checked.name,
-                run_id=facts.run_id,
-                command=facts.command,
-                steps=steps,
-                started_at=facts.started_at,
-                ended_at=ended_at,
-                versions=versions,
-                folder=facts.folder,
-                state_of=state_of,
-                source=facts.source,
-                rerun_of=facts.rerun_of,
-                probe=facts.is_probe,
-                forecast=forecast,
-                interruptions=interruptions,
-            )
-        )
-    except Exception as error:
-        _logger.exception("the report could not be written")
-        listener(Note(f"the report could not be written: {type(error).__name__}: {error}"))
-        return [], None
 
 
 def state_of_run(

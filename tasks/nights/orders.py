@@ -1,6 +1,5 @@
 """Keeping the order of a run, taking the order of one that broke off, and the specification made of it again."""
 
-import logging
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import TypedDict
@@ -18,8 +17,6 @@ from .environments import environment_of_run
 from .missed import note_schedule
 from .open_runs import OpenRun
 from .pings import ping_start
-
-_logger = logging.getLogger(__name__)
 
 
 def keep_order(

@@ -71,20 +71,24 @@ def share_of(name: str, passed: int, failed: int, errors: int = 0) -> Share:
     )  # fmt: skip
 
 
-def of_outcomes(name: str, outcomes: Sequence[CaseOutcome], *, errors_fail: bool = False) -> Share:
+def of_outcomes(name: str, outcomes: Sequence[CaseOutcome]) -> Share:
     """Computes the pass rate of jobs or trials; stopped and unjudged ones do not count.
 
     Args:
         name: What they have in common.
         outcomes: How each of them ended.
-        errors_fail: Whether what broke counts as failed.
     """
-    counts = _counts(Counter(outcomes))
-    return share_of(name, counts.passed, counts.failed + counts.errors) if errors_fail else counts.share(name)
+    return _counts(Counter(outcomes)).share(name)
 
 
 def of_table(name: str, results: ResultTable, *, errors_fail: bool = False) -> Share:
-    """Computes the pass rate of all trials in a results table; see `of_outcomes`."""
+    """Computes the pass rate of all trials in a results table; see `of_outcomes`.
+
+    Args:
+        name: What they have in common.
+        results: The table.
+        errors_fail: Whether what broke counts as failed.
+    """
     codes, outcomes = results.codes("outcome")
     found = np.bincount(codes, minlength=len(outcomes)).tolist()
     counts = _counts(Counter(dict(zip(outcomes, found, strict=True))))

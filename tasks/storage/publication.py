@@ -180,7 +180,7 @@ def read_manifest(store: ObjectStore, bucket: str, prefix: str) -> Manifest:
         raise StorageError(f"{store.uri(bucket, key)} is no manifest: {error}") from error
 
 
-def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify: bool = True) -> Manifest:
+def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path) -> Manifest:
     """Downloads the files in a manifest to a folder.
 
     Args:
@@ -188,7 +188,6 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify:
         bucket: where from.
         prefix: where from.
         folder: where to; it must be absent or empty, and appears only when all files are there.
-        verify: whether the content's SHA-256 is compared; the sizes always are.
 
     Raises:
         ChecksumMismatchError: a file is not what was published.
@@ -206,7 +205,7 @@ def fetch(store: ObjectStore, bucket: str, prefix: str, folder: Path, *, verify:
             def arrive(file: ManifestFile) -> None:
                 path = arriving / file.path
                 store.get_file(bucket, join_key(prefix, file.path), path)
-                _verify(path, file, store.uri(bucket, join_key(prefix, file.path)), verify=verify)
+                _verify(path, file, store.uri(bucket, join_key(prefix, file.path)))
 
             run_all(arrive, manifest.files)
             arriving.rename(folder)
@@ -246,12 +245,12 @@ def _conclude(store: ObjectStore, bucket: str, prefix: str, manifest: Manifest) 
     return manifest
 
 
-def _verify(path: Path, file: ManifestFile, uri: str, *, verify: bool) -> None:
+def _verify(path: Path, file: ManifestFile, uri: str) -> None:
     with open_regular(path) as content:
         size = path.stat().st_size
         if size != file.size_bytes:
             raise ChecksumMismatchError(f"{uri} has {size} bytes; {file.size_bytes} were published")
-        if verify and hashlib.file_digest(content, "sha256").hexdigest() != file.sha256:
+        if hashlib.file_digest(content, "sha256").hexdigest() != file.sha256:
             raise ChecksumMismatchError(f"{uri} does not have the SHA-256 it was published with, {file.sha256}")
 
 

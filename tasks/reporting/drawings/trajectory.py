@@ -65,7 +65,7 @@ def _drawable(x: float, y: float) -> bool:
     return abs(x) < _FARTHEST_M and abs(y) < _FARTHEST_M
 
 
-def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[int, list[Point]]]:
+def shaded_runs(path: Sequence[PathPoint]) -> list[tuple[int, list[Point]]]:
     """Cuts a path into pieces, one for each colour shade, by time."""
     if len(path) < 2:
         return []
@@ -73,7 +73,7 @@ def shaded_runs(path: Sequence[PathPoint], shades: int = SHADES) -> list[tuple[i
     span = (end - start) or 1.0
     runs: list[tuple[int, list[Point]]] = []
     for (t0, x0, y0), (t1, x1, y1) in pairwise(path):
-        shade = min(shades - 1, max(0, int(((t0 + t1) / 2 - start) / span * shades)))
+        shade = min(SHADES - 1, max(0, int(((t0 + t1) / 2 - start) / span * SHADES)))
         if not runs or runs[-1][0] != shade:
             runs.append((shade, [(x0, y0)]))
         runs[-1][1].append((x1, y1))

@@ -19,8 +19,6 @@ from .. import outcomes
 _MOST_NAMED = 4
 """Requirements that a title names."""
 _MOST_MARGINS = 5
-_SHOWN = 8
-"""Characters of a hash that people compare."""
 
 
 def change_in_words(change: ChangedInput) -> str:

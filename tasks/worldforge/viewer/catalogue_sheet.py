@@ -49,11 +49,11 @@ def catalogue_sheet(kinds: tuple[str, ...] = (*MODEL_TYPES, *LOOSE_TYPES)) -> by
     return buffer.getvalue()
 
 
-def style_picture(kind: str, style: Style, width: int = CELL_WIDTH, height: int = CELL_HEIGHT) -> NDArray[np.uint8]:
+def style_picture(kind: str, style: Style) -> NDArray[np.uint8]:
     """Renders one piece of furniture on a plain floor.
 
     Returns:
-        Red, green, blue, shape (height, width, 3).
+        Red, green, blue, shape (`CELL_HEIGHT`, `CELL_WIDTH`, 3).
     """
     item = Furniture(
         id="piece",
@@ -71,13 +71,13 @@ def style_picture(kind: str, style: Style, width: int = CELL_WIDTH, height: int 
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
     top = max(style.height_m, 0.05) + (0.15 if style.height_m > 0.3 else 0.0)
     reach = hypot(style.width_m, style.depth_m, top) / 2
-    distance = 1.12 * reach / tan(radians(_FOV_DEG) / 2) * max(1.0, width / height * 0.9)
+    distance = 1.12 * reach / tan(radians(_FOV_DEG) / 2) * max(1.0, CELL_WIDTH / CELL_HEIGHT * 0.9)
     flat, rise = 0.84 * distance, 0.54 * distance
     camera = Camera((0.82 * flat, 0.57 * flat, rise + top / 2), atan2(-0.57, -0.82), -atan2(rise, flat), _FOV_DEG)
     rng = np.random.default_rng(3)
     key = [Lamp((2.2 + a, -0.6 + b, 3.2), 5.5, (1.0, 0.97, 0.92)) for a, b in rng.uniform(-0.45, 0.45, (16, 2))]
     fill = [Lamp((a, b, c), 1.9, (0.93, 0.97, 1.0)) for a, b, c in rng.uniform((-1, 1, 0.8), (3, 3, 3), (16, 3))]
-    return RayPicture(model, _Look(model).colors).draw(camera, [key, fill], width, height, ambient=0.3)
+    return RayPicture(model, _Look(model).colors).draw(camera, [key, fill], CELL_WIDTH, CELL_HEIGHT, ambient=0.3)
 
 
 class _Look:

@@ -219,15 +219,6 @@ def test_damaged_content_is_found_and_nothing_appears(
     assert list((tmp_path / "new").iterdir()) == []
 
 
-def test_without_verification_only_sizes_are_compared(disk: DirectoryStore, outputs: Path, tmp_path: Path):
-    publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
-    disk.put_bytes("outputs", "run/result.json", b"[]")
-    fetch(disk, "outputs", "run", tmp_path / "fetched", verify=False)
-    disk.put_bytes("outputs", "run/result.json", b"longer")
-    with pytest.raises(ChecksumMismatchError):
-        fetch(disk, "outputs", "run", tmp_path / "again", verify=False)
-
-
 def test_a_missing_object_leaves_no_folder(disk: DirectoryStore, outputs: Path, tmp_path: Path):
     publish(disk, "outputs", "run", regular_files(outputs), about=ABOUT, created_at=NOW)
     disk.delete("outputs", "run/result.json")
