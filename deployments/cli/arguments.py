@@ -1,6 +1,7 @@
 """Arguments that several commands have, declared once so that they are called and explained the same everywhere."""
 
 import argparse
+from math import isfinite
 
 
 def add_output(parser: argparse.ArgumentParser, *forms: str) -> None:
@@ -44,6 +45,29 @@ def add_simulation(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("run", metavar="JOB", help=text)
     trial = "number of the trial, of a job that has trials"
     parser.add_argument("--trial", metavar="K", type=_trial_number, help=trial)
+
+
+def given_options(arguments: argparse.Namespace, *names: str) -> list[str]:
+    """Returns options as words of a command line, as they were given.
+
+    Args:
+        arguments: those of a command.
+        names: options with one or several values; those that were not given are left out.
+    """
+    values = {name: getattr(arguments, name) for name in names}
+    several = {name: value if isinstance(value, list) else [value] for name, value in values.items()}
+    return [
+        word for name, each in several.items() for one in each if one is not None for word in (f"--{name}", str(one))
+    ]
+
+
+def two_or_three_numbers(text: str) -> list[float] | None:
+    """Reads two or three finite numbers with commas between them; `None`: it is something else."""
+    try:
+        numbers = [float(each) for each in text.split(",")]
+    except ValueError:
+        return None
+    return numbers if len(numbers) in (2, 3) and all(map(isfinite, numbers)) else None
 
 
 def _trial_number(text: str) -> int:

@@ -53,15 +53,29 @@ def environment_needed(operation: str, request: Mapping[str, Any], service: Serv
     names = list(SETTINGS.get(operation, ()))
     if any(each.get("iamRole") for each in requests):
         names.append("roles_file")
-    variables = {variable(name): written(getattr(service.settings, name)) for name in names}
-    if requests:
+    return environment_with(names, packages, service.settings, simulates=bool(requests))
+
+
+def environment_with(
+    names: Iterable[str], packages: Mapping[str, str] | None, settings: Settings, *, simulates: bool
+) -> NeededEnvironment:
+    """Returns this process's environment, reduced to some settings and packages.
+
+    Args:
+        names: the settings.
+        packages: digests of the packages that are imported; `None`: nothing but what is built in.
+        settings: of this process.
+        simulates: whether simulation jobs run in it.
+    """
+    variables = {variable(name): written(getattr(settings, name)) for name in dict.fromkeys(names)}
+    if simulates:
         variables |= {name: os.environ.get(name, "") for name in OTHER_VARIABLES}
     return NeededEnvironment(
         machine=socket.gethostname(),
         python=sys.prefix,
         python_path=None if packages is None else python_path(os.environ),
         variables=variables,
-        packages=packages or {},
+        packages=dict(packages or {}),
     )
 
 

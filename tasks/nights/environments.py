@@ -3,9 +3,6 @@
 Its steps are not resolved yet when it begins, so its specification is read for what they will import.
 """
 
-import os
-import socket
-import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -14,7 +11,7 @@ from ...schemas.specs.model import CheckedSpec
 from ...schemas.specs.text import plain
 from ...schemas.wire.errors import RobomakerError
 from ...schemas.wire.json_values import is_list, is_mapping
-from ..jobs.job_owners import OTHER_VARIABLES, SETTINGS, python_path, variable, written
+from ..jobs.job_owners import SETTINGS, environment_with
 from ..service.service import Service
 from ..simulations.planning.applications import python_package
 from ..simulations.planning.job_contents import CurrentApplications, imported_packages, package_content
@@ -35,17 +32,8 @@ def environment_of_run(spec: CheckedSpec, service: Service) -> NeededEnvironment
     found = list(_mappings(inputs))
     if any(each.get("iamRole") for each in found):
         names.append("roles_file")
-    variables = {variable(name): written(getattr(service.settings, name)) for name in dict.fromkeys(names)}
-    if operations & {"CreateSimulationJob", "StartSimulationJobBatch"}:
-        variables |= {name: os.environ.get(name, "") for name in OTHER_VARIABLES}
-    packages = _packages(found, service)
-    return NeededEnvironment(
-        machine=socket.gethostname(),
-        python=sys.prefix,
-        python_path=None if packages is None else python_path(os.environ),
-        variables=variables,
-        packages=packages or {},
-    )
+    simulates = bool(operations & {"CreateSimulationJob", "StartSimulationJobBatch"})
+    return environment_with(names, _packages(found, service), service.settings, simulates=simulates)
 
 
 def _packages(found: list[Mapping[str, Any]], service: Service) -> dict[str, str] | None:

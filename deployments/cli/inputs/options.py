@@ -91,6 +91,19 @@ def output_file(path: str | None, option: str) -> Path | None:
     return file
 
 
+def spec_name(given: str) -> str:
+    """Checks the name that `--name` gives a specification, and returns it.
+
+    Raises:
+        ConfigurationError: it is none.
+    """
+    from ....schemas.specs.model import is_spec_name
+
+    if not is_spec_name(given):
+        raise ConfigurationError(f"--name is {given!r}; letters, digits, - and _ would be right")
+    return given
+
+
 def open_service() -> "Service":
     """Opens the RoboMaker service that the environment variables describe.
 

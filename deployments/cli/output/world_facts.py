@@ -1,11 +1,14 @@
 """Facts of a world, as data and in lines of text."""
 
+import json
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from typing import Any, TextIO
+from typing import Any
 
+from ....schemas.exit_codes import OK, VERDICT_FAILED
 from ....schemas.worlds.world import Passage, Room, World
-from ..inputs.worlds import FoundWorld
+from ..inputs.worlds import FoundWorld, find_world
 from .answers import Cell, print_lines
 
 
@@ -124,18 +127,27 @@ _MARKS: dict[str, Cell] = {
 }
 
 
-def print_facts(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints the facts about a world as text."""
-    _print(fact_lines(facts), stream)
+def print_world(form: str, document: dict[str, Any], lines: Sequence[Line]) -> None:
+    """Prints an answer about a world as JSON for programs, or as lines for people."""
+    if form == "json":
+        sys.stdout.write(json.dumps(document, indent=2, ensure_ascii=False) + "\n")
+    else:
+        print_lines([[(_printable(text), style) for text, style in line] for line in lines], sys.stdout)
 
 
-def print_proofs(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints the measured guarantees of a world."""
-    _print([_verdict(facts), *_proofs(facts)], stream)
+def proof_lines_of(facts: dict[str, Any]) -> list[Line]:
+    """Returns the measured guarantees of a world as lines."""
+    return [_verdict(facts), *_proofs(facts)]
 
 
-def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
-    """Prints facts about a newly stored world; its ARN comes first, on a line of its own."""
+def print_kept(arn: str, form: str) -> int:
+    """Prints facts about a newly stored world, its ARN first, and returns the exit code.
+
+    Args:
+        arn: the world.
+        form: `text` or `json`.
+    """
+    facts = world_facts(find_world(arn))
     lines: list[Line] = [[(facts["arn"], "")], _verdict(facts)]
     lines += [[("    ", ""), (sentence, "red")] for sentence in facts["broken"]]
     lines += [[(f"  {what:<9} ", "dim"), (said, "")] for what, said in _origin(facts)]
@@ -143,11 +155,8 @@ def print_kept(facts: dict[str, Any], stream: TextIO) -> None:
         lines.append([("  behind doors not open enough: ", ""), (", ".join(facts["closed_off_rooms"]), "yellow")])
     if facts["variation"] is None:
         lines += _preferences(facts)
-    _print(lines, stream)
-
-
-def _print(lines: list[Line], stream: TextIO) -> None:
-    print_lines([[(_printable(text), style) for text, style in line] for line in lines], stream)
+    print_world(form, facts, lines)
+    return OK if facts["proven"] else VERDICT_FAILED
 
 
 def fact_lines(facts: dict[str, Any]) -> list[Line]:

@@ -9,9 +9,8 @@ import os
 import re
 from pathlib import Path
 
-from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_open, add_output, add_report
-from ...inputs.options import output_file
+from ...arguments import add_open, add_output, add_report, given_options
+from ...inputs.options import output_file, spec_name
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -60,17 +59,10 @@ def execute(arguments: argparse.Namespace) -> int:
 def again(arguments: argparse.Namespace) -> list[str]:
     """Returns the command line that repeats the same judging."""
     command = ["robomaker", "judge", arguments.recording, "--requirements", arguments.requirements]
-    for option in ("world", "name", "report"):
-        if (value := getattr(arguments, option)) is not None:
-            command += [f"--{option}", str(value)]
-    return command
+    return command + given_options(arguments, "world", "name", "report")
 
 
 def _name(arguments: argparse.Namespace) -> str:
-    from .....schemas.specs.model import is_spec_name
-
     if arguments.name is None:
         return re.sub(r"[^A-Za-z0-9_-]+", "-", Path(arguments.requirements).stem).strip("-_") or "judge"
-    if not is_spec_name(arguments.name):
-        raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
-    return arguments.name
+    return spec_name(arguments.name)

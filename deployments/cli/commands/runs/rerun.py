@@ -8,7 +8,7 @@ is 0; otherwise it says how the rerun ended, as that of `robomaker run` does.
 import argparse
 import sys
 
-from ...arguments import add_backend, add_open, add_output, add_report
+from ...arguments import add_backend, add_open, add_output, add_report, given_options
 from ...inputs.options import output_file, read_record
 
 
@@ -63,10 +63,4 @@ def execute(arguments: argparse.Namespace) -> int:
 def again(arguments: argparse.Namespace, run_id: str) -> list[str]:
     """Returns the command line that repeats the same rerun, also when another run is the latest."""
     command = ["robomaker", "rerun", run_id, *(["--failed"] if arguments.failed else [])]
-    for option in ("job", "world"):
-        for value in getattr(arguments, option):
-            command += [f"--{option}", value]
-    for option in ("backend", "report"):
-        if value := getattr(arguments, option):
-            command += [f"--{option}", value]
-    return command
+    return command + given_options(arguments, "job", "world", "backend", "report")

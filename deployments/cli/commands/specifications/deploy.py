@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError, Problem, SpecError
 from ...arguments import add_output
+from ...inputs.options import spec_name
 from ...output.answers import print_either
 
 if TYPE_CHECKING:
@@ -113,12 +114,9 @@ def _check_usage(arguments: argparse.Namespace) -> None:
             "there is nothing to deploy; name a SPEC, or --operations for all operations, or --job-worker for batches"
         )
     if arguments.name is not None:
-        from .....schemas.specs.model import is_spec_name
-
         if len(arguments.specs) != 1:
             raise ConfigurationError(f"--name is {arguments.name!r}; it is for one SPEC, not {len(arguments.specs)}")
-        if not is_spec_name(arguments.name):
-            raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
+        spec_name(arguments.name)
     if not arguments.specs and (arguments.schedule or arguments.no_schedule):
         raise ConfigurationError("--schedule and --no-schedule are for a SPEC; operations run when they are called")
     if arguments.timezone and not arguments.schedule:

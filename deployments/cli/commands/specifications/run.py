@@ -9,8 +9,8 @@ import sys
 from typing import TYPE_CHECKING
 
 from .....schemas.wire.errors import ConfigurationError
-from ...arguments import add_backend, add_open, add_output, add_report, add_spec
-from ...inputs.options import output_file
+from ...arguments import add_backend, add_open, add_output, add_report, add_spec, given_options
+from ...inputs.options import output_file, spec_name
 
 if TYPE_CHECKING:
     from .....schemas.settings import Settings
@@ -63,23 +63,18 @@ def _say_why_nothing_is_reused(spec: "CheckedSpec", settings: "Settings") -> Non
 
 def again(arguments: argparse.Namespace) -> list[str]:
     """Returns the command line that repeats the same run."""
-    command = ["robomaker", "run", arguments.spec]
-    for option in ("name", "seed", "backend", "report"):
-        if (value := getattr(arguments, option)) is not None:
-            command += [f"--{option}", str(value)]
+    command = ["robomaker", "run", arguments.spec, *given_options(arguments, "name", "seed", "backend", "report")]
     return [*command, "--reuse"] if arguments.reuse else command
 
 
 def _chosen(arguments: argparse.Namespace) -> "CheckedSpec":
     """The specification, with what the options put in place of its own values."""
-    from .....schemas.specs.model import is_spec_name, with_seed
+    from .....schemas.specs.model import with_seed
     from ...inputs.specifications import read_spec
 
     spec = read_spec(arguments.spec)
     if arguments.name is not None:
-        if not is_spec_name(arguments.name):
-            raise ConfigurationError(f"--name is {arguments.name!r}; letters, digits, - and _ would be right")
-        spec = dataclasses.replace(spec, name=arguments.name)
+        spec = dataclasses.replace(spec, name=spec_name(arguments.name))
     if arguments.seed is not None:
         if arguments.seed < 0:
             raise ConfigurationError(f"--seed is {arguments.seed}; it has to be a whole number from 0")

@@ -9,12 +9,10 @@ Exit code 0: stored, all guarantees hold; 1: stored, some do not hold; 2: the fi
 """
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ....arguments import add_output
+from ....arguments import add_output, two_or_three_numbers
 from ....inputs.options import open_service
 
 if TYPE_CHECKING:
@@ -56,18 +54,11 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world import`: makes a world of a drawing or map, and reports deviations from it."""
-    from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......tasks.worldforge.gazebo.importing import SUFFIXES
-    from ....inputs.worlds import find_world
-    from ....output.world_facts import print_kept, world_facts
+    from ....output.world_facts import print_kept
 
     keep = _keep_gazebo if Path(arguments.plan).suffix.lower() in SUFFIXES else _keep_drawn
-    facts = world_facts(find_world(keep(arguments)))
-    if arguments.output == "json":
-        sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
-    else:
-        print_kept(facts, sys.stdout)
-    return OK if facts["proven"] else VERDICT_FAILED
+    return print_kept(keep(arguments), arguments.output)
 
 
 def _keep_drawn(arguments: argparse.Namespace) -> str:
@@ -120,13 +111,7 @@ def _folder(name: str) -> Path:
 
 
 def _start(text: str) -> tuple[float, float, float]:
-    from math import isfinite
-
-    try:
-        numbers = [float(each) for each in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) not in (2, 3) or not all(map(isfinite, numbers)):
+    if (numbers := two_or_three_numbers(text)) is None:
         raise argparse.ArgumentTypeError(f"{text!r}: metres and radians, 3.5,1.0 or 3.5,1.0,1.57, would be right")
     x, y, *yaw = numbers
     return x, y, yaw[0] if yaw else 0.0

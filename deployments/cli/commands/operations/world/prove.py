@@ -5,8 +5,6 @@ Exit code 0: all guarantees hold; 1: some do not.
 """
 
 import argparse
-import json
-import sys
 
 from ....arguments import add_output, add_world
 
@@ -33,7 +31,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worldforge.gazebo.outline import prove_imported
     from ......tasks.worldforge.proofs.checks import prove
     from ....inputs.worlds import find_world
-    from ....output.world_facts import print_proofs, world_facts
+    from ....output.world_facts import print_world, proof_lines_of, world_facts
 
     found = find_world(arguments.world)
     if (found.folder / NAMES_FILE).is_file():
@@ -51,12 +49,9 @@ def execute(arguments: argparse.Namespace) -> int:
     except ValueError as error:
         raise ConfigurationError(f"{found.folder / 'world.xml'} is no model that MuJoCo accepts: {error}") from error
     facts = world_facts(replace(found, world=found.world.model_copy(update={"checks": checks})))
-    if arguments.output == "json":
-        proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
-        # As in `world.json`: only of imported Gazebo worlds this area is measured.
-        absent = {"reachable_m2"} if checks.reachable_m2 is None else set[str]()
-        checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=absent)}
-        sys.stdout.write(json.dumps(checked, indent=2, ensure_ascii=False) + "\n")
-    else:
-        print_proofs(facts, sys.stdout)
+    proofs = {name: facts[name] for name in ("name", "arn", "generator_version", "proven", "broken", "proofs")}
+    # As in `world.json`: only of imported Gazebo worlds this area is measured.
+    absent = {"reachable_m2"} if checks.reachable_m2 is None else set[str]()
+    checked = {**proofs, "checks": checks.model_dump(mode="json", exclude=absent)}
+    print_world(arguments.output, checked, proof_lines_of(facts))
     return OK if facts["proven"] else VERDICT_FAILED

@@ -1,8 +1,6 @@
 """Print a world's plan, what was proven of it, and which wishes it misses."""
 
 import argparse
-import json
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +19,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world show`: prints facts about a world, and draws it if asked."""
     from ....inputs.worlds import find_world
-    from ....output.world_facts import print_facts, world_facts
+    from ....output.world_facts import fact_lines, print_world, world_facts
 
     found = find_world(arguments.world)
     facts: dict[str, Any] = world_facts(found)
@@ -29,8 +27,5 @@ def execute(arguments: argparse.Namespace) -> int:
         from ......tasks.worldforge.viewer.viewer_page import write_pictures
 
         facts["pictures"] = [str(path) for path in write_pictures(found.world, found.folder, Path(arguments.pictures))]
-    if arguments.output == "json":
-        sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
-    else:
-        print_facts(facts, sys.stdout)
+    print_world(arguments.output, facts, fact_lines(facts))
     return 0

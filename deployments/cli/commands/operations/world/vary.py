@@ -6,11 +6,9 @@ Exit code 0: all guarantees hold; 1: stored, some do not hold; 2: there is no su
 """
 
 import argparse
-import json
-import sys
 from typing import TYPE_CHECKING, get_args
 
-from ....arguments import add_output, add_world
+from ....arguments import add_output, add_world, two_or_three_numbers
 from ....inputs.options import open_service
 
 if TYPE_CHECKING:
@@ -50,11 +48,10 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world vary`: makes and stores a variation of a world."""
-    from ......schemas.exit_codes import OK, VERDICT_FAILED
     from ......tasks.worldforge.generator import Wanted, vary
     from ......tasks.worlds.keeping import keep_world
     from ....inputs.worlds import find_world
-    from ....output.world_facts import print_kept, world_facts
+    from ....output.world_facts import print_kept
 
     doors = [*((door, 0.0) for door in arguments.shut), *arguments.open]
     _check_once("--shut, --open", [name for name, _ in doors])
@@ -62,13 +59,7 @@ def execute(arguments: argparse.Namespace) -> int:
     found = find_world(arguments.world)
     wanted = Wanted(dict(doors), dict(arguments.move), arguments.remove, arguments.light)
     world = vary(found.world, wanted, found.content, found.arn)
-    service = open_service()
-    facts = world_facts(find_world(keep_world(world, "variation", {}, service).arn))
-    if arguments.output == "json":
-        sys.stdout.write(json.dumps(facts, indent=2, ensure_ascii=False) + "\n")
-    else:
-        print_kept(facts, sys.stdout)
-    return OK if facts["proven"] else VERDICT_FAILED
+    return print_kept(keep_world(world, "variation", {}, open_service()).arn, arguments.output)
 
 
 def _check_once(options: str, names: list[str]) -> None:
@@ -96,16 +87,11 @@ def _opened(text: str) -> tuple[str, float]:
 
 
 def _moved(text: str) -> "tuple[str, Move]":
-    from math import isfinite
-
     from ......tasks.worldforge.generator import Move
 
     name, _, where = text.partition("=")
-    try:
-        numbers = [float(each) for each in where.split(",")]
-    except ValueError:
-        numbers = []
-    if not name or len(numbers) not in (2, 3) or not all(map(isfinite, numbers)):
+    numbers = two_or_three_numbers(where)
+    if not name or numbers is None:
         raise argparse.ArgumentTypeError(
             f"{text!r}: a piece and metres to the east and north, Sofas_1=0.5,-0.2, would be right"
         )

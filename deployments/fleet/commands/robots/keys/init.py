@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from .....cli.inputs.options import open_service
+from . import add_attested
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -17,21 +18,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--threshold", type=int, default=2, metavar="M", help="how many of them have to sign a root (default: 2)"
     )
     parser.add_argument("--to", type=Path, required=True, metavar="FOLDER", help="where the root keys go")
-    parser.add_argument(
-        "--attestation-key",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="a public key whose attestations agents believe (default: this machine's)",
-    )
-    parser.add_argument(
-        "--attested",
-        action="append",
-        default=[],
-        metavar="APPLICATION",
-        help="agents install nothing of it that was not attested; '*': of any",
-    )
+    add_attested(parser, "(default: this machine's)")
 
 
 def execute(arguments: argparse.Namespace) -> int:

@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 from .....cli.inputs.options import open_service
+from . import add_attested
 
 _ROLES = ("root", "targets", "snapshot", "timestamp")
 
@@ -23,21 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
         "--rotate", action="append", default=[], choices=_ROLES, metavar="ROLE", help=f"one of {', '.join(_ROLES)}"
     )
     parser.add_argument("--to", type=Path, metavar="FOLDER", help="where new root keys go (default: the data home)")
-    parser.add_argument(
-        "--attestation-key",
-        type=Path,
-        action="append",
-        default=[],
-        metavar="FILE",
-        help="a public key whose attestations agents believe from now on, in place of those before",
-    )
-    parser.add_argument(
-        "--attested",
-        action="append",
-        default=[],
-        metavar="APPLICATION",
-        help="agents install nothing of it that was not attested; '*': of any",
-    )
+    add_attested(parser, "from now on, in place of those before")
     parser.add_argument(
         "--not-attested", action="append", default=[], metavar="APPLICATION", help="takes back --attested"
     )
