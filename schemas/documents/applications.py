@@ -3,7 +3,7 @@
 from pydantic import ConfigDict, Field
 
 from ..wire.base import optional
-from .base import Document, Json, Part
+from .document_base import Document, Json, Part
 
 
 class StoredSource(Part):

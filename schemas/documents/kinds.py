@@ -5,7 +5,7 @@ from typing import Any
 
 from ..wings import parts_of_wings
 from .applications import ApplicationDocument
-from .base import Document
+from .document_base import Document
 from .simulation_jobs import SimulationJobBatchDocument, SimulationJobDocument
 from .worlds import WorldDocument, WorldExportJobDocument, WorldGenerationJobDocument, WorldTemplateDocument
 

@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field
 from ..runs.plan import Verdict
 from ..runs.programs import Scarce
 from ..wire.base import optional
-from .base import Brief, Changes, Document, FailureChanges, Json, Part
+from .document_base import Brief, Changes, Document, FailureChanges, Json, Part
 from .worlds import StoredPlace
 
 OutcomeStatus = Literal["Completed", "Failed", "Canceled"]

@@ -3,7 +3,7 @@
 from pydantic import ConfigDict, Field
 
 from ..wire.base import optional
-from .base import Changes, Document, FailureChanges, Part
+from .document_base import Changes, Document, FailureChanges, Part
 
 
 class StoredPlace(Part):

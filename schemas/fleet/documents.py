@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from ..documents.base import Changes, Document, FailureChanges, Json, Part
+from ..documents.document_base import Changes, Document, FailureChanges, Json, Part
 from ..wire.base import optional
 
 

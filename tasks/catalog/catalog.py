@@ -7,7 +7,7 @@ from typing import Any
 from sqlalchemy import Connection, RowMapping, and_, bindparam, delete, func, insert, select, update
 from sqlalchemy.exc import IntegrityError
 
-from ...schemas.documents.base import Changes, Document
+from ...schemas.documents.document_base import Changes, Document
 from ...schemas.documents.kinds import upgraded
 from ...schemas.lifecycles import LIFECYCLES, is_terminal
 from ...schemas.state_machines import next_state

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from ...schemas.documents.base import Document
+from ...schemas.documents.document_base import Document
 
 
 @dataclass(frozen=True, kw_only=True)

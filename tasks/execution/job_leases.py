@@ -8,7 +8,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from ...schemas.documents.base import Changes, FailureChanges
+from ...schemas.documents.document_base import Changes, FailureChanges
 from ...schemas.documents.simulation_jobs import Outcome
 from ...schemas.lifecycles import LIFECYCLES, is_terminal
 from ...schemas.wings import parts_of_wings

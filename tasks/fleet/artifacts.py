@@ -17,7 +17,7 @@ from uuid import uuid4
 from pydantic import ValidationError
 
 from ...schemas.documents.applications import ApplicationDocument, StoredSource
-from ...schemas.fleet.rollouts.plan import Artifact
+from ...schemas.fleet.rollouts.rollout_plan import Artifact
 from ...schemas.fleet.settings import FleetSettings
 from ...schemas.wire.errors import (
     BucketNotFoundError,

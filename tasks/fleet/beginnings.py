@@ -7,14 +7,15 @@ answer; the earlier one has nothing to wait for then.
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from ...schemas.documents.base import StoredResource
+from ...schemas.documents.document_base import StoredResource
 from ...schemas.fleet.documents import DeploymentJobDocument, RobotDocument
 from ...schemas.fleet.operations.deployment_jobs import (
     DEFAULT_ROBOT_TIMEOUT_S,
     DeploymentApplicationConfig,
     DeploymentConfig,
 )
-from ...schemas.fleet.rollouts.plan import (
+from ...schemas.fleet.rollouts.rollout import Canceled, Stopped
+from ...schemas.fleet.rollouts.rollout_plan import (
     DEFAULT_CONCURRENT_PERCENTAGE,
     DEFAULT_THRESHOLD_PERCENTAGE,
     Artifact,
@@ -22,7 +23,6 @@ from ...schemas.fleet.rollouts.plan import (
     PlannedRobot,
     RolloutPlan,
 )
-from ...schemas.fleet.rollouts.rollout import Canceled, Stopped
 from ...schemas.wire.arns import ResourceArn
 from ..catalog import Resource
 from ..service.service import Service

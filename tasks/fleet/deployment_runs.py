@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import cast
 
-from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.document_base import FailureChanges
 from ...schemas.fleet.documents import DeploymentJobDocument, RobotDocument
 from ...schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
 from ...schemas.fleet.rollouts.rollout import DeploymentReport, Rollout, Stopped

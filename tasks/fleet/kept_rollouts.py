@@ -11,10 +11,9 @@ from dataclasses import dataclass
 
 from pydantic import TypeAdapter
 
-from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.document_base import FailureChanges
 from ...schemas.fleet.documents import RobotDocument, RobotMembership
 from ...schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
-from ...schemas.fleet.rollouts.plan import Artifact, Delivery
 from ...schemas.fleet.rollouts.rollout import (
     Canceled,
     Departure,
@@ -28,6 +27,7 @@ from ...schemas.fleet.rollouts.rollout import (
     StopCause,
     Stopped,
 )
+from ...schemas.fleet.rollouts.rollout_plan import Artifact, Delivery
 from ...schemas.lifecycles import is_terminal
 from ...schemas.wire.errors import ResourceNotFoundException, ServiceUnavailableException, StateConflictError
 from ..catalog import Resource, Stored

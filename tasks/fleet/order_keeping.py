@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from typing import cast, get_args
 
 from ...schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
-from ...schemas.fleet.rollouts.plan import Artifact
 from ...schemas.fleet.rollouts.rollout import (
     OPEN,
     Canceled,
@@ -25,6 +24,7 @@ from ...schemas.fleet.rollouts.rollout import (
     RobotDeploymentState,
     Succeeded,
 )
+from ...schemas.fleet.rollouts.rollout_plan import Artifact
 from .agent.errors import NAMES
 from .ddi.open_orders import OpenOrders, RobotState
 from .ddi.orders import RobotOrder

@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-from ...schemas.fleet.rollouts.plan import Artifact
+from ...schemas.fleet.rollouts.rollout_plan import Artifact
 from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError
 from ..service.service import Service
 from .ddi.orders import RobotOrder

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import NamedTuple
 
-from ...schemas.documents.base import FailureChanges
+from ...schemas.documents.document_base import FailureChanges
 from ...schemas.fleet.documents import (
     DeploymentJobDocument,
     FleetChanges,

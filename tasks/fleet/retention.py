@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...schemas.fleet.documents import DeploymentJobDocument, FleetDocument, RobotDocument
-from ...schemas.fleet.rollouts.plan import Artifact, Delivery
+from ...schemas.fleet.rollouts.rollout_plan import Artifact, Delivery
 from ...schemas.lifecycles import is_terminal
 from ...schemas.reports.retention import GcItem, RetentionPolicy
 from ...schemas.wire.errors import BucketNotFoundError, RobomakerError, ServiceUnavailableException

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 
-from ...schemas.documents.base import Json
+from ...schemas.documents.document_base import Json
 from ...schemas.documents.simulation_jobs import JobTrials, SimulationJobBatchDocument
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.programs import STOPPING, Scarce, StopReason

@@ -6,7 +6,7 @@ from contextlib import suppress
 from typing import Any
 
 from ...schemas.documents.applications import ApplicationDocument, StoredSource
-from ...schemas.documents.base import VERSION_KEY
+from ...schemas.documents.document_base import VERSION_KEY
 from ...schemas.operations.applications import (
     ApplicationContent,
     ApplicationListRequest,

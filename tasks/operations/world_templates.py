@@ -1,6 +1,6 @@
 """World templates: what worlds should be like."""
 
-from ...schemas.documents.base import Changes
+from ...schemas.documents.document_base import Changes
 from ...schemas.documents.worlds import TemplateBody, WorldGenerationJobDocument, WorldTemplateDocument
 from ...schemas.operations.world_templates import (
     CreateWorldTemplateRequest,

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from ...schemas.documents.applications import ApplicationDocument
-from ...schemas.documents.base import Document
+from ...schemas.documents.document_base import Document
 from ...schemas.lifecycles import is_terminal
 from ...schemas.runs.programs import Wait
 from ...schemas.runs.recording_sources import RECORDED_RUN

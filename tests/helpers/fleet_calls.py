@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from helpers.application_calls import Applications
-from prefect_robomaker.schemas.documents.base import Changes
+from prefect_robomaker.schemas.documents.document_base import Changes
 from prefect_robomaker.schemas.fleet.documents import DeploymentJobDocument, RobotEnrolment
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
 from prefect_robomaker.tasks.fleet.records import robots_of

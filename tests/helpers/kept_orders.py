@@ -4,8 +4,8 @@ from typing import Any
 
 from helpers.robot_orders import table_of_robots
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
-from prefect_robomaker.schemas.fleet.rollouts.plan import Artifact, PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact, PlannedRobot, RolloutPlan
 from prefect_robomaker.tasks.fleet.kept_rollouts import OpenRollout
 from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
 from prefect_robomaker.tasks.fleet.records import KnownRobots

@@ -6,7 +6,7 @@ from helpers.rollout_ledger import plan_of
 from helpers.rollout_model import RolloutModel
 from helpers.rollout_robots import CODES, Attempt, Script
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import RobotDeploymentStep
-from prefect_robomaker.schemas.fleet.rollouts.plan import RolloutPlan
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import RolloutPlan
 
 ROBOT_TIMEOUT_S = 40
 LONGEST_S = 900

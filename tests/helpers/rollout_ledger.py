@@ -1,7 +1,7 @@
 """The product's rollout as the service that simulated robots poll."""
 
-from prefect_robomaker.schemas.fleet.rollouts.plan import PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.fleet.rollouts.rollout import Offered, Rollout, RolloutEvent
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import PlannedRobot, RolloutPlan
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 WORDS = {"offered": "asked", "fetched": "working", "canceling": "told to stop", "refused": "goes on"}

@@ -11,7 +11,6 @@ from prefect_robomaker.schemas.fleet.operations.deployment_jobs import (
     MaintenanceWindow,
     RobotDeploymentStep,
 )
-from prefect_robomaker.schemas.fleet.rollouts.plan import Artifact, Delivery, PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     DeploymentReport,
     Failed,
@@ -22,6 +21,7 @@ from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     RolloutEvent,
     Succeeded,
 )
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact, Delivery, PlannedRobot, RolloutPlan
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
 

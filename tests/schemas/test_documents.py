@@ -12,7 +12,7 @@ import pytest
 from pydantic import BaseModel, Field, ValidationError
 
 from prefect_robomaker.schemas import documents
-from prefect_robomaker.schemas.documents.base import Document, Migration
+from prefect_robomaker.schemas.documents.document_base import Document, Migration
 from prefect_robomaker.schemas.documents.simulation_jobs import Outcome, SimulationJobDocument, SimulationJobProgress
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 

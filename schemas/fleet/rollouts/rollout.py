@@ -6,7 +6,7 @@ from pydantic import Field
 
 from ...wire.base import optional
 from ..operations.deployment_jobs import DeploymentConfig, DeploymentJobErrorCode, DeploymentStatus, RobotDeploymentStep
-from .plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
+from .rollout_plan import ActionId, Delivery, RolloutPlan, StoredPart, TimeS
 
 OrderState = Literal["none", "offered", "fetched", "canceling", "refused", "closed"]
 Departure = Literal["left", "deleted"]

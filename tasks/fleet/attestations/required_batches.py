@@ -16,7 +16,7 @@ from pydantic import Field
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.exit_codes import BROKE, OK, VERDICT_FAILED
 from ....schemas.fleet.documents import DeploymentJobDocument
-from ....schemas.fleet.rollouts.plan import Delivery
+from ....schemas.fleet.rollouts.rollout_plan import Delivery
 from ....schemas.wire.base import Model
 from ....schemas.wire.errors import (
     AttestationError,

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from ....schemas.documents.applications import ApplicationDocument
 from ....schemas.fleet.documents import DeploymentJobDocument, RobotDocument
 from ....schemas.fleet.operations.deployment_jobs import MaintenanceWindow
-from ....schemas.fleet.rollouts.plan import RolloutPlan
+from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
 from ....schemas.lifecycles import is_terminal
 from ...catalog import Resource
 from ...service.service import Service

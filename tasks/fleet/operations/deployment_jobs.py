@@ -18,8 +18,8 @@ from ....schemas.fleet.operations.deployment_jobs import (
     SyncDeploymentJobRequest,
 )
 from ....schemas.fleet.required_batch import required_batch_of
-from ....schemas.fleet.rollouts.plan import DEFAULT_CONCURRENT_PERCENTAGE, DEFAULT_THRESHOLD_PERCENTAGE
 from ....schemas.fleet.rollouts.rollout import Rollout
+from ....schemas.fleet.rollouts.rollout_plan import DEFAULT_CONCURRENT_PERCENTAGE, DEFAULT_THRESHOLD_PERCENTAGE
 from ....schemas.lifecycles import is_terminal
 from ....schemas.wire.arns import ResourceArn
 from ....schemas.wire.errors import (

@@ -5,7 +5,7 @@ from contextlib import suppress
 from datetime import timedelta
 from typing import Any
 
-from ....schemas.documents.base import FailureChanges
+from ....schemas.documents.document_base import FailureChanges
 from ....schemas.fleet.documents import FleetDocument
 from ....schemas.fleet.operations.fleets import (
     CreateFleetRequest,

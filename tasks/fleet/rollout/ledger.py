@@ -29,7 +29,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from ....schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.fleet.rollouts.plan import RolloutPlan
 from ....schemas.fleet.rollouts.rollout import (
     UNANSWERED,
     Approved,
@@ -45,6 +44,7 @@ from ....schemas.fleet.rollouts.rollout import (
     StopCause,
     Stopped,
 )
+from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
 from .orders import changed, held_back, let_go, offered, reported, revoked, timed_out, withdrawn
 from .waves import Line, Tally, Verdict, waits, waits_again
 from .windows import Deadlines, is_open, next_change_s, with_pause

@@ -7,8 +7,8 @@ from itertools import islice
 from math import ceil
 
 from ....schemas.fleet.operations.deployment_jobs import DeploymentJobErrorCode
-from ....schemas.fleet.rollouts.plan import RolloutPlan
 from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, RolloutStatus
+from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
 
 _MOST_WAVES = 100  # each is a task run
 

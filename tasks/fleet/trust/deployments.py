@@ -21,7 +21,7 @@ from ....schemas.fleet.operations.deployment_jobs import (
     DeploymentConfig,
     DeploymentLaunchConfig,
 )
-from ....schemas.fleet.rollouts.plan import Artifact
+from ....schemas.fleet.rollouts.rollout_plan import Artifact
 from ....schemas.wire.errors import DeploymentError
 from ...catalog import Resource
 from ...service.service import Service

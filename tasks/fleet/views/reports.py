@@ -5,8 +5,8 @@ from pathlib import Path
 
 from ....schemas.fleet.documents import DeploymentJobDocument
 from ....schemas.fleet.operations.deployment_jobs import DeploymentConfig
-from ....schemas.fleet.rollouts.plan import Delivery
 from ....schemas.fleet.rollouts.rollout import DeploymentReport, Pause, Rollout
+from ....schemas.fleet.rollouts.rollout_plan import Delivery
 from ....schemas.wire.arns import ResourceArn
 from ...catalog import Resource
 from ...service.service import Service

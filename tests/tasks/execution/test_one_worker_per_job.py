@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.schemas.documents.base import Changes
+from prefect_robomaker.schemas.documents.document_base import Changes
 from prefect_robomaker.schemas.wire.errors import LeaseLostError, ServiceUnavailableException, StateConflictError
 from prefect_robomaker.tasks.execution.job_leases import Lease, run_if_unclaimed, run_under_lease
 from prefect_robomaker.tasks.jobs.job_runs import JobRun

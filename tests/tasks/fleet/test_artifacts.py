@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from helpers.fleet_calls import Fleets
 
-from prefect_robomaker.schemas.fleet.rollouts.plan import Artifact
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact
 from prefect_robomaker.schemas.wire.errors import ConfigurationError, DeploymentError
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.fleet.artifacts import certificate_path, prepare, signing_key

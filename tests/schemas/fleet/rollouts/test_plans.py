@@ -5,7 +5,6 @@ import json
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from prefect_robomaker.schemas.fleet.rollouts.plan import PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Failed,
     Offered,
@@ -15,6 +14,7 @@ from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Stopped,
     Succeeded,
 )
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import PlannedRobot, RolloutPlan
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 
 ROBOTS = (PlannedRobot(arn="a"), PlannedRobot(arn="b", unfit_code="MissingRobotArchitecture"))

@@ -8,7 +8,6 @@ from helpers.rollout_ledger import advance, cancellations, plan_of
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.schemas.fleet.rollouts.plan import RolloutPlan
 from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Approved,
     Canceled,
@@ -26,6 +25,7 @@ from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Stopped,
     Succeeded,
 )
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import RolloutPlan
 from prefect_robomaker.tasks.fleet.rollout.ledger import Ledger, begin
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 
-from prefect_robomaker.schemas.fleet.rollouts.plan import Artifact
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact
 from prefect_robomaker.schemas.wire.errors import ConcurrentDeploymentException
 from prefect_robomaker.tasks.catalog import Catalog
 from prefect_robomaker.tasks.execution.job_leases import MAX_LOST_WORKERS

@@ -9,7 +9,7 @@ from helpers.fleet_calls import LAUNCH
 from helpers.tested_batches import Batches, courier, etag
 
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
-from prefect_robomaker.schemas.fleet.rollouts.plan import Delivery
+from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Delivery
 from prefect_robomaker.schemas.wire.errors import (
     DeploymentError,
     InvalidParameterException,
