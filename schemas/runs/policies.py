@@ -17,7 +17,7 @@ from .trials import Trials
 POLICY_VARIABLE = "ROBOMAKER_POLICY"
 """A launch variable with the same text as the member `policy`, for clients that do not know the member."""
 
-POLICY_FACTORY = "prefect_robomaker.tasks.runtime.policies.agent.make_agent"
+POLICY_FACTORY = "prefect_robomaker.tasks.runtime.policies.policy_agent.make_agent"
 """Dotted path of the factory of agents that follow a policy."""
 
 _MODULE = re.compile(r"[A-Za-z_]\w*(\.[A-Za-z_]\w*)*")

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.episode.health import PhysicsHealth
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT

@@ -25,11 +25,11 @@ from ruamel.yaml import YAML
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
 from prefect_robomaker.tasks.runtime.process.observers import make_observers
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
 from prefect_robomaker.tasks.runtime.states.checkpoints import Checkpointer, LoopState, RunParts
 from prefect_robomaker.tasks.runtime.states.provenance import ProvenanceRecorder

@@ -32,12 +32,15 @@ from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import CONTACT_SAMPLE_STEPS, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import (
+    CONTACT_SAMPLE_STEPS,
+    assemble,
+)
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.episode.progress import Phase, Progress
 from prefect_robomaker.tasks.runtime.episode.results import Observer
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
 from prefect_robomaker.tasks.runtime.robots.scout import SCOUT

@@ -19,7 +19,7 @@ import pytest
 
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, VideoPolicy
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.episode.progress import Progress
 from prefect_robomaker.tasks.runtime.process.child import run_child
 from prefect_robomaker.tasks.runtime.states.state_log import StateLogWriter

@@ -19,7 +19,7 @@ from prefect_robomaker.deployments.cli.output.world_facts import world_facts
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.worlds.description import WorldDescription
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import make_environment
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.applications.scout.agent import make_agent
 from prefect_robomaker.tasks.runtime.episode.context import SimulationContext
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder

@@ -15,7 +15,7 @@ from ....schemas.documents.simulation_jobs import SimulationJobDocument
 from ....schemas.runs.variables import OF_JOB
 from ....schemas.wire.operation_shape import OperationShape
 from ....tasks.catalog import Resource
-from ....tasks.runtime.sandbox.connections import Callers, as_address
+from ....tasks.runtime.sandbox.local_callers import Callers, as_address
 from ....tasks.service.service import Service
 from ..connections import ENDS
 from ..messages import AccessDeniedException

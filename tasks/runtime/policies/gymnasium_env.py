@@ -20,8 +20,8 @@ from ..applications.indoor_navigation.environment import make_environment as ind
 from ..episode.context import SimulationContext
 from ..episode.results import read_report
 from ..recording.recording import Recorder
-from ..robots.lookup import ROBOT_VARIABLE
 from ..robots.robot import CONTROL_TIMESTEP_S
+from ..robots.robot_lookup import ROBOT_VARIABLE
 from .arrays import Observed, ObservedArrays, checked_action, number_type, single_action
 
 try:

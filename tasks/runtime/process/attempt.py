@@ -32,8 +32,8 @@ from ..states.checkpoints import Checkpointer
 from ..states.failure_state import FailureRecorder
 from ..video.camera_recorder import INFO_TOPIC, TOPIC, CameraRecorder
 from ..video.video_settings import camera_recording
-from .loop import run_episode
 from .observers import make_observers
+from .run_loop import run_episode
 from .run_request import RunRequest
 
 _RUNTIME_FOLDER = Path(__file__).parents[1]

@@ -21,7 +21,7 @@ from ..limits.processes import die_with_parent
 from ..recording.recording import Recorder
 from ..requirements.observer import RequirementsObserver
 from .judging_request import JudgingRequest
-from .loop import run_episode
+from .run_loop import run_episode
 
 _MEMORY_BYTES = 8 * 1024 * 1024 * 1024
 """Address space of the program: libraries of numerics reserve gigabytes for threads that they never start."""

@@ -10,7 +10,7 @@ from ....schemas.runs.programs import BoxPlan
 from ....schemas.wire.base import Model
 from ..agents.agent_socket import agent_socket_path, make_private
 from ..sandbox.kernel import Rules
-from ..sandbox.views import Sight, paths_in, python_paths, readable_rules, system_sights
+from ..sandbox.visible_files import Sight, paths_in, python_paths, readable_rules, system_sights
 
 
 class RunRequest(Model):

@@ -31,7 +31,7 @@ from ..states.provenance import note_run
 from ..trials.completion import TrialJournal, complete_trials, journal_path
 from ..trials.tally import Tally
 from .attempt import applications_of, attempt, contexts_of, factory_of, log_failure, read_world, report_of, seed_globals
-from .loop import Agent, run_episode
+from .run_loop import Agent, run_episode
 from .run_request import RunRequest
 
 _STOPPED = ("duration limit", "canceled")

@@ -15,7 +15,7 @@ from typing import NoReturn
 from ....schemas.runs.programs import BoxNetwork
 from ..limits.processes import die_with_parent
 from . import kernel
-from .views import Sight, View, ordered, paths_in, python_paths, system_sights
+from .visible_files import Sight, View, ordered, paths_in, python_paths, system_sights
 
 
 def fork_beside(become: Callable[[], NoReturn]) -> int:

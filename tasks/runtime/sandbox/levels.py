@@ -8,7 +8,7 @@ from ....schemas.runs.programs import BoxLevel
 from ..limits.processes import adopt_orphans
 from .box import Box, BoxError, fork_beside
 from .kernel import Rules, give_up_rights, landlock_version
-from .views import Sight, system_sights
+from .visible_files import Sight, system_sights
 
 
 class Confinement(NamedTuple):

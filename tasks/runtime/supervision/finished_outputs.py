@@ -30,7 +30,7 @@ from ..episode.results import (
 from ..limits.files import read_left
 from ..limits.logs import add_note
 from ..trials.completion import complete_after_all
-from .outcomes import OFTEN, Exit, Outcome, failure_reason, tool_in_words
+from .run_outcomes import OFTEN, Exit, Outcome, failure_reason, tool_in_words
 
 _VERDICTS = get_args(Verdict)
 

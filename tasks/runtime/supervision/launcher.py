@@ -31,9 +31,9 @@ from ..states.checkpoint_files import wall_time_used_s
 from ..video.failure_videos import is_filmed, record_failure_videos
 from .finished_outputs import finish_outputs, read_result
 from .forkserver import READY, SANDBOX_VARIABLE
-from .outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
 from .recorded_verdicts import judge_topics
 from .ros_topics import join_ros_topics
+from .run_outcomes import Exit, Outcome, attribute_disk_use, decide_outcome, never_connected, was_killed
 from .run_requests import DEFAULT_VARIABLES, Cores, inherited_environment, make_request, plan_box, program_environment
 
 DURATION_GRACE_S = 3.0

@@ -23,9 +23,9 @@ from ..limits.processes import descendants_of, kill_children
 from ..process.run_request import RunRequest, rules_of_run
 from ..sandbox.box import Box, fork_beside
 from ..sandbox.kernel import give_up_rights
-from .outcomes import Crash, Exit, how_it_ended
 from .ports import are_listened_on, fork_forwarder, open_ports
 from .programs import Program, StartError
+from .run_outcomes import Crash, Exit, how_it_ended
 from .run_requests import program_environment
 
 END_GRACE_S = 1.0

@@ -21,7 +21,7 @@ from ..process.run_request import RunRequest
 from ..rendering.backends import best_video_backend
 from ..ros.ros1_bridge import SOCKET_VARIABLE as ROS1_SOCKET_VARIABLE
 from ..sandbox.levels import Confinement
-from ..sandbox.views import paths_in
+from ..sandbox.visible_files import paths_in
 from ..video.video_settings import camera_recording, settings_of
 
 DEFAULT_VARIABLES = {

@@ -26,8 +26,8 @@ from ..limits.processes import adopt_orphans, come_first, kill_children
 from ..process.run_request import RunRequest, sights_of_run
 from ..process.waiting_run import Rehearse, RunChild, WaitingRun
 from ..sandbox.box import Box
-from ..sandbox.connections import mark_run
-from ..sandbox.views import Sight
+from ..sandbox.local_callers import mark_run
+from ..sandbox.visible_files import Sight
 from ..states.provenance import note_run
 from .process_supervision import Supervision
 

@@ -14,12 +14,12 @@ from ...episode.context import ResumableEnvironment, SimulationContext
 from ...episode.occupancy_map import OccupancyMap, read_world_map
 from ...episode.results import EnvironmentReport
 from ...rendering.views import FOLLOW
-from ...robots.lookup import find_robot
 from ...robots.robot import CONTROL_TIMESTEP_S, Robot
+from ...robots.robot_lookup import find_robot
 from ...robots.scout import SCOUT
 from .navigation_task import NavigationTask
-from .scene import ScenePhysics, assemble
 from .telemetry import frames_of_bodies
+from .world_with_robot import ScenePhysics, assemble
 
 TIME_LIMIT_VARIABLE = "ROBOMAKER_SIM_TIME_LIMIT_S"
 

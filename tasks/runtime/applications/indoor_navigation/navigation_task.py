@@ -27,9 +27,9 @@ from ...robots.drives import bind_base, take_home_pose
 from ...robots.robot import CONTROL_TIMESTEP_S, Action, Lidar, Robot
 from . import lidar
 from .mission import CollisionMonitor, Mission
-from .scene import ScenePhysics
 from .scene_markers import ContactMarkers
 from .telemetry import RobotState, Telemetry
+from .world_with_robot import ScenePhysics
 
 _SETTLED_S = 0.5
 """With all rooms visited, standing still on command for this long ends the run."""

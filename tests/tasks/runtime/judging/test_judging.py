@@ -35,7 +35,7 @@ from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment 
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
 from prefect_robomaker.tasks.runtime.episode.results import OWN_VERDICT, make_result
 from prefect_robomaker.tasks.runtime.judging.bags import RecordingFault, find_recording
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.cdr import encode
 from prefect_robomaker.tasks.runtime.recording.mcap_file import McapFile, Unbuffered
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder

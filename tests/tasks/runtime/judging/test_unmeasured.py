@@ -25,7 +25,7 @@ from prefect_robomaker.schemas.worlds.world import World
 from prefect_robomaker.tasks.runtime.applications.recorded_run import RecordedRun, make_agent
 from prefect_robomaker.tasks.runtime.episode.results import make_result
 from prefect_robomaker.tasks.runtime.judging.bags import find_recording
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 

@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunRes
 from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.runtime.episode.context import RobotProgramError, SimulationContext
-from prefect_robomaker.tasks.runtime.policies.agent import PolicyAgent
+from prefect_robomaker.tasks.runtime.policies.policy_agent import PolicyAgent
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.worlds.training import robot_env
 

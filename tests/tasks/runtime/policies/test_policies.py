@@ -17,7 +17,7 @@ from onnx import TensorProto
 
 from prefect_robomaker.tasks.runtime.episode.context import RobotProgramError
 from prefect_robomaker.tasks.runtime.episode.loading import LoadError
-from prefect_robomaker.tasks.runtime.policies.agent import PolicyAgent
+from prefect_robomaker.tasks.runtime.policies.policy_agent import PolicyAgent
 
 SPEC = {
     "speed": specs.Array((), np.float64),
@@ -224,7 +224,7 @@ def test_networks_are_computed_without_telling_their_makers(make: Make, tmp_path
         "from pathlib import Path\n"
         "import numpy as np, sys\n"
         "from dm_env import specs\n"
-        "from prefect_robomaker.tasks.runtime.policies.agent import PolicyAgent\n"
+        "from prefect_robomaker.tasks.runtime.policies.policy_agent import PolicyAgent\n"
         "seen, action = specs.Array((6,), float), specs.Array((2,), float)\n"
         "PolicyAgent('row.onnx', Path(sys.argv[1]), None,"
         " SimpleNamespace(observation_spec=lambda: seen, action_spec=lambda: action))\n"

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.runs.requirement_kinds.goal import GoalRequiremen
 from prefect_robomaker.schemas.wire.errors import LaunchError
 from prefect_robomaker.tasks.runtime.episode.physics import robot_body
 from prefect_robomaker.tasks.runtime.episode.results import make_result
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.requirements.observer import RequirementsObserver
 

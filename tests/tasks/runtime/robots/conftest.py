@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from helpers.robot_stands import CART_MAPPING, write_robot
 
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 
 
 @pytest.fixture

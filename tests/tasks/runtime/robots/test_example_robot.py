@@ -19,7 +19,7 @@ from mcap_ros2.decoder import DecoderFactory
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan, RunResult
 from prefect_robomaker.schemas.specs.check import load_spec
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import ROBOT_MODELS
 from prefect_robomaker.tasks.runtime.supervision.launcher import Launcher
 from prefect_robomaker.tasks.storage import unpack

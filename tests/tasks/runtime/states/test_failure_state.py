@@ -17,7 +17,7 @@ from helpers.stop_flags import StopFlag
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan, RunPlan
 from prefect_robomaker.schemas.runs.programs import ApplicationRole
 from prefect_robomaker.schemas.runs.provenance import FailureState
-from prefect_robomaker.tasks.runtime.process.loop import run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import run_episode
 from prefect_robomaker.tasks.runtime.recording.recording import Recorder
 from prefect_robomaker.tasks.runtime.states.digest import digest_of_model
 from prefect_robomaker.tasks.runtime.states.failure_state import FailureRecorder

@@ -8,7 +8,7 @@ from helpers.small_flat import BODY
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import ScenePhysics, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import ScenePhysics, assemble
 from prefect_robomaker.tasks.runtime.episode.occupancy_map import read_map
 from prefect_robomaker.tasks.runtime.robots.scout import LIDAR
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle

@@ -5,7 +5,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import ScenePhysics, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import ScenePhysics, assemble
 from prefect_robomaker.tasks.runtime.robots.scout import LIDAR
 
 LOOSE = [("Ball_1", 1.5, -0.4, 0.1), ("Box_1", 2.6, 0.4, 0.2)]

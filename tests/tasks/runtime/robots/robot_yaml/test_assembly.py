@@ -17,11 +17,11 @@ from prefect_robomaker.schemas.wire.errors import ConfigurationError, LaunchErro
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation import lidar
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.environment import IndoorNavigation
 from prefect_robomaker.tasks.runtime.applications.indoor_navigation.navigation_task import NavigationTask
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import assemble
 from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot import Lidar, Robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.assembly import _sensor
 from prefect_robomaker.tasks.runtime.robots.robot_yaml.shape import SENSOR_KINDS, check_kinds
 from prefect_robomaker.tasks.runtime.robots.sensors.kind import SensorKind

@@ -11,8 +11,8 @@ import trimesh
 from helpers.robot_stands import Stand, write_robot
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
 from prefect_robomaker.tasks.runtime.robots.robot import Robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 
 MAPPING: dict[str, Any] = {
     "version": 1,

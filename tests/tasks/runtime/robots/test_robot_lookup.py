@@ -11,7 +11,7 @@ from helpers.robot_stands import CART, CART_MAPPING, Stand, write_robot
 from prefect_robomaker.schemas.runs.plan import ApplicationPlan
 from prefect_robomaker.schemas.runs.policies import POLICY_FACTORY
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.runtime.robots.lookup import find_robot
+from prefect_robomaker.tasks.runtime.robots.robot_lookup import find_robot
 
 BUILT_IN = "prefect_robomaker.tasks.runtime.applications"
 

@@ -13,7 +13,7 @@ import pytest
 from helpers.processes import wait_for
 
 from prefect_robomaker.tasks.runtime.limits.processes import process_state
-from prefect_robomaker.tasks.runtime.sandbox.connections import (
+from prefect_robomaker.tasks.runtime.sandbox.local_callers import (
     Address,
     Callers,
     ConnectionEnd,
@@ -94,7 +94,7 @@ def test_a_connection_that_no_process_is_seen_to_hold_is_unknown(tmp_path: Path)
 
 
 def test_the_list_of_the_kernel_says_the_same_as_its_answer() -> None:
-    from prefect_robomaker.tasks.runtime.sandbox.connections import _asked, _listed
+    from prefect_robomaker.tasks.runtime.sandbox.local_callers import _asked, _listed
 
     for family, host in ((socket.AF_INET, "127.0.0.1"), (socket.AF_INET6, "::1")):
         with (

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.runs.programs import RunStop
 from prefect_robomaker.tasks.runtime.episode.progress import STOP_REASONS, Phase, Progress
-from prefect_robomaker.tasks.runtime.supervision.outcomes import Exit, decide_outcome, failure_reason
+from prefect_robomaker.tasks.runtime.supervision.run_outcomes import Exit, decide_outcome, failure_reason
 
 Plan = Callable[..., RunPlan]
 FINISHED = Exit(0, None, Phase.FINISHING, {"ended_by": "environment"})

@@ -18,7 +18,7 @@ from prefect_robomaker.tasks.runtime.episode.context import ActionError
 from prefect_robomaker.tasks.runtime.episode.progress import Phase
 from prefect_robomaker.tasks.runtime.episode.results import Episode
 from prefect_robomaker.tasks.runtime.process.attempt import recording_findings
-from prefect_robomaker.tasks.runtime.process.loop import RunStopped, run_episode
+from prefect_robomaker.tasks.runtime.process.run_loop import RunStopped, run_episode
 from prefect_robomaker.tasks.runtime.recording.messages import Clock, Time
 from prefect_robomaker.tasks.runtime.recording.recording import McapRecorder, Recorder
 from prefect_robomaker.tasks.runtime.video.camera_recorder import TOPIC

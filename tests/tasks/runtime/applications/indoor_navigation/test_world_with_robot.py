@@ -5,7 +5,10 @@ import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
 
-from prefect_robomaker.tasks.runtime.applications.indoor_navigation.scene import CONTACT_SAMPLE_STEPS, assemble
+from prefect_robomaker.tasks.runtime.applications.indoor_navigation.world_with_robot import (
+    CONTACT_SAMPLE_STEPS,
+    assemble,
+)
 
 
 def test_a_step_looks_in_between_and_at_its_end(make_context) -> None:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from prefect_robomaker.tasks.runtime.sandbox.views import paths_in
+from prefect_robomaker.tasks.runtime.sandbox.visible_files import paths_in
 
 
 @pytest.mark.parametrize("programs", ["shims", "bin"])
