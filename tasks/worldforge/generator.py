@@ -24,11 +24,11 @@ from ...schemas.worlds.world import (
     World,
     contains,
 )
+from .doors.door_parts import leaf_outlines
 from .doors.initial_states import dress_doors
-from .doors.parts import leaf_outlines
 from .floorplans.floorplan import generate_floorplan
 from .furniture.catalogue import parts_of
-from .furniture.solids import height_at, turn
+from .furniture.placed_parts import height_at, turn
 from .geometry.occupancy import occupancy_grid
 from .interiors.interior import furnish
 from .model.mjcf import proof_mjcf

@@ -16,7 +16,7 @@ from types import TracebackType
 
 from ...schemas.wire.errors import WorldGenerationError
 
-_PROGRAM = "prefect_robomaker.tasks.worldforge.bundle.worker"
+_PROGRAM = "prefect_robomaker.tasks.worldforge.bundle.bundle_worker"
 
 
 MOST_S = 120.0

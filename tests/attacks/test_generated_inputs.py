@@ -42,7 +42,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import unpack_colcon_bundle
 from prefect_robomaker.tasks.simulations.ros.job_services import answer
 from prefect_robomaker.tasks.storage import unpack
-from prefect_robomaker.tasks.worldforge.drawings.importing import planned
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import planned
 
 Surface = Callable[[random.Random], object]
 """Generates one input and has it taken or refused."""

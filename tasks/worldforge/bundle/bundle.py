@@ -12,7 +12,7 @@ from typing import NamedTuple
 from ....schemas.worlds.appearance import DAY, appearance_named, relit
 from ....schemas.worlds.description import DESCRIPTION_FILE
 from ....schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, World
-from ..doors.parts import leaf_outlines
+from ..doors.door_parts import leaf_outlines
 from ..geometry.occupancy import map_files, occupancy_grid
 from ..materials.textures import SKY, sky_png, texture_png, texture_size_m
 from ..model.description import description_text

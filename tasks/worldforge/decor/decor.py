@@ -8,8 +8,8 @@ from ....schemas.worlds.world import Furniture, Wall, World, bounds
 from ..furniture.catalogue import styles_of
 from ..geometry.boxes import Box, pose_of
 from ..geometry.parts import CHROME, Color, Span, rgb
+from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Mesh, Ornament, color_look, mesh_path
-from ..ornaments.shapes import Shapes
 from .faces import Face, faces, windows_in
 from .lights import ceilings, lamp_shades, skirting
 from .on_tops import things_on_tops

@@ -7,11 +7,11 @@ from random import Random
 
 from ....schemas.worlds.world import Furniture, World
 from ..furniture.catalogue import parts_of
-from ..furniture.solids import turn
+from ..furniture.placed_parts import turn
 from ..geometry.boxes import Box, box_of, hits
 from ..geometry.parts import Part
+from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Ornament
-from ..ornaments.shapes import Shapes
 from ..ornaments.things import THINGS, footprint_m, placed
 
 _KITCHEN = (

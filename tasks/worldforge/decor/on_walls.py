@@ -8,8 +8,8 @@ from random import Random
 from ....schemas.worlds.world import Room, RoomType, World
 from ..geometry.boxes import hits
 from ..geometry.parts import CHROME, MIRROR, WHITE, Color, Span, Vector, rgb
+from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import Ornament, color_look
-from ..ornaments.shapes import Shapes
 from ..ornaments.things import book_row, footprint_m, placed
 from .faces import Face, Standing, covered
 

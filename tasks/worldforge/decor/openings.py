@@ -14,8 +14,8 @@ import numpy as np
 from ....schemas.worlds.world import Wall, World
 from ..geometry.parts import Color, Span, Vector, rgb
 from ..materials.textures import texture_size_m
+from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import ALONG_X, ALONG_Y, Floats, Mesh, Ornament, joined, sheet
-from ..ornaments.shapes import Shapes
 from .faces import Face, covered, free_height, wall_span, window_heights, windows_in
 
 Rectangle = tuple[float, float, float, float]

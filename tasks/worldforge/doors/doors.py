@@ -16,7 +16,7 @@ import numpy as np
 from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Room, RoomType, bounds, contains
 from ..geometry.boxes import Box, strip
 from ..geometry.occupancy import occupancy_grid, reachable, room_cells, wall_corners
-from .parts import HANDLE_M, leaf_outlines, lintel_over, open_box
+from .door_parts import HANDLE_M, leaf_outlines, lintel_over, open_box
 
 THICKNESS_M = 0.04
 """Thickness of the leaf, in metres."""

@@ -12,8 +12,8 @@ from ....schemas.templates.body import (
     WorldTemplateBody,
 )
 from ....schemas.worlds.world import Floorplan, Passage, Preference, Room
+from .door_parts import FINISHES, FORMS, FULLY_OPEN_PERCENT
 from .doors import hang_doors
-from .parts import FINISHES, FORMS, FULLY_OPEN_PERCENT
 
 _RANKS = 4
 

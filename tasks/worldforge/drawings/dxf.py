@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from ....schemas.extras import how_to_install
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point, bounds
-from .shapes import Drawing, Kind, Label, Shape, kind_of
+from .drawn_shapes import Drawing, Kind, Label, Shape, kind_of
 
 if TYPE_CHECKING:
     from ezdxf import document as documents

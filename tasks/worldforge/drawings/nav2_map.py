@@ -16,7 +16,7 @@ from ....schemas.specs.text import parse, plain
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import FurnishedRoomType, Point
 from ..floorplans.partition import Corners, extent, turns
-from .shapes import Drawing, Shape
+from .drawn_shapes import Drawing, Shape
 from .squaring import outline_of, room_units
 
 Cells = NDArray[np.bool_]

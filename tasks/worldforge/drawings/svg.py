@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Point
-from .shapes import Drawing, Label, Shape
+from .drawn_shapes import Drawing, Label, Shape
 
 _TOKENS = re.compile(r"([MmLlHhVvCcSsQqTtAaZz])|([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)")
 _COUNTS = {"M": 2, "L": 2, "H": 1, "V": 1, "C": 6, "S": 4, "Q": 4, "T": 2, "A": 7}

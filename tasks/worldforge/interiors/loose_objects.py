@@ -7,7 +7,7 @@ from math import cos, hypot, pi, sin
 from ....schemas.worlds.world import Furniture, RoomType, contains
 from ..furniture.arrangement import Density
 from ..furniture.catalogue import parts_of, styles_of
-from ..furniture.solids import height_at
+from ..furniture.placed_parts import height_at
 from ..geometry.boxes import Box, box_of, pose_of
 from ..geometry.parts import Style
 from .candidates import against_walls, sits_at

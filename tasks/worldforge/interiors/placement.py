@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ....schemas.worlds.world import Floorplan, Passage, Point, Room, Wall, bounds, contains
-from ..doors.parts import open_box, swept_box
+from ..doors.door_parts import open_box, swept_box
 from ..geometry.boxes import FRONTS, Box, Pose, hits, left_over, strip
 from ..geometry.occupancy import wall_corners
 from .ways import Ways

@@ -35,16 +35,16 @@ from ..decor.faces import WINDOW_SILL_M as WINDOW_SILL_M
 from ..decor.faces import walls_of_windows, windows_in
 from ..decor.lights import light_lines, material_lines, reach_m
 from ..decor.openings import LAID, wall_halves
-from ..doors.parts import door_lines
+from ..doors.door_parts import door_lines
 from ..furniture.catalogue import IMPORTED, styles_of
-from ..furniture.solids import Solid, solids_of
+from ..furniture.placed_parts import Solid, solids_of
 from ..geometry.parts import Axis
 from ..interiors.placement import room_rects
 from ..materials.materials import FLOORS, surface_finish, surface_name
 from ..materials.textures import LAYOUT, SKY, texture_size_m
+from ..ornaments.ornament_shapes import Shapes
 from ..ornaments.ornaments import ALONG_X, ALONG_Y, CYLINDER_QUAT, VISUAL
 from ..ornaments.ornaments import numbers as _numbers
-from ..ornaments.shapes import Shapes
 from ..ornaments.things import shaped
 
 TEXTURES_FOLDER = "textures"

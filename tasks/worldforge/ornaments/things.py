@@ -6,10 +6,10 @@ from random import Random
 
 from ....schemas.worlds.world import Furniture
 from ..furniture.catalogue import parts_of
-from ..furniture.solids import Solid, solids_of, turn
+from ..furniture.placed_parts import Solid, solids_of, turn
 from ..geometry.parts import CERAMIC, CHROME, STEEL, WHITE, Color, Part, Vector, rgb
+from .ornament_shapes import Shapes, form_of
 from .ornaments import Ornament
-from .shapes import Shapes, form_of
 
 _LEAF, _DARK_LEAF, _CLAY = rgb("5f8a56"), rgb("47714a"), rgb("b5694a")
 _CLOTH = (rgb("d8d2c4"), rgb("7f9aa8"), rgb("b98a7a"), rgb("8fa58b"), rgb("c9b079"))

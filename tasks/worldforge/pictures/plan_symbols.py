@@ -8,7 +8,7 @@ from collections.abc import Callable
 from math import cos, pi, sin
 
 from ....schemas.worlds.world import Door, Point
-from ..doors.parts import leaf_corners
+from ..doors.door_parts import leaf_corners
 from ..furniture.catalogue import CATALOGUE
 
 Symbol = Callable[[float, float], str]

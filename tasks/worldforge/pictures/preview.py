@@ -12,8 +12,8 @@ from PIL import Image as PilImage
 
 from ....schemas.worlds.world import Wall, Window, World, bounds
 from ..decor.faces import walls_of_windows
-from ..doors.parts import cut_door_solids
-from ..furniture.solids import Solid, solids_of, turn
+from ..doors.door_parts import cut_door_solids
+from ..furniture.placed_parts import Solid, solids_of, turn
 from ..geometry.boxes import strip
 from ..geometry.parts import Color, Vector, rgb
 from ..interiors.placement import room_rects

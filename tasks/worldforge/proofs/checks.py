@@ -22,7 +22,7 @@ from ....schemas.worlds.world import (
     WorldChecks,
     bounds,
 )
-from ..doors.parts import FULLY_OPEN_PERCENT, leaf_outlines
+from ..doors.door_parts import FULLY_OPEN_PERCENT, leaf_outlines
 from ..geometry.occupancy import OccupancyGrid, connected, fitting, occupancy_grid, reachable, room_cells
 from .guarantees import MAX_DRIFT_M, MAX_PENETRATION_M, MIN_CELLS, MOST_TOLD, ORIGIN_RADIUS_M, SETTLE_S
 from .overlaps import drift_m, find_overlaps, measure_stability

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import ROOM_TYPES, Door, Floorplan, World
+from prefect_robomaker.tasks.worldforge.doors.door_parts import leaf_corners, swept_box
 from prefect_robomaker.tasks.worldforge.doors.doors import hang_doors
 from prefect_robomaker.tasks.worldforge.doors.initial_states import dress_doors
-from prefect_robomaker.tasks.worldforge.doors.parts import leaf_corners, swept_box
 from prefect_robomaker.tasks.worldforge.floorplans.floorplan import generate_floorplan
 from prefect_robomaker.tasks.worldforge.generator import generate_world
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf

@@ -12,8 +12,8 @@ from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.schemas.worlds.world import DrawnSource, World
 from prefect_robomaker.tasks.worldforge.drawings import dxf
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.drawings.dxf import read_dxf
-from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
 MM, INCHES = 4, 1

@@ -6,7 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 
 ROOMS = '<rect id="Kitchen" width="4" height="4"/><rect id="Living" x="4" width="4" height="4"/>'
 DOOR = '<line class="door" id="d" x1="4" y1="1" x2="4" y2="2"/>'

@@ -3,8 +3,8 @@
 import pytest
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
-from prefect_robomaker.tasks.worldforge.drawings.reading import metres_per_unit, read_plan
-from prefect_robomaker.tasks.worldforge.drawings.shapes import kind_of, room_type
+from prefect_robomaker.tasks.worldforge.drawings.drawn_shapes import kind_of, room_type
+from prefect_robomaker.tasks.worldforge.drawings.room_finding import metres_per_unit, read_plan
 from prefect_robomaker.tasks.worldforge.drawings.svg import PathError, path_points, read_svg
 
 INKSCAPE = """<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape"

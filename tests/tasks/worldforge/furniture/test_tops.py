@@ -6,7 +6,7 @@ import pytest
 
 from prefect_robomaker.schemas.worlds.world import Furniture
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import parts_of, styles_of
-from prefect_robomaker.tasks.worldforge.furniture.solids import height_at
+from prefect_robomaker.tasks.worldforge.furniture.placed_parts import height_at
 from prefect_robomaker.tasks.worldforge.geometry.parts import Style
 
 CUP_M = 0.085

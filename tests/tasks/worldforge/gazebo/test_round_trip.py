@@ -11,7 +11,7 @@ from scipy import ndimage
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.tasks.runtime.episode.occupancy_map import OccupancyMap, read_map
 from prefect_robomaker.tasks.worldforge.bundle.bundle import write_bundle
-from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.exports.export import write_export_zip
 from prefect_robomaker.tasks.worldforge.gazebo.importing import Start, Wishes, import_gazebo_world
 

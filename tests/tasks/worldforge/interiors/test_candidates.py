@@ -7,7 +7,7 @@ import pytest
 
 from prefect_robomaker.schemas.worlds.world import Furniture
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import styles_of
-from prefect_robomaker.tasks.worldforge.furniture.solids import solids_of
+from prefect_robomaker.tasks.worldforge.furniture.placed_parts import solids_of
 from prefect_robomaker.tasks.worldforge.geometry.parts import Style
 from prefect_robomaker.tasks.worldforge.interiors.candidates import around
 

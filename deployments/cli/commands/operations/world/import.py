@@ -17,7 +17,7 @@ from ....inputs.options import open_service
 
 if TYPE_CHECKING:
     from ......schemas.templates.drawing_notes import DrawingNotes
-    from ......tasks.worldforge.drawings.importing import Source
+    from ......tasks.worldforge.drawings.drawing_import import Source
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +64,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def _keep_drawn(arguments: argparse.Namespace) -> str:
     """Makes and stores the world of a drawing; returns its ARN."""
     from ......schemas.wire.errors import ConfigurationError
-    from ......tasks.worldforge.drawings.importing import READERS, Source, import_world
+    from ......tasks.worldforge.drawings.drawing_import import READERS, Source, import_world
     from ......tasks.worlds.keeping import keep_world
 
     if arguments.model_path or arguments.start or arguments.loose or arguments.allow_missing:
@@ -83,7 +83,7 @@ def _keep_gazebo(arguments: argparse.Namespace) -> str:
     """Imports and stores a world in Gazebo's format; returns its ARN."""
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.gazebo_notes import GazeboNotes
-    from ......tasks.worldforge.drawings.shapes import read_yaml
+    from ......tasks.worldforge.drawings.drawn_shapes import read_yaml
     from ......tasks.worlds.gazebo_imports import GazeboImport, write_gazebo_bundle
     from ......tasks.worlds.keeping import keep_bundle
 
@@ -131,7 +131,7 @@ def _notes(source: "Source", scale: str | None) -> "DrawingNotes":
 
     from ......schemas.templates.drawing_notes import DrawingNotes
     from ......schemas.wire.errors import ConfigurationError
-    from ......tasks.worldforge.drawings.shapes import read_notes
+    from ......tasks.worldforge.drawings.drawn_shapes import read_notes
 
     notes = read_notes(source.notes) if source.notes else DrawingNotes()
     if scale is None:

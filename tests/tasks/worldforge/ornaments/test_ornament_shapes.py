@@ -7,7 +7,7 @@ import pytest
 
 from prefect_robomaker.tasks.worldforge.furniture.catalogue import CATALOGUE
 from prefect_robomaker.tasks.worldforge.geometry.parts import Vector
-from prefect_robomaker.tasks.worldforge.ornaments.shapes import FORMS, Shapes, form_of
+from prefect_robomaker.tasks.worldforge.ornaments.ornament_shapes import FORMS, Shapes, form_of
 
 SIZES: tuple[Vector, ...] = ((0.3, 0.2, 0.1), (0.1, 0.3, 0.2), (0.2, 0.1, 0.3))
 OUT_OF_THE_BOX = ("mug",)

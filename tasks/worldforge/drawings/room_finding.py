@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from ....schemas.templates.drawing_notes import DrawingNotes
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import ROOM_TYPES, FurnishedRoomType, PassageKind, Point
+from .drawn_floorplan import DrawnPlan, DrawnRoom
+from .drawn_shapes import Drawing, Kind, Shape, kind_of, label_of, plain_words, room_type, without_accents
 from .fitting import DrawnWay
-from .plan import DrawnPlan, DrawnRoom
-from .shapes import Drawing, Kind, Shape, kind_of, label_of, plain_words, room_type, without_accents
 from .squaring import upright
 
 _LARGEST_M = 100.0

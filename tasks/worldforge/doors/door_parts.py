@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from math import cos, sin
 
 from ....schemas.worlds.world import Door, Floorplan, Passage, Point, Wall, bounds
-from ..furniture.solids import Solid
+from ..furniture.placed_parts import Solid
 from ..geometry.boxes import Box
 from ..geometry.parts import CHROME, WHITE, Color, Part, Span, box, rgb
 

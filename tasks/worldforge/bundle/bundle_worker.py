@@ -1,6 +1,6 @@
 """A process that builds world bundles on demand.
 
-Started as `python -m prefect_robomaker.tasks.worldforge.bundle.worker`; reads one JSON object a line from
+Started as `python -m prefect_robomaker.tasks.worldforge.bundle.bundle_worker`; reads one JSON object a line from
 standard input and answers each with one line on standard output:
 
     {"body": "<template body>", "floorplan_seed": 1, "interior_seed": 2, "folder": "/…/bundle"}

@@ -8,7 +8,7 @@ from helpers.paths import REPOSITORY
 
 from prefect_robomaker.schemas.templates.drawing_notes import DrawingNotes
 from prefect_robomaker.schemas.worlds.world import DrawnSource, World, contains
-from prefect_robomaker.tasks.worldforge.drawings.importing import Source, import_world
+from prefect_robomaker.tasks.worldforge.drawings.drawing_import import Source, import_world
 from prefect_robomaker.tasks.worldforge.geometry.occupancy import occupancy_grid
 from prefect_robomaker.tasks.worldforge.proofs.guarantees import violations
 
