@@ -20,10 +20,10 @@ from prefect.runtime import flow_run
 from ..schemas.job_owners import NeededEnvironment
 from ..schemas.wire.base import Shape
 from ..schemas.wire.errors import ServiceUnavailableException
-from ..tasks.execution.artifacts import shown_progress
 from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.held_leases import died_here
 from ..tasks.execution.job_leases import CatalogWait
+from ..tasks.execution.prefect_artifacts import shown_progress
 from ..tasks.execution.run_watch import watched_run
 from ..tasks.inspection.standings import job_result
 from ..tasks.jobs.job_owners import OwnOrder, needs_elsewhere

@@ -31,11 +31,11 @@ _TELL_PREFECT_S = 2.0
 _FIRST_NEEDED = (
     "prefect.flow_engine",
     "prefect.task_engine",
-    "prefect_robomaker.tasks.execution.artifacts",
+    "prefect_robomaker.tasks.execution.prefect_artifacts",
     "prefect.task_runners",
     "prefect_robomaker.tasks.execution.batch_slots",
     "prefect_robomaker.tasks.execution.task_pool",
-    "prefect_robomaker.tasks.worlds.export",
+    "prefect_robomaker.tasks.worlds.export_packing",
     "prefect_robomaker.tasks.worlds.generation",
 )
 

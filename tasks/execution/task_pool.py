@@ -174,7 +174,7 @@ def shown_as(name: str, message: str) -> Generator[None]:
 def show_note(key: str, markdown: str) -> None:
     """Stores a note as a Markdown artifact of the running flow; notes of the same key form a history."""
     if _flow_run() is not None:
-        from .artifacts import show_text
+        from .prefect_artifacts import show_text
 
         show_text(key, markdown, "What the job waits for")
 

@@ -43,7 +43,7 @@ def show_wave(job: Resource, rollout: Rollout, number: int, robots: Sequence[str
     """Shows the robots of a deployment's wave as a table in Prefect; does nothing outside a flow run."""
     if step_runner() is directly:
         return
-    from ..execution.artifacts import artifact_key, show_table
+    from ..execution.prefect_artifacts import artifact_key, show_table
 
     more = f", the first {MOST_ROWS} of {len(robots)}" if len(robots) > MOST_ROWS else ""
     show_table(artifact_key(job.id, f"wave-{number}"), robot_rows(rollout, robots), f"Robots of wave {number}{more}")
@@ -62,7 +62,7 @@ def report_end(job: Resource, service: Service) -> None:
 
 
 def _show_end(job: Resource, report: DeploymentReport, path: str) -> None:
-    from ..execution.artifacts import artifact_key, show_summary, show_table
+    from ..execution.prefect_artifacts import artifact_key, show_summary, show_table
 
     lines = [f"# {report.application} {report.version} to {report.fleet}: {report.status}", ""]
     lines += [f"{report.failure_code}: {report.failure_reason or ''}".rstrip(": "), ""] if report.failure_code else []

@@ -415,7 +415,7 @@ def _reported_step(step: StepRecord) -> ReportedStep:
 
 def _show(report: Report, jobs: Sequence[JobRecord], path: Path) -> None:
     # Imports Prefect, which the console does not need: it only reads.
-    from ..execution.artifacts import artifact_key, show_jobs, show_picture, show_summary
+    from ..execution.prefect_artifacts import artifact_key, show_jobs, show_picture, show_summary
 
     rows: list[dict[str, Any]] = [
         {

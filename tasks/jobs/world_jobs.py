@@ -302,7 +302,7 @@ def run_export(lease: Lease, service: Service) -> None:
 
 def _stored_archive(lease: Lease, service: Service) -> bool:
     """Whether the archive is stored; not if the job is cancelled, or performed by another."""
-    from ..worlds.export import export_worlds
+    from ..worlds.export_packing import export_worlds
 
     stopped = lambda: lease.lost or service.catalog.cancel_requested(lease.job.arn)  # noqa: E731
     patient = service.patient(lease.job.id, stopped)

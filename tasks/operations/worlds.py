@@ -14,7 +14,7 @@ from ...schemas.operations.worlds import (
 from ...schemas.wire.errors import InternalServerException, ResourceNotFoundException, StorageError
 from ..catalog import Resource
 from ..service.service import Service
-from ..worlds.bundles import delete_world
+from ..worlds.stored_bundles import delete_world
 from .registry import Answer, operation, page_of
 
 KIND = "world"

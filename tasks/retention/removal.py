@@ -29,7 +29,7 @@ from ..simulations.outputs.output_places import output_place
 from ..storage import thin, unpublish
 from ..storage.base import join_key
 from ..worlds.archive_places import archive_place
-from ..worlds.bundles import BUNDLE_LABEL, bundle_label, delete_world
+from ..worlds.stored_bundles import BUNDLE_LABEL, bundle_label, delete_world
 from .inventory import BATCH, EXPORT, JOB, RECORD, REMOVING, Unit
 
 KEPT_RESULTS = frozenset((RESULT_FILE, PROVENANCE_FILE, DIGEST_FILE, ACTIONS_FILE, POSTER_FILE))

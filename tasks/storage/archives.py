@@ -11,7 +11,7 @@ from uuid import uuid4
 from ...schemas.wire.errors import BundleError
 from ..bundles.archive_members import ArchiveError
 from ..bundles.extraction import ArchiveLimits, extract
-from .folders import open_regular, os_failures, regular_files
+from .untrusted_folders import open_regular, os_failures, regular_files
 
 
 def unpack(archive: Path, folder: Path, *, limits: ArchiveLimits | None = None) -> None:

@@ -37,7 +37,7 @@ from .base import (
     tell_none,
 )
 from .checksums import copy_with_holes, etag_of, store_etag
-from .folders import open_regular, os_failures
+from .untrusted_folders import open_regular, os_failures
 
 _ABANDONED_AFTER_S = 86_400.0
 _RACES = 20

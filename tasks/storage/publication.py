@@ -21,7 +21,7 @@ from ...schemas.wire.errors import (
 )
 from .base import ObjectInfo, ObjectStore, Stopped, Tell, check_key, join_key, never, run_all, tell_none
 from .checksums import digest_of
-from .folders import FolderFile, open_regular, os_failures, version_of
+from .untrusted_folders import FolderFile, open_regular, os_failures, version_of
 
 MANIFEST_NAME = "manifest.json"
 

@@ -19,10 +19,10 @@ from ..service.patience import at_once, patiently
 from ..service.service import Service
 from ..simulations.outputs.output_places import prepare_bucket
 from ..storage import publish
-from ..storage.folders import regular_files
+from ..storage.untrusted_folders import regular_files
 from ..worldforge.seeds import GENERATOR_VERSION, seeds_for
 from .builders import WorldBuilders
-from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
+from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
 
 WORLDS_PREFIX = "worlds"
 ORIGIN_LABEL = "origin"

@@ -13,8 +13,8 @@ from ..catalog import Resource
 from ..service.patience import at_once, patiently
 from ..service.service import Service
 from ..worldforge.bundle.bundle import content_hash, write_bundle
-from .bundles import BUNDLE_LABEL, bundle_held, bundle_label
 from .generation import ORIGIN_LABEL, WORLDS_PREFIX, publish_bundle
+from .stored_bundles import BUNDLE_LABEL, bundle_held, bundle_label
 
 
 def keep_world(

@@ -8,7 +8,7 @@ from ...schemas.worlds.world import PREVIEW_FILE, WORLD_FILE, World
 from ..catalog import Resource
 from ..service.service import Service
 from ..storage import read_manifest
-from .bundles import bundle_held
+from .stored_bundles import bundle_held
 
 
 def preview_of(world: Resource, service: Service) -> bytes:

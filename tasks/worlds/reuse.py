@@ -8,8 +8,8 @@ from ..catalog import Resource
 from ..service.patience import at_once
 from ..service.service import Service
 from ..storage import read_manifest
-from .bundles import bundle_held
 from .generation import ORIGIN_LABEL, add_world, origin_of, world_seeds
+from .stored_bundles import bundle_held
 
 
 def find_world_again(template_body: str, seeds: tuple[int, int], service: Service) -> Resource | None:

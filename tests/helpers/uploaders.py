@@ -64,8 +64,8 @@ def published(target: Target) -> Callable[[], object]:
     from datetime import UTC, datetime
 
     from prefect_robomaker.tasks.storage import publish
-    from prefect_robomaker.tasks.storage.folders import regular_files
     from prefect_robomaker.tasks.storage.s3 import S3Store
+    from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
     store, files = S3Store(target.endpoint, REGION), list(regular_files(target.folder))
     now = datetime.now(UTC)

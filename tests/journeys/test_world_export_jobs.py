@@ -17,7 +17,7 @@ from prefect_robomaker.schemas.wire.errors import InvalidParameterException, Res
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
-from prefect_robomaker.tasks.worlds import export as world_export
+from prefect_robomaker.tasks.worlds import export_packing as world_export
 
 pytestmark = pytest.mark.usefixtures("known_worlds")
 MISSING = {"bucket": "nowhere", "prefix": "worlds/none"}

@@ -16,7 +16,7 @@ from ....schemas.wire.common import shorten
 from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import MANIFEST_NAME
 from ...storage.base import Stopped, check_key, join_key, never
-from ...storage.folders import FolderFile, files_told, os_failures
+from ...storage.untrusted_folders import FolderFile, files_told, os_failures
 
 RESULT_FILE = "result.json"
 _MOST_NAMED = 1000

@@ -21,7 +21,7 @@ from ....schemas.wire.errors import StorageError, TransferStoppedError
 from ...storage import ObjectStore
 from ...storage.base import check_key, join_key
 from ...storage.checksums import digest_of
-from ...storage.folders import regular_files
+from ...storage.untrusted_folders import regular_files
 from .bounds import Room
 from .upload_files import Upload, take, visit_matches
 

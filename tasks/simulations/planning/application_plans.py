@@ -28,7 +28,7 @@ from ..inputs.world_packages import put_world_into_copies, world_variables
 from ..ros.bridge_plans import bridge_plan, discovery_variables, has_rospy
 from ..ros.job_services import DOMAIN_VARIABLE, FOLDER, NODE, make_message_package, message_variables
 from .applications import LATEST, find_application, python_package
-from .launching import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
+from .launch_configurations import Code, Factory, Program, check_pair, in_ros, resolve_launch, with_launch_file
 from .topic_recording import note_no_recorder
 
 

@@ -12,7 +12,7 @@ from ....schemas.wire.errors import CredentialsRefusedError, StorageAccessDenied
 from ..base import ObjectInfo, ObjectStore, Result, StoreOver
 from ..directory import DirectoryStore
 from ..opening import s3_endpoint
-from .reading import Keys, ReadBlock, read_roles_file
+from .roles_file import Keys, ReadBlock, read_roles_file
 
 if TYPE_CHECKING:
     from boto3 import Session

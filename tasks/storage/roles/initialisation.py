@@ -17,7 +17,7 @@ from ....schemas.settings import Settings
 from ....schemas.wire.errors import ConfigurationError, StorageAccessDeniedError, StorageError, StorageUnavailableError
 from ..base import ObjectStore
 from ..opening import own_session, s3_endpoint
-from .reading import buckets_of, parse_roles, policy_of, read_roles_file
+from .roles_file import buckets_of, parse_roles, policy_of, read_roles_file
 
 SERVER = "MinIO"
 """Beginning of the header `Server` in MinIO's responses."""

@@ -14,7 +14,7 @@ from ....schemas.wire.errors import CredentialsRefusedError, StorageUnavailableE
 from ..aws_sessions import new_session
 from ..opening import own_session
 from ..s3.failures import from_client_error
-from .reading import Keys, ReadBlock, policy_of
+from .roles_file import Keys, ReadBlock, policy_of
 
 _SESSION_NAME = "robomaker"
 

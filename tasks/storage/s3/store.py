@@ -50,7 +50,7 @@ from ..base import (
 )
 from ..checksums import compare, crc32_of, has_content, measure
 from .failures import s3_failures
-from .parts import PartedUploads
+from .multipart import PartedUploads
 from .quick_puts import QuickPuts
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.documents.simulation_jobs import (
 from prefect_robomaker.schemas.documents.worlds import StoredPlace
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
-from prefect_robomaker.tasks.storage.folders import regular_files
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 StoreJob = Callable[..., str]
 BATCH, JOB = "simulation-job-batch", "simulation-job"

@@ -19,7 +19,7 @@ from prefect_robomaker.tasks.consistency.checking import UNFINISHED_AFTER, check
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest, thin
-from prefect_robomaker.tasks.storage.folders import regular_files
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 FILES = {"result.json": b"{}", "recording.mcap": b"x" * 1000, "logs/a.log": b"said"}
 Job = Callable[..., Resource]

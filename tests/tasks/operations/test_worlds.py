@@ -16,8 +16,8 @@ from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish, read_manifest
-from prefect_robomaker.tasks.storage.folders import regular_files
-from prefect_robomaker.tasks.worlds.bundles import bundle_held, bundle_label
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
+from prefect_robomaker.tasks.worlds.stored_bundles import bundle_held, bundle_label
 
 Generate = Callable[..., dict[str, Any]]
 pytestmark = pytest.mark.usefixtures("known_worlds")

@@ -26,7 +26,7 @@ from prefect_robomaker.tasks.retention import removal
 from prefect_robomaker.tasks.retention.collection import collect, plan_collection
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import publish
-from prefect_robomaker.tasks.storage.folders import regular_files
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 BUCKET = "their-own-bucket"
 RESULT = RunResult(

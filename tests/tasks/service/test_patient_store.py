@@ -16,7 +16,7 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import world_bundle
 from prefect_robomaker.tasks.storage import ObjectStore, publish, read_manifest
 from prefect_robomaker.tasks.storage.directory import DirectoryStore
-from prefect_robomaker.tasks.storage.folders import regular_files
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 BUCKET = "outputs"
 BUNDLE = StoredPlace(bucket=BUCKET, prefix="worlds/a")

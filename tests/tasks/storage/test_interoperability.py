@@ -11,8 +11,8 @@ from minio import Minio
 
 from prefect_robomaker.schemas.runs.provenance import Manifest
 from prefect_robomaker.tasks.storage import publish
-from prefect_robomaker.tasks.storage.folders import regular_files
 from prefect_robomaker.tasks.storage.s3 import S3Store
+from prefect_robomaker.tasks.storage.untrusted_folders import regular_files
 
 
 @pytest.fixture

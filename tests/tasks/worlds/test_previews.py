@@ -14,9 +14,9 @@ from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.storage import unpublish
 from prefect_robomaker.tasks.worldforge.generator import generate_world, seeds_for
 from prefect_robomaker.tasks.worldforge.pictures import preview
-from prefect_robomaker.tasks.worlds.bundles import delete_world
 from prefect_robomaker.tasks.worlds.keeping import keep_world
 from prefect_robomaker.tasks.worlds.previews import preview_of
+from prefect_robomaker.tasks.worlds.stored_bundles import delete_world
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from prefect_robomaker.schemas.wire.errors import BundleError, LaunchError
 from prefect_robomaker.tasks.bundles.colcon import overlays, package_folders
 from prefect_robomaker.tasks.service.service import Service
 from prefect_robomaker.tasks.simulations.inputs.bundles import application_bundle, unpack_colcon_bundle
-from prefect_robomaker.tasks.simulations.planning.launching import Code, Program, resolve_launch
+from prefect_robomaker.tasks.simulations.planning.launch_configurations import Code, Program, resolve_launch
 from prefect_robomaker.tasks.storage import unpack
 
 SETUP = 'export SOURCED="$SOURCED:$BUNDLE_CURRENT_PREFIX" PATH="$BUNDLE_CURRENT_PREFIX/usr/bin:$PATH"\n'

@@ -14,7 +14,7 @@ from prefect_robomaker.tasks.runtime.ros.ros1_bridge import BRIDGE
 from prefect_robomaker.tasks.simulations.environment.folders import TEMPORARY, Sandbox
 from prefect_robomaker.tasks.simulations.environment.run_environment import RunEnvironment
 from prefect_robomaker.tasks.simulations.planning.application_plans import Applications, RosLaunch, with_ros1_bridge
-from prefect_robomaker.tasks.simulations.planning.launching import Code, Program
+from prefect_robomaker.tasks.simulations.planning.launch_configurations import Code, Program
 
 Plan = Callable[..., list[ProgramPlan]]
 

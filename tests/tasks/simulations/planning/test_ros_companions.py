@@ -12,7 +12,7 @@ from prefect_robomaker.tasks.bundles.launch_files import Ros
 from prefect_robomaker.tasks.simulations.environment.folders import Sandbox
 from prefect_robomaker.tasks.simulations.environment.run_environment import RunEnvironment
 from prefect_robomaker.tasks.simulations.planning.application_plans import RosLaunch, with_ros_companions
-from prefect_robomaker.tasks.simulations.planning.launching import Code, Program
+from prefect_robomaker.tasks.simulations.planning.launch_configurations import Code, Program
 
 Planned = Callable[..., list[ProgramPlan]]
 

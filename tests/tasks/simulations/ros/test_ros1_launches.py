@@ -7,7 +7,7 @@ import pytest
 from helpers.processes import wait_for
 from helpers.ros1_nodes import NEEDS_ROS_1, Ros1
 
-from prefect_robomaker.tasks.simulations.planning.launching import with_launch_file
+from prefect_robomaker.tasks.simulations.planning.launch_configurations import with_launch_file
 
 pytestmark = [pytest.mark.deep, *NEEDS_ROS_1]
 

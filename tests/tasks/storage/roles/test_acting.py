@@ -20,7 +20,7 @@ from prefect_robomaker.schemas.wire.errors import (
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import Roles, open_roles
 from prefect_robomaker.tasks.storage.roles.initialisation import MinioUsers
-from prefect_robomaker.tasks.storage.roles.reading import policy_of
+from prefect_robomaker.tasks.storage.roles.roles_file import policy_of
 
 ARN = "arn:aws:iam::000000000000:role/nightly"
 JOB_A = "arn:aws:iam::000000000000:role/JobA"

@@ -16,7 +16,7 @@ from prefect_robomaker.schemas.wire.errors import ConfigurationError, StorageAcc
 from prefect_robomaker.tasks.storage import open_store
 from prefect_robomaker.tasks.storage.roles import open_roles, read_roles_file
 from prefect_robomaker.tasks.storage.roles.initialisation import IamUsers, MinioUsers, initialise, user_name, write_keys
-from prefect_robomaker.tasks.storage.roles.reading import policy_of
+from prefect_robomaker.tasks.storage.roles.roles_file import policy_of
 
 
 @pytest.fixture(params=["s3_server", "minio_server"])

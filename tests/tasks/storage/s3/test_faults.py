@@ -18,7 +18,7 @@ from helpers.s3_server import MortalS3Server, S3Server
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageUnavailableError
 from prefect_robomaker.tasks.storage.s3 import S3Store
-from prefect_robomaker.tasks.storage.s3.parts import PART_BYTES
+from prefect_robomaker.tasks.storage.s3.multipart import PART_BYTES
 
 pytestmark = pytest.mark.deep
 BUCKET, KEY = "s3-faults", "runs/large.mcap"

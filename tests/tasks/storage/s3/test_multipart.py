@@ -20,8 +20,8 @@ from prefect_robomaker.schemas.wire.errors import (
     TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.aws_sessions import new_session
-from prefect_robomaker.tasks.storage.s3 import S3Store, parts
-from prefect_robomaker.tasks.storage.s3.parts import PART_BYTES, _Body
+from prefect_robomaker.tasks.storage.s3 import S3Store
+from prefect_robomaker.tasks.storage.s3.multipart import PART_BYTES, _Body
 
 BUCKET = "s3-parts"
 LARGE = bytes(range(256)) * 80_000

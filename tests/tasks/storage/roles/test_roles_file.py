@@ -7,7 +7,7 @@ import pytest
 from prefect_robomaker.schemas.roles import find_role, is_within
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.storage.roles import read_roles_file
-from prefect_robomaker.tasks.storage.roles.reading import parse_roles
+from prefect_robomaker.tasks.storage.roles.roles_file import parse_roles
 
 ARN = "arn:aws:iam::000000000000:role/nightly"
 RIGHT = f'[[role]]\narn = "{ARN}"\nread = ["maps/*"]\naccess_key_id = "AK"\nsecret_access_key = "SK"\n'

@@ -6,7 +6,13 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.schemas.wire.errors import LaunchError
-from prefect_robomaker.tasks.simulations.planning.launching import Code, Factory, Program, check_pair, resolve_launch
+from prefect_robomaker.tasks.simulations.planning.launch_configurations import (
+    Code,
+    Factory,
+    Program,
+    check_pair,
+    resolve_launch,
+)
 
 PYTHON = "/here/python"
 CRASH = "RobotApplicationCrash"
