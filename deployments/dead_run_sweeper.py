@@ -36,8 +36,8 @@ from ..tasks.execution.dead_flow_runs import (
 )
 from ..tasks.execution.flow_ends import end_state
 from ..tasks.execution.prefect_settings import asking_once
+from ..tasks.inspection.job_standings import job_result
 from ..tasks.inspection.run_records import RECORD_NAME, read_record
-from ..tasks.inspection.standings import job_result
 from ..tasks.nights.broken_off import broken_off_runs
 from ..tasks.operations.registry import flow_names, registry
 from ..tasks.service.service import Service

@@ -13,7 +13,7 @@ from ..schemas.lifecycles import is_terminal
 from ..schemas.reports.run_states import FlowResult
 from ..schemas.wire.errors import RobomakerError
 from ..tasks.execution.flow_ends import answer_of
-from ..tasks.inspection.standings import job_result
+from ..tasks.inspection.job_standings import job_result
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service
 from . import operations

@@ -37,6 +37,7 @@ from ..tasks.execution.flow_ends import end_state, ends_as_cancelled
 from ..tasks.execution.job_leases import CatalogWait, Result
 from ..tasks.execution.run_watch import beginning_run, watched_run
 from ..tasks.execution.schedule_overlaps import give_way_to_earlier, skipped_night
+from ..tasks.inspection.job_standings import why_not_completed
 from ..tasks.inspection.pipeline_parts import (
     Cut,
     Permit,
@@ -47,12 +48,11 @@ from ..tasks.inspection.pipeline_parts import (
 )
 from ..tasks.inspection.preflight import await_store, check_disk, check_preconditions
 from ..tasks.inspection.run_records import commit_of
-from ..tasks.inspection.standings import why_not_completed
 from ..tasks.jobs.job_owners import OwnOrder
 from ..tasks.nights.ending import RunFacts, finish_run
 from ..tasks.nights.kept_answers import KeptAnswers
 from ..tasks.nights.open_runs import OpenRun
-from ..tasks.nights.orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
+from ..tasks.nights.run_orders import as_ordered, keep_order, ordered_spec, taken_run, tell_of_left
 from ..tasks.nights.taking_up import TakingUp
 from ..tasks.notifications.notices import LongWaits
 from ..tasks.operations.applications import existing_application

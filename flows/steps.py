@@ -25,7 +25,7 @@ from ..tasks.execution.held_leases import died_here
 from ..tasks.execution.job_leases import CatalogWait
 from ..tasks.execution.prefect_artifacts import shown_progress
 from ..tasks.execution.run_watch import watched_run
-from ..tasks.inspection.standings import job_result
+from ..tasks.inspection.job_standings import job_result
 from ..tasks.jobs.job_owners import OwnOrder, needs_elsewhere
 from ..tasks.operations.registry import registry
 from ..tasks.service.service import Service

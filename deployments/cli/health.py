@@ -417,7 +417,7 @@ def check_nights(settings: Settings) -> Finding:
 
 def check_notifications(settings: Settings, *, notify: bool) -> Finding:
     """Checks the notification channels, by a test message if asked."""
-    from ...tasks.notifications.messages import Message
+    from ...tasks.notifications.notification_texts import Message
     from ...tasks.notifications.sending import send, unknown_channels
 
     channels = settings.notify

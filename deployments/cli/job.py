@@ -35,7 +35,7 @@ def perform(operation: str, arn: str, settings: Settings, form: str) -> int:
     api_url = use_server(settings, for_runs=True)
     from ...flows import lookup
     from ...schemas.reports.run_record import EXIT_CODES
-    from ...tasks.nights.orders import tell_of_left
+    from ...tasks.nights.run_orders import tell_of_left
     from ...tasks.nights.taking_up import TakingUp
     from ...tasks.operations.registry import registry
     from ..dead_run_sweeper import close_dead_runs_once
@@ -76,7 +76,7 @@ def _finish(run: "OpenRun", settings: Settings) -> None:
     """Finishes a run, and says so on standard error."""
     from ...flows.pipelines import run_spec
     from ...schemas.reports.progress import Note
-    from ...tasks.nights.orders import as_ordered, ordered_spec
+    from ...tasks.nights.run_orders import as_ordered, ordered_spec
 
     sys.stderr.write(f"robomaker: the run {run.order.run_id} had broken off, and is finished now\n")
     record = run_spec(

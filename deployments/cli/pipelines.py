@@ -65,7 +65,7 @@ def carry_out(
     with interrupted_by_signals(), watcher(steps, os.environ) as listener:
         from ...flows.pipelines import run_spec
         from ...tasks.inspection.pipeline_parts import RunInterrupted
-        from ...tasks.nights.orders import tell_of_left
+        from ...tasks.nights.run_orders import tell_of_left
         from ...tasks.nights.taking_up import TakingUp
         from ..dead_run_sweeper import close_dead_runs_once
         from ..missed_nights import look_for_missed_nights

@@ -156,7 +156,7 @@ def _run_server(
 
 def _tell_of_left(run: "BrokenOff") -> None:
     # Imports Prefect, which this process does not need otherwise.
-    from ...tasks.nights.orders import tell_of_left
+    from ...tasks.nights.run_orders import tell_of_left
 
     tell_of_left(run)
 

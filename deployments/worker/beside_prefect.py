@@ -49,7 +49,7 @@ def finish_runs_beside(words: Sequence[str]) -> None:
 def _start(pools: Sequence[str]) -> None:
     from ...schemas.settings import Settings
     from ...schemas.wire.errors import ConfigurationError
-    from ...tasks.nights.orders import tell_of_left
+    from ...tasks.nights.run_orders import tell_of_left
     from ...tasks.nights.taking_up import TakingUp
     from ..missed_nights import look_for_missed_nights
     from .continued_runs import Continuing

@@ -19,8 +19,8 @@ from ...schemas.reports.comparison import (
 )
 from ..reporting import Outcome
 from ..results.rates import margin_units
-from .decisions import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
-from .failures import appearances_of
+from .difference_test import JudgedTrials, fewest_worlds, mean_change, needed_pairs, rate_change
+from .failure_starts import appearances_of
 from .losses import losses_of, told_losses
 from .nights import NightRun, outcome_of
 from .pairing import ENDED, PASSED, Pair, Pairing, TrialPairs, pair_jobs, pair_trials

@@ -8,7 +8,7 @@ from ...schemas.reports.history import CellHistory, History, Night, SharesByNigh
 from ...schemas.reports.run_record import CaseOutcome
 from ..reporting import Outcome
 from ..results import rates
-from .failures import (
+from .failure_starts import (
     Appearance,
     appearances_of,
     changed_nights,

@@ -17,7 +17,7 @@ from pydantic import ValidationError
 from ...schemas.reports.history import MissedNight, NightSchedule
 from ...schemas.reports.run_record import new_run_id
 from ...schemas.settings import Settings
-from ..notifications.messages import Message
+from ..notifications.notification_texts import Message
 from ..notifications.sending import send
 
 _FOLDER, _LOCK, _WRITING = "nights", "lock", "writing.lock"

@@ -15,7 +15,7 @@ from ..inspection.run_records import is_night, run_before, since_last_good
 from ..service.service import Service
 from ..simulations.planning.run_plans import world_arn
 from ..worlds.previews import preview_of
-from .messages import WORST, Message, failed_jobs, is_due, message_of
+from .notification_texts import WORST, Message, failed_jobs, is_due, message_of
 from .sending import send, unknown_channels
 
 _logger = logging.getLogger(__name__)

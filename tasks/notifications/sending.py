@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .messages import Message
+from .notification_texts import Message
 
 if TYPE_CHECKING:
     from apprise import AppriseAttachment

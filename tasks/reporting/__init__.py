@@ -3,7 +3,7 @@
 from .drawings.plan import draw_open_plan
 from .drawings.trajectory import draw_drive
 from .junit import junit_xml
-from .nights.view import HistoryPage, view_history
+from .nights.history_view import HistoryPage, view_history
 from .outcomes import Outcome, classify
 from .render import (
     page_environment,

@@ -25,7 +25,7 @@ from .nights.changes import (
     since_in_words,
     trend_in_words,
 )
-from .nights.view import view_history
+from .nights.history_view import view_history
 from .view import view_report
 
 _FOLDER = Path(__file__).parent

@@ -11,7 +11,7 @@ from ...schemas.runs.trial_rows import FailingTrial, TrialCounts, TrialsSummary
 from ...schemas.worlds.world import Preference, World
 from ..results.rates import share_of
 from .drawings import plan
-from .drawings.svg import Frame
+from .drawings.svg_writing import Frame
 from .pictures import Picture, PictureError, embed_picture, embed_svg
 
 

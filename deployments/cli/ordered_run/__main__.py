@@ -70,7 +70,7 @@ def _carry_out(run: OpenRun, settings: Settings, listener: ProgressListener) -> 
     api_url = use_server(settings, for_runs=True)
     # Imported when it is known which server of Prefect's is used.
     from ....flows.pipelines import run_spec
-    from ....tasks.nights.orders import as_ordered, ordered_spec
+    from ....tasks.nights.run_orders import as_ordered, ordered_spec
     from ....tasks.service.service import Service
     from ...spec_runs.rights import Permits
 

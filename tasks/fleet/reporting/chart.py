@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from ....schemas.fleet.rollouts.rollout import Pause, Rollout
 from ...reporting import outcomes
-from ...reporting.drawings.svg import element
+from ...reporting.drawings.svg_writing import element
 from .spans import PHASES, Phase, Span
 
 _STEPS_S = (

@@ -8,7 +8,7 @@ from itertools import pairwise
 from markupsafe import Markup
 
 from ....schemas.worlds.world import Point, contains
-from .svg import Frame, element
+from .svg_writing import Frame, element
 
 _LETTER = 0.6  # mean width of a letter, in letter heights, of common sans-serif faces
 _FILL = 0.9  # share of a room's width that a name may take; small screens enlarge letters a little

@@ -8,7 +8,7 @@ from ....schemas.runs.plan import RunResult
 from ....schemas.worlds.world import Furniture, Point, Room, Wall, World
 from . import trajectory
 from .lettering import draw_label
-from .svg import EXTENT, Frame, element, group, points
+from .svg_writing import EXTENT, Frame, element, group, points
 
 _Box = tuple[float, float, float, float]
 

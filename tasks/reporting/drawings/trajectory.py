@@ -9,7 +9,7 @@ from markupsafe import Markup
 
 from ....schemas.runs.plan import Collision, RunResult
 from ....schemas.worlds.world import Point
-from .svg import Frame, element, group, number, points
+from .svg_writing import Frame, element, group, number, points
 
 SHADES = 8
 """Steps of colour along the path, from start to end; the style sheet has the colours."""

@@ -7,7 +7,7 @@ from markupsafe import Markup
 from ....schemas.reports.history import Night
 from ....schemas.reports.report import Share
 from ....schemas.reports.run_record import CaseOutcome
-from ..drawings.svg import element, number, points
+from ..drawings.svg_writing import element, number, points
 
 WIDTH, HEIGHT = 720.0, 250.0
 """Size of the chart, in units of its drawing."""

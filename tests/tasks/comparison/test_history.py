@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.reports.changes import ChangedInput
 from prefect_robomaker.schemas.reports.history import History
 from prefect_robomaker.tasks.comparison.history import history_of, since_last_run
 from prefect_robomaker.tasks.comparison.nights import NightRun
-from prefect_robomaker.tasks.notifications.messages import message_of
+from prefect_robomaker.tasks.notifications.notification_texts import message_of
 
 
 def runs(*nights: Any, **members: Any) -> list[NightRun]:

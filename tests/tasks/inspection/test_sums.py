@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.reports.report import Report, ReportedJob, Report
 from prefect_robomaker.schemas.reports.run_record import EXIT_CODES, JobRecord, RunState
 from prefect_robomaker.schemas.reports.run_states import count_outcomes, counts_in_words, outcomes_in_words, run_state
 from prefect_robomaker.schemas.runs.plan import RunResult
-from prefect_robomaker.tasks.notifications.messages import message_of
+from prefect_robomaker.tasks.notifications.notification_texts import message_of
 from prefect_robomaker.tasks.reporting import junit_xml, summarize
 from prefect_robomaker.tasks.reporting.outcomes import headline
 

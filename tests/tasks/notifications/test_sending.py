@@ -8,7 +8,7 @@ import pytest
 from helpers.receivers import MailServer, Webhook
 
 from prefect_robomaker.tasks.notifications import sending
-from prefect_robomaker.tasks.notifications.messages import Message
+from prefect_robomaker.tasks.notifications.notification_texts import Message
 from prefect_robomaker.tasks.notifications.sending import send, unknown_channels
 
 MESSAGE = Message("night: failed, 1 pass, 1 fail of 2 jobs", "1. sim-b: goal: 2 of 5 rooms\n.\nReport: /r", good=False)

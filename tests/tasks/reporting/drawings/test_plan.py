@@ -12,7 +12,7 @@ from prefect_robomaker.schemas.worlds.world import MODEL_TYPES, Furniture, World
 from prefect_robomaker.tasks.reporting.drawings import plan
 from prefect_robomaker.tasks.reporting.drawings.lettering import Box, draw_label, largest_box
 from prefect_robomaker.tasks.reporting.drawings.plan import draw_furniture
-from prefect_robomaker.tasks.reporting.drawings.svg import EXTENT, Frame
+from prefect_robomaker.tasks.reporting.drawings.svg_writing import EXTENT, Frame
 from prefect_robomaker.tasks.reporting.drawings.trajectory import SHADES, cluster, shaded_runs
 
 _COORDINATE = st.floats(-50, 50).map(lambda value: round(value, 3))

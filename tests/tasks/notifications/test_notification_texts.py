@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.settings import NotifyWhen, Settings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
 from prefect_robomaker.tasks.comparison.history import since_last_run
 from prefect_robomaker.tasks.comparison.nights import NightRun
-from prefect_robomaker.tasks.notifications.messages import failed_jobs, is_due, message_of
+from prefect_robomaker.tasks.notifications.notification_texts import failed_jobs, is_due, message_of
 
 MOMENT = datetime(2026, 11, 23, tzinfo=UTC)
 
