@@ -14,8 +14,8 @@ from ...schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from ...schemas.fleet.rollouts.standings import DeploymentStanding, FleetStanding, OrderStanding, RobotStanding
 from ...schemas.wire.arns import ResourceArn
 from ...tasks.fleet.rollout.statuses import in_words, robot_status
-from ...tasks.fleet.views.standings import Look, deployment_standing
-from ...tasks.fleet.views.tables import notes_of
+from ...tasks.fleet.views.fleet_standings import Look, deployment_standing
+from ...tasks.fleet.views.rollout_tables import notes_of
 from ..cli.output.answers import duration
 
 MOST_ROBOTS = 40

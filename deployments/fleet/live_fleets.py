@@ -11,8 +11,8 @@ from rich.text import Text
 
 from ...schemas.fleet.rollouts.rollout import Rollout
 from ...schemas.wire.arns import ResourceArn
-from ...tasks.fleet.rollout.orders import remaining_s
-from ...tasks.fleet.views.standings import Look, deployment_standing
+from ...tasks.fleet.rollout.robot_transitions import remaining_s
+from ...tasks.fleet.views.fleet_standings import Look, deployment_standing
 from ..cli.output.answers import duration
 from ..cli.output.progress import is_animated
 from .fleets_in_words import LineWatcher, deployment_lines, robot_line

@@ -14,10 +14,10 @@ from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError, StorageE
 from ...tasks.fleet.control.rollbacks import EndedRollouts
 from ...tasks.fleet.ddi.open_orders import OpenOrders
 from ...tasks.fleet.ddi.orders import RobotOrder
+from ...tasks.fleet.fleet_records import KnownRobots
 from ...tasks.fleet.kept_rollouts import report, served_rollouts
 from ...tasks.fleet.order_keeping import OrderKeeper
 from ...tasks.fleet.order_watch import BundleFiles, OrderWatch
-from ...tasks.fleet.records import KnownRobots
 from ...tasks.fleet.robot_reports import RobotReports
 from ...tasks.fleet.trust.roles import RepositoryReader
 from ...tasks.service.service import Service
@@ -40,7 +40,7 @@ class ServedAgents:
 
     def enrol(self, robot: str, secret: str, token_sha256: str) -> str | None:
         """Enrols an agent; see `enrolment.take`."""
-        from ...tasks.fleet.trust.enrolment import take  # it needs the extra `fleet`
+        from ...tasks.fleet.trust.enrolment_tokens import take  # it needs the extra `fleet`
 
         root = take(robot, secret, token_sha256, self._service)
         if root is not None:

@@ -28,7 +28,7 @@ from ...schemas.wire.errors import (
 )
 from ..catalog import Resource
 from ..service.service import Service
-from .sources import FileHashes, fetch_source, place_of, sources_by_architecture
+from .application_archives import FileHashes, fetch_source, place_of, sources_by_architecture
 from .swu import Release, SigningKey, load_signing_key, new_signing_key, wrap
 
 VALID_DAYS = 20 * 365

@@ -28,13 +28,13 @@ from ..simulations.planning.applications import find_application
 from .beginnings import Prepared, begin_rollout, delivery, plan_of
 from .catalog_rollouts import Rollouts
 from .control.rollbacks import roll_back
+from .fleet_records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
 from .kept_rollouts import KeptRollout, stop
-from .records import DEPLOYMENT, fleet_held, is_meant, robots_of, settle
-from .reporting.render import write_deployment
+from .reporting.deployment_page import write_deployment
 from .rollout.statuses import counts_of, in_words, waits_for
 from .rollout.waves import waves_of
-from .views.reports import report_of, report_path
-from .views.tables import MOST_ROWS, robot_rows
+from .views.deployment_report import report_of, report_path
+from .views.rollout_tables import MOST_ROWS, robot_rows
 
 _logger = logging.getLogger(__name__)
 

@@ -28,9 +28,9 @@ from ...schemas.fleet.rollouts.rollout_plan import Artifact
 from .agent.errors import NAMES
 from .ddi.open_orders import OpenOrders, RobotState
 from .ddi.orders import RobotOrder
-from .ddi.reports import CancelFeedback, Execution, Feedback, OrderEnd, OrderFeedback, OrderFetched
+from .ddi.received_reports import CancelFeedback, Execution, Feedback, OrderEnd, OrderFeedback, OrderFetched
+from .fleet_records import KnownRobots
 from .kept_rollouts import OpenRollout
-from .records import KnownRobots
 
 OrderReport = OrderFetched | OrderFeedback | CancelFeedback
 

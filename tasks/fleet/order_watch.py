@@ -13,9 +13,9 @@ from ...schemas.fleet.rollouts.rollout_plan import Artifact
 from ...schemas.wire.errors import ObjectNotFoundError, RobomakerError
 from ..service.service import Service
 from .ddi.orders import RobotOrder
+from .fleet_records import KnownRobots
 from .kept_rollouts import OpenRollout
 from .order_keeping import OrderKeeper
-from .records import KnownRobots
 
 
 class BundleFiles:

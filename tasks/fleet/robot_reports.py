@@ -14,9 +14,9 @@ from ...schemas.wire.errors import (
 )
 from ..service.service import Service
 from .ddi.orders import RobotOrder
-from .ddi.reports import Attributes, AttributesSent, OrderFetched, RobotReport, RobotsSeen
+from .ddi.received_reports import Attributes, AttributesSent, OrderFetched, RobotReport, RobotsSeen
+from .fleet_records import KnownRobots
 from .order_keeping import OrderKeeper, OrderKey, OrderReport, event_of, heard
-from .records import KnownRobots
 
 PROGRESS_EVERY_S = 2.0
 """How often it is reported how much of its file a robot was sent."""

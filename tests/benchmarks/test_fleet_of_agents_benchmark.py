@@ -23,8 +23,8 @@ from helpers.tuf_repository import bundle
 
 from prefect_robomaker.schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
-from prefect_robomaker.tasks.fleet.records import enrollable
-from prefect_robomaker.tasks.fleet.trust.enrolment import offer
+from prefect_robomaker.tasks.fleet.fleet_records import enrollable
+from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import offer
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.benchmark, pytest.mark.timeout(1800)]

@@ -10,8 +10,8 @@ from helpers.simulated_rollouts import report_of, simulate
 
 from prefect_robomaker.schemas.fleet.documents import RobotSighting
 from prefect_robomaker.schemas.fleet.rollouts.rollout import Rollout
-from prefect_robomaker.tasks.fleet.reporting.render import render_deployment
-from prefect_robomaker.tasks.fleet.views.standings import find_fleet, fleet_standing
+from prefect_robomaker.tasks.fleet.reporting.deployment_page import render_deployment
+from prefect_robomaker.tasks.fleet.views.fleet_standings import find_fleet, fleet_standing
 from prefect_robomaker.tasks.service.service import Service
 
 ROBOTS = 10_000

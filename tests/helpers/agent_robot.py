@@ -24,7 +24,7 @@ from helpers.tuf_repository import TufRepository
 from prefect_robomaker.deployments.fleet.robot_door.door import DoorSettings, RobotDoor
 from prefect_robomaker.deployments.fleet.robot_door.downloads import part_of
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderEnd, OrderFeedback, RobotReport
+from prefect_robomaker.tasks.fleet.ddi.received_reports import CancelFeedback, OrderEnd, OrderFeedback, RobotReport
 
 AGENT = "prefect_robomaker.tasks.fleet.agent"
 ROBOT = "rover"

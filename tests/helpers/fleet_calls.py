@@ -7,7 +7,7 @@ from helpers.application_calls import Applications
 from prefect_robomaker.schemas.documents.document_base import Changes
 from prefect_robomaker.schemas.fleet.documents import DeploymentJobDocument, RobotEnrolment
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
-from prefect_robomaker.tasks.fleet.records import robots_of
+from prefect_robomaker.tasks.fleet.fleet_records import robots_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

@@ -6,9 +6,9 @@ from helpers.robot_orders import table_of_robots
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import DeploymentLaunchConfig
 from prefect_robomaker.schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from prefect_robomaker.schemas.fleet.rollouts.rollout_plan import Artifact, PlannedRobot, RolloutPlan
+from prefect_robomaker.tasks.fleet.fleet_records import KnownRobots
 from prefect_robomaker.tasks.fleet.kept_rollouts import OpenRollout
 from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
-from prefect_robomaker.tasks.fleet.records import KnownRobots
 
 LAUNCH = DeploymentLaunchConfig(packageName="courier", launchFile="drive.launch")
 ARTIFACT = Artifact(

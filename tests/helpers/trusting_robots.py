@@ -13,10 +13,10 @@ from tuf.api.metadata import TargetFile
 from tuf.ngclient import FetcherInterface, Updater, UpdaterConfig
 
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError
-from prefect_robomaker.tasks.fleet.trust.files import RepositoryFiles
 from prefect_robomaker.tasks.fleet.trust.keys import Machine
 from prefect_robomaker.tasks.fleet.trust.metadata import Changes
 from prefect_robomaker.tasks.fleet.trust.publishing import Publisher
+from prefect_robomaker.tasks.fleet.trust.repository_files import RepositoryFiles
 from prefect_robomaker.tasks.fleet.trust.roles import FOLDER, application_role, target_key
 from prefect_robomaker.tasks.storage.base import ObjectInfo, ObjectStore
 from prefect_robomaker.tasks.storage.directory import DirectoryStore

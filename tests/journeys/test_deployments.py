@@ -20,10 +20,10 @@ from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterState, Fl
 
 from prefect_robomaker.schemas.fleet.documents import RobotDocument
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.fleet.control.decisions import approve
+from prefect_robomaker.tasks.fleet.control.deployment_decisions import approve
 from prefect_robomaker.tasks.fleet.control.rollbacks import TAG
-from prefect_robomaker.tasks.fleet.records import enrol
-from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path
+from prefect_robomaker.tasks.fleet.fleet_records import enrol
+from prefect_robomaker.tasks.fleet.views.deployment_report import report_of, report_path
 from prefect_robomaker.tasks.service.service import Service
 
 ONE_BY_ONE = {"concurrentDeploymentPercentage": 34, "failureThresholdPercentage": 50}

@@ -16,7 +16,7 @@ from helpers.swing_fixtures import Simulate
 from prefect_robomaker.tasks.fleet.attestations.envelopes import attestation_key
 from prefect_robomaker.tasks.fleet.attestations.required_batches import check_deployment
 from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
-from prefect_robomaker.tasks.fleet.records import enrol
+from prefect_robomaker.tasks.fleet.fleet_records import enrol
 from prefect_robomaker.tasks.operations.registry import call, registry
 from prefect_robomaker.tasks.service.service import Service
 

@@ -15,8 +15,8 @@ from helpers.living_robots import Behaviour, LivingRobot, living
 from helpers.polling_robot import PollingRobot
 from helpers.processes import wait_for
 
-from prefect_robomaker.tasks.fleet.control.decisions import pause, resume
-from prefect_robomaker.tasks.fleet.records import enrol
+from prefect_robomaker.tasks.fleet.control.deployment_decisions import pause, resume
+from prefect_robomaker.tasks.fleet.fleet_records import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 MakeFleet = Callable[..., tuple[str, list[LivingRobot]]]

@@ -20,8 +20,8 @@ from helpers.tcp_proxy import TcpProxy, tcp_proxy
 from helpers.tuf_repository import bundle
 
 from prefect_robomaker.schemas.settings import Settings
-from prefect_robomaker.tasks.fleet.records import enrollable
-from prefect_robomaker.tasks.fleet.trust.enrolment import offer
+from prefect_robomaker.tasks.fleet.fleet_records import enrollable
+from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import offer
 from prefect_robomaker.tasks.service.service import Service
 
 pytestmark = [pytest.mark.deep, NEEDS_NAMESPACES, NEEDS_COMPILER, NEEDS_POSTGRESQL]

@@ -10,10 +10,10 @@ from starlette.responses import Response
 from ....schemas.fleet.documents import DeploymentJobDocument, FleetDocument, RobotDocument
 from ....schemas.lifecycles import is_terminal
 from ....tasks.catalog import Resource
-from ....tasks.fleet.records import DEPLOYMENT, FLEET, ROBOT, robots_of
-from ....tasks.fleet.reporting.view import view_rollout
-from ....tasks.fleet.views.reports import report_of
-from ....tasks.fleet.views.standings import deployed_by, fleet_standing
+from ....tasks.fleet.fleet_records import DEPLOYMENT, FLEET, ROBOT, robots_of
+from ....tasks.fleet.reporting.deployment_view import view_rollout
+from ....tasks.fleet.views.deployment_report import report_of
+from ....tasks.fleet.views.fleet_standings import deployed_by, fleet_standing
 from ...console.rendering import render
 from ...console.standing import Look, look_of_status
 from ...console.streams import Parts

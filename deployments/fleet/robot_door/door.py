@@ -18,7 +18,7 @@ from ....tasks.fleet.ddi.open_orders import (
     order_document,
 )
 from ....tasks.fleet.ddi.orders import token_in
-from ....tasks.fleet.ddi.reports import (
+from ....tasks.fleet.ddi.received_reports import (
     AttributesSent,
     CancelFeedback,
     Feedback,

@@ -28,8 +28,8 @@ from ....schemas.wire.errors import (
 )
 from ...catalog import Resource
 from ...service.service import Service
+from ..application_archives import fetch_source, place_of
 from ..catalog_rollouts import Rollouts
-from ..sources import fetch_source, place_of
 from .envelopes import PublicKey, attestation_key, known_public_key, sign, verified
 from .statements import PassedBatch, RunningBatch, Statement, StoredBatch, judge, statement_of
 

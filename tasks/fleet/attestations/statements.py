@@ -20,7 +20,7 @@ from ....schemas.runs.trials import Trials
 from ....schemas.wire.errors import AttestationError, DeploymentError, ResourceNotFoundException
 from ...catalog import Resource
 from ...service.service import Service
-from ..sources import place_of
+from ..application_archives import place_of
 
 BATCH = "simulation-job-batch"
 JOB = "simulation-job"

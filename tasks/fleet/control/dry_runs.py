@@ -12,10 +12,10 @@ from ....schemas.lifecycles import is_terminal
 from ...catalog import Resource
 from ...service.service import Service
 from ..beginnings import plan_of
-from ..records import DEPLOYMENT, last_deployment, robots_of
+from ..fleet_records import DEPLOYMENT, last_deployment, robots_of
 from ..rollout.waves import waves_of
 from ..rollout.windows import is_open, opens_s
-from .decisions import served_architectures
+from .deployment_decisions import served_architectures
 
 AWAY_S = 300.0
 """A robot that was not heard of for longer counts as away, in seconds."""

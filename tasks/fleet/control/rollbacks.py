@@ -17,8 +17,8 @@ from ....schemas.lifecycles import is_terminal
 from ....schemas.wire.errors import ResourceNotFoundException, ThrottlingException
 from ...catalog import ClientToken, Resource
 from ...service.service import Service
+from ..fleet_records import DEPLOYMENT, fleet_held, last_deployment, rollout_of, settle
 from ..kept_rollouts import KeptRollout, OpenRollout
-from ..records import DEPLOYMENT, fleet_held, last_deployment, rollout_of, settle
 from ..rollout.ledger import Ledger
 
 TAG = "robomaker:rollback-of"

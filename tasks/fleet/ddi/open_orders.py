@@ -21,7 +21,7 @@ from typing import Any
 
 from ....schemas.wire.errors import ResourceNotFoundException, StateConflictError
 from .orders import RobotOrder, is_token
-from .reports import Feedback
+from .received_reports import Feedback
 
 MAX_FEEDBACKS = 1000
 """Feedbacks of one order that are taken; one that ends it is always taken."""

@@ -33,10 +33,10 @@ from ...execution.job_leases import run_under_lease
 from ...operations.registry import Answer, operation, page_of, registry
 from ...service.service import Service
 from ...simulations.planning.applications import find_application
-from ..control.decisions import check_robots, pause_that_waits
+from ..control.deployment_decisions import check_robots, pause_that_waits
 from ..control.dry_runs import DryRun, dry_run
 from ..deployment_runs import DeploymentRun
-from ..records import (
+from ..fleet_records import (
     DEPLOYMENT,
     FLEET,
     end_deployment,

@@ -19,7 +19,7 @@ from ....schemas.wire.errors import ResourceAlreadyExistsException, ResourceNotF
 from ...catalog import Resource
 from ...operations.registry import Answer, operation, page_of
 from ...service.service import Service
-from ..records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
+from ..fleet_records import FLEET, end_deployment, fleet_held, last_deployment, robots_of, take_out_of_fleet
 from .robots import robot_summaries
 
 _PAGE = 200

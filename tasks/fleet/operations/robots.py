@@ -21,8 +21,8 @@ from ....schemas.wire.errors import InvalidParameterException, ResourceNotFoundE
 from ...catalog import Resource
 from ...operations.registry import Answer, operation, page_of
 from ...service.service import Service
+from ..fleet_records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
 from ..kept_rollouts import note_departure
-from ..records import ROBOT, fleet_held, put_into_fleet, take_out_of_fleet
 
 _PAGE = 200
 

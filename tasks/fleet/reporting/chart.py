@@ -9,7 +9,7 @@ from markupsafe import Markup
 from ....schemas.fleet.rollouts.rollout import Pause, Rollout
 from ...reporting import outcomes
 from ...reporting.drawings.svg_writing import element
-from .spans import PHASES, Phase, Span
+from .robot_phases import PHASES, Phase, Span
 
 _STEPS_S = (
     0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 21600, 43200, 86400, 172800, 432000,

@@ -45,7 +45,7 @@ from ....schemas.fleet.rollouts.rollout import (
     Stopped,
 )
 from ....schemas.fleet.rollouts.rollout_plan import RolloutPlan
-from .orders import changed, held_back, let_go, offered, reported, revoked, timed_out, withdrawn
+from .robot_transitions import changed, held_back, let_go, offered, reported, revoked, timed_out, withdrawn
 from .waves import Line, Tally, Verdict, waits, waits_again
 from .windows import Deadlines, is_open, next_change_s, with_pause
 

@@ -13,7 +13,7 @@ from ....schemas.fleet.operations.deployment_jobs import (
 from ....schemas.fleet.operations.robots import RobotStatus
 from ....schemas.fleet.rollouts.rollout import RobotDeploymentState, Rollout
 from .ledger import Ledger
-from .orders import remaining_s
+from .robot_transitions import remaining_s
 from .windows import is_open, opens_s
 
 

@@ -25,7 +25,7 @@ from ....schemas.fleet.rollouts.rollout_plan import Artifact
 from ....schemas.wire.errors import DeploymentError
 from ...catalog import Resource
 from ...service.service import Service
-from ..sources import FileHashes, fetch_condition, fetch_source, sources_by_architecture
+from ..application_archives import FileHashes, fetch_condition, fetch_source, sources_by_architecture
 from .metadata import Attested, Changes, Repository
 from .publishing import Publisher, publisher_of
 from .roles import TIMESTAMP_S, application_role, target_folder, target_key

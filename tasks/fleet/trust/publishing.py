@@ -21,9 +21,9 @@ from tuf.api.metadata import Metadata, Root
 from ....schemas.wire.errors import ConfigurationError, StorageError
 from ...service.service import Service
 from ..attestations.envelopes import attestation_key
-from .files import RepositoryFiles
 from .keys import Machine, RandomBytes, new_key
 from .metadata import Attested, Changes, Next, Repository, first_root, next_repository, to_bytes, to_metadata
+from .repository_files import RepositoryFiles
 from .roles import APPLICATIONS, KEY_ROLES, ONLINE_ROLES, lifetime_of
 
 _TRIES = 200  # a publisher that is always too late is told so in the end

@@ -14,9 +14,9 @@ from tuf.api.serialization import DeserializationError
 from ....schemas.wire.errors import BucketNotFoundError, ObjectNotFoundError
 from ...service.service import Service
 from ...storage.base import ObjectInfo
-from .files import RepositoryFiles
 from .metadata import Attested, Changes, Repository, to_metadata
 from .publishing import Publisher, delegated_roles, publisher_of
+from .repository_files import RepositoryFiles
 from .roles import FOLDER, ONLINE_ROLES, TIMESTAMPS, application_of, lifetime_of, target_key, timestamp_key
 
 _WARN_SHARE = 2  # the service signs again long before: half of what it waits for is left only if it could not

@@ -8,7 +8,7 @@ from helpers.fleet_calls import Fleets
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.records import KnownRobots, enrol
+from prefect_robomaker.tasks.fleet.fleet_records import KnownRobots, enrol
 from prefect_robomaker.tasks.service.service import Service
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from prefect_robomaker.tasks.fleet.ddi.open_orders import order_document
-from prefect_robomaker.tasks.fleet.ddi.reports import Execution, Feedback, Finished
+from prefect_robomaker.tasks.fleet.ddi.received_reports import Execution, Feedback, Finished
 from prefect_robomaker.tasks.fleet.order_keeping import SaidBefore
 
 

@@ -18,7 +18,7 @@ from prefect_robomaker.schemas.wire.errors import (
     StorageError,
 )
 from prefect_robomaker.tasks.fleet.ddi.open_orders import OpenOrders
-from prefect_robomaker.tasks.fleet.ddi.reports import (
+from prefect_robomaker.tasks.fleet.ddi.received_reports import (
     Attributes,
     AttributesSent,
     Execution,
@@ -28,8 +28,8 @@ from prefect_robomaker.tasks.fleet.ddi.reports import (
     OrderFetched,
     RobotsSeen,
 )
+from prefect_robomaker.tasks.fleet.fleet_records import KnownRobots, enrol
 from prefect_robomaker.tasks.fleet.order_keeping import OrderKeeper
-from prefect_robomaker.tasks.fleet.records import KnownRobots, enrol
 from prefect_robomaker.tasks.fleet.robot_reports import PROGRESS_EVERY_S, RobotReports
 from prefect_robomaker.tasks.service.service import Service
 

@@ -14,7 +14,7 @@ from prefect_robomaker.schemas.fleet.rollouts.rollout import (
     Succeeded,
 )
 from prefect_robomaker.tasks.fleet.agent.errors import NUMBERS
-from prefect_robomaker.tasks.fleet.ddi.reports import (
+from prefect_robomaker.tasks.fleet.ddi.received_reports import (
     CancelFeedback,
     Execution,
     Feedback,

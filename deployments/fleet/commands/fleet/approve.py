@@ -16,6 +16,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet approve`: approves a deployment that waits for approval."""
-    from .....tasks.fleet.control.decisions import approve
+    from .....tasks.fleet.control.deployment_decisions import approve
 
     return decided(approve, arguments, "approved")

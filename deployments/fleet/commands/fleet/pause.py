@@ -16,6 +16,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet pause`: pauses a deployment."""
-    from .....tasks.fleet.control.decisions import pause
+    from .....tasks.fleet.control.deployment_decisions import pause
 
     return decided(pause, arguments, f"paused; `robomaker fleet resume {arguments.job}` lets it go on")

@@ -15,6 +15,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet reject`: cancels a deployment that waits for approval."""
-    from .....tasks.fleet.control.decisions import reject
+    from .....tasks.fleet.control.deployment_decisions import reject
 
     return decided(reject, arguments, "canceled, since it was not approved")

@@ -28,8 +28,8 @@ def execute(arguments: argparse.Namespace) -> int:
     out = output_file(arguments.out, "--out")
     settings = Settings.from_environment(os.environ)
 
-    from .....tasks.fleet.views.reports import write_report
-    from .....tasks.fleet.views.standings import find_deployment
+    from .....tasks.fleet.views.deployment_report import write_report
+    from .....tasks.fleet.views.fleet_standings import find_deployment
     from .....tasks.service.service import Service
 
     service = Service.open(settings)

@@ -17,7 +17,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet resume`: resumes a paused deployment."""
-    from .....tasks.fleet.control.decisions import resume
+    from .....tasks.fleet.control.deployment_decisions import resume
 
     service = open_service()
     resume(arguments.job, service)

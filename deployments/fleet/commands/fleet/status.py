@@ -20,7 +20,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet status`: prints the fleets with their robots and deployments."""
-    from .....tasks.fleet.views.standings import find_fleet, fleet_standing, fleets
+    from .....tasks.fleet.views.fleet_standings import find_fleet, fleet_standing, fleets
 
     service = open_service()
     found = [find_fleet(arguments.fleet, service)] if arguments.fleet else list(fleets(service))

@@ -25,7 +25,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from .....schemas.wire.arns import ResourceArn
     from .....tasks.fleet.attestations.envelopes import known_public_key, read_public_key
     from .....tasks.fleet.attestations.required_batches import EXIT_CODES, check_deployment
-    from .....tasks.fleet.records import DEPLOYMENT
+    from .....tasks.fleet.fleet_records import DEPLOYMENT
 
     ResourceArn.parse(arguments.deployment, DEPLOYMENT)
     service = open_service()

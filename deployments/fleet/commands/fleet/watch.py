@@ -24,7 +24,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker fleet watch`: shows a deployment's progress until it ends."""
-    from .....tasks.fleet.views.standings import find_deployment, follow
+    from .....tasks.fleet.views.fleet_standings import find_deployment, follow
     from ...live_fleets import fleet_watcher
 
     service = open_service()

@@ -55,8 +55,8 @@ def execute(arguments: argparse.Namespace) -> int:
 
 
 def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") -> int:
-    from .....tasks.fleet.records import enrollable
-    from .....tasks.fleet.trust.enrolment import offer
+    from .....tasks.fleet.fleet_records import enrollable
+    from .....tasks.fleet.trust.enrolment_tokens import offer
 
     robot = enrollable(arguments.name, service)
     token = offer(robot, service, secrets.token_bytes, rotate=arguments.rotate)
@@ -70,7 +70,7 @@ def _enrol_agent(arguments: argparse.Namespace, url: str, service: "Service") ->
 
 def _enrol_updater(arguments: argparse.Namespace, url: str, service: "Service") -> int:
     from .....tasks.fleet.artifacts import certificate_path, signing_key
-    from .....tasks.fleet.records import enrol
+    from .....tasks.fleet.fleet_records import enrol
 
     signing_key(service)  # before there is a token that would be lost if this failed
     token = enrol(arguments.name, service, secrets.token_bytes, rotate=arguments.rotate)

@@ -37,7 +37,7 @@ def execute(arguments: argparse.Namespace) -> int:
 def _rows(service: "Service") -> Iterator[Row]:
     from .....schemas.fleet.documents import RobotDocument
     from .....schemas.wire.arns import ResourceArn
-    from .....tasks.fleet.records import FLEET, ROBOT
+    from .....tasks.fleet.fleet_records import FLEET, ROBOT
 
     after = None
     while True:

@@ -9,7 +9,7 @@ import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good
 
 from prefect_robomaker.deployments.endpoint.calling.access_keys import AccessKey
-from prefect_robomaker.tasks.fleet.records import DEPLOYMENT
+from prefect_robomaker.tasks.fleet.fleet_records import DEPLOYMENT
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
 

@@ -16,7 +16,7 @@ from helpers.robot_orders import TOKEN, table_of_robots
 from prefect_robomaker.deployments.fleet.robot_door.agents import AgentSide
 from prefect_robomaker.deployments.fleet.robot_door.door import DoorSettings, RobotDoor
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
-from prefect_robomaker.tasks.fleet.ddi.reports import RobotReport
+from prefect_robomaker.tasks.fleet.ddi.received_reports import RobotReport
 
 BASE = "/DEFAULT/controller/v1/robot1"
 NOW = 1_700_000_000.0

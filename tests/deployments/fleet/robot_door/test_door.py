@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.deployments.fleet.robot_door.door import DoorSettings
 from prefect_robomaker.schemas.wire.errors import ConfigurationError
-from prefect_robomaker.tasks.fleet.ddi.reports import (
+from prefect_robomaker.tasks.fleet.ddi.received_reports import (
     Attributes,
     AttributesSent,
     CancelFeedback,

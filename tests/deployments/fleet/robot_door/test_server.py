@@ -10,7 +10,7 @@ import pytest
 from helpers.processes import wait_for
 from helpers.robot_orders import TOKEN, robot_order
 
-from prefect_robomaker.tasks.fleet.ddi.reports import RobotsSeen
+from prefect_robomaker.tasks.fleet.ddi.received_reports import RobotsSeen
 
 from .conftest import BASE, Robots, server
 

@@ -19,7 +19,13 @@ from helpers.tcp_proxy import TcpProxy, tcp_proxy
 
 from prefect_robomaker.deployments.fleet.robot_door.door import RobotDoor
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
-from prefect_robomaker.tasks.fleet.ddi.reports import CancelFeedback, OrderEnd, OrderFeedback, OrderFetched, RobotReport
+from prefect_robomaker.tasks.fleet.ddi.received_reports import (
+    CancelFeedback,
+    OrderEnd,
+    OrderFeedback,
+    OrderFetched,
+    RobotReport,
+)
 from prefect_robomaker.tasks.fleet.swu import Release, SigningKey, new_signing_key, wrap
 
 from .conftest import server

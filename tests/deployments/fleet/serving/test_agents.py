@@ -20,9 +20,9 @@ from tuf.api.exceptions import DownloadHTTPError
 from tuf.ngclient import FetcherInterface, Updater
 
 from prefect_robomaker.tasks.fleet.ddi.orders import hash_token
-from prefect_robomaker.tasks.fleet.records import enrollable
+from prefect_robomaker.tasks.fleet.fleet_records import enrollable
 from prefect_robomaker.tasks.fleet.trust.ceremonies import renew_root
-from prefect_robomaker.tasks.fleet.trust.enrolment import offer
+from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import offer
 from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of
 from prefect_robomaker.tasks.service.service import Service
 

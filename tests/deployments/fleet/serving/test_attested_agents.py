@@ -13,10 +13,10 @@ from helpers.processes import wait_for
 from helpers.tested_batches import Batches
 from helpers.tuf_repository import bundle
 
-from prefect_robomaker.tasks.fleet.records import enrollable
+from prefect_robomaker.tasks.fleet.fleet_records import enrollable
 from prefect_robomaker.tasks.fleet.trust import deployments
 from prefect_robomaker.tasks.fleet.trust.ceremonies import AttestedChange, renew_root
-from prefect_robomaker.tasks.fleet.trust.enrolment import offer
+from prefect_robomaker.tasks.fleet.trust.enrolment_tokens import offer
 from prefect_robomaker.tasks.fleet.trust.publishing import publisher_of
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service

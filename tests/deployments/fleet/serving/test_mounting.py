@@ -14,7 +14,7 @@ from helpers.polling_robot import PollingRobot, artifact_of, carried_out
 from helpers.processes import wait_for
 
 from prefect_robomaker.schemas.fleet.documents import RobotDocument
-from prefect_robomaker.tasks.fleet.records import enrol
+from prefect_robomaker.tasks.fleet.fleet_records import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 ALL_AT_ONCE = {"concurrentDeploymentPercentage": 100, "failureThresholdPercentage": 100}

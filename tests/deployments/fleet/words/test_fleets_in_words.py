@@ -25,7 +25,7 @@ from prefect_robomaker.schemas.fleet.rollouts.rollout import Paused, Resumed, Ro
 from prefect_robomaker.schemas.fleet.rollouts.standings import FleetStanding, OrderStanding, RobotStanding
 from prefect_robomaker.tasks.catalog import Resource
 from prefect_robomaker.tasks.fleet.rollout.waves import waves_of
-from prefect_robomaker.tasks.fleet.views.standings import Look, deployment_standing
+from prefect_robomaker.tasks.fleet.views.fleet_standings import Look, deployment_standing
 
 NOW = datetime.fromtimestamp(BEGAN_S, UTC)
 LONG = "courier-of-the-third-floor-" + "x" * 90

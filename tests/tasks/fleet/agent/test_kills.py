@@ -15,7 +15,7 @@ import pytest
 from helpers.agent_robot import Rover, rover
 from helpers.processes import wait_for
 
-from prefect_robomaker.tasks.fleet.ddi.reports import Feedback
+from prefect_robomaker.tasks.fleet.ddi.received_reports import Feedback
 
 from .conftest import deploy
 

@@ -7,7 +7,7 @@ import pytest
 from helpers.deployed_robots import Yard, bad, deployable, good, silent, slow
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.tasks.fleet.control.decisions import approve, pause, reject, resume
+from prefect_robomaker.tasks.fleet.control.deployment_decisions import approve, pause, reject, resume
 from prefect_robomaker.tasks.fleet.control.rollbacks import EndedRollouts
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
 from prefect_robomaker.tasks.service.service import Service

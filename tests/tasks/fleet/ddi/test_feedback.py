@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException
-from prefect_robomaker.tasks.fleet.ddi.reports import (
+from prefect_robomaker.tasks.fleet.ddi.received_reports import (
     MAX_DETAIL_CHARACTERS,
     MAX_DETAILS,
     Execution,

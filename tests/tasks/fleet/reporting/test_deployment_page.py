@@ -7,7 +7,7 @@ from helpers.browser import NEEDS_BROWSER, Page, browsing
 from helpers.simulated_rollouts import arn_of, report_of, simulate
 
 from prefect_robomaker.schemas.fleet.rollouts.rollout import Paused, Resumed, Rollout, Stopped
-from prefect_robomaker.tasks.fleet.reporting.render import write_deployment
+from prefect_robomaker.tasks.fleet.reporting.deployment_page import write_deployment
 
 pytestmark = NEEDS_BROWSER
 

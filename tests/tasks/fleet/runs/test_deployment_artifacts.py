@@ -9,7 +9,7 @@ from prefect.client.orchestration import get_client
 from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterKey
 
 from prefect_robomaker.tasks.execution.prefect_artifacts import artifact_key
-from prefect_robomaker.tasks.fleet.views.reports import report_path
+from prefect_robomaker.tasks.fleet.views.deployment_report import report_path
 from prefect_robomaker.tasks.service.service import Service
 
 

@@ -9,10 +9,10 @@ from prefect_robomaker.schemas.fleet.documents import RobotInstallation, RobotSi
 from prefect_robomaker.schemas.wire.errors import InvalidParameterException, ResourceNotFoundException
 from prefect_robomaker.tasks.fleet.catalog_rollouts import Rollouts
 from prefect_robomaker.tasks.fleet.deployment_runs import POLL_S
+from prefect_robomaker.tasks.fleet.fleet_records import enrol, last_deployment
 from prefect_robomaker.tasks.fleet.kept_rollouts import open_rollouts
-from prefect_robomaker.tasks.fleet.records import enrol, last_deployment
-from prefect_robomaker.tasks.fleet.views.reports import report_of, report_path, write_report
-from prefect_robomaker.tasks.fleet.views.standings import (
+from prefect_robomaker.tasks.fleet.views.deployment_report import report_of, report_path, write_report
+from prefect_robomaker.tasks.fleet.views.fleet_standings import (
     Look,
     deployment_standing,
     find_deployment,
@@ -20,7 +20,7 @@ from prefect_robomaker.tasks.fleet.views.standings import (
     fleet_standing,
     follow,
 )
-from prefect_robomaker.tasks.fleet.views.tables import robot_rows
+from prefect_robomaker.tasks.fleet.views.rollout_tables import robot_rows
 from prefect_robomaker.tasks.service.service import Service
 
 HALF = {"concurrentDeploymentPercentage": 50, "failureThresholdPercentage": 60}

@@ -8,7 +8,7 @@ import pytest
 from helpers.deployed_robots import Yard, deployable, good
 
 from prefect_robomaker.schemas.fleet.documents import RobotInstallation, RobotSighting
-from prefect_robomaker.tasks.fleet.records import enrol
+from prefect_robomaker.tasks.fleet.fleet_records import enrol
 from prefect_robomaker.tasks.service.service import Service
 
 

@@ -11,11 +11,11 @@ from ....schemas.wire.arns import ResourceArn
 from ...catalog import Resource
 from ...service.service import Service
 from ..catalog_rollouts import Rollouts
-from ..reporting.render import write_deployment
+from ..reporting.deployment_page import write_deployment
 from ..rollout.waves import waves_of
 from ..rollout.windows import closed_spans
-from .standings import deployed_by, deployment_standing
-from .tables import notes_of
+from .fleet_standings import deployed_by, deployment_standing
+from .rollout_tables import notes_of
 
 _FOLDER = "deployments"
 

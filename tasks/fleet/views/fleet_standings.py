@@ -14,7 +14,7 @@ from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
 from ..catalog_rollouts import Rollouts
-from ..records import DEPLOYMENT, FLEET, last_deployment, robots_of, rollout_of
+from ..fleet_records import DEPLOYMENT, FLEET, last_deployment, robots_of, rollout_of
 from ..rollout.statuses import counts_of, current_wave, shown_rollback, waits_for
 from ..rollout.waves import Tally, waves_of
 

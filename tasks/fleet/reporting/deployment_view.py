@@ -16,7 +16,7 @@ from ...reporting import outcomes
 from ...reporting.outcomes import Outcome
 from . import chart
 from .chart import Scale, blocks_of
-from .spans import PHASES, Phase, RobotEnd, Span, end_of, last_moment, spans_of
+from .robot_phases import PHASES, Phase, RobotEnd, Span, end_of, last_moment, spans_of
 
 MOST_ROWS = 200
 """Robots that the chart has a row each for; of more it shows how many of each wave did what."""

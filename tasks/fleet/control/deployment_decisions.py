@@ -17,8 +17,8 @@ from ....schemas.wire.errors import InvalidParameterException
 from ...catalog import Resource
 from ...service.service import Service
 from ..catalog_rollouts import Rollouts
+from ..fleet_records import DEPLOYMENT, fleet_held, settle
 from ..kept_rollouts import KeptRollout
-from ..records import DEPLOYMENT, fleet_held, settle
 from ..rollout.ledger import Ledger
 
 

@@ -8,8 +8,7 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     ThrottlingException,
 )
-from prefect_robomaker.tasks.fleet import records
-from prefect_robomaker.tasks.fleet.records import fleet_held, last_deployment, robots_of
+from prefect_robomaker.tasks.fleet.fleet_records import fleet_held, last_deployment, robots_of
 from prefect_robomaker.tasks.service.service import Service
 
 

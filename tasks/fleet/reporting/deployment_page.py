@@ -5,7 +5,7 @@ from pathlib import Path
 from ....schemas.fleet.rollouts.rollout import DeploymentReport
 from ...reporting import render_page, write_page
 from . import FOLDER, STYLES
-from .view import view_rollout
+from .deployment_view import view_rollout
 
 
 def render_deployment(report: DeploymentReport) -> str:

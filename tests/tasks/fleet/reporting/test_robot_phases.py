@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from prefect_robomaker.schemas.fleet.rollouts.rollout import RobotDeploymentState
 from prefect_robomaker.tasks.fleet.reporting.chart import COLUMNS, Scale, blocks_of
-from prefect_robomaker.tasks.fleet.reporting.spans import PHASES, end_of, spans_of
+from prefect_robomaker.tasks.fleet.reporting.robot_phases import PHASES, end_of, spans_of
 from prefect_robomaker.tasks.reporting.outcomes import Outcome
 
 

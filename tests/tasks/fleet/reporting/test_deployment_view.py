@@ -8,8 +8,8 @@ from helpers.simulated_rollouts import BEGAN_S, arn_of, report_of, simulate
 
 from prefect_robomaker.schemas.fleet.operations.deployment_jobs import DeploymentConfig, MaintenanceWindow
 from prefect_robomaker.schemas.fleet.rollouts.rollout import Pause, Paused, Resumed, RobotGone, Rollout, Stopped
-from prefect_robomaker.tasks.fleet.reporting.render import render_deployment
-from prefect_robomaker.tasks.fleet.reporting.view import MOST_ROWS, RolloutPage, view_rollout
+from prefect_robomaker.tasks.fleet.reporting.deployment_page import render_deployment
+from prefect_robomaker.tasks.fleet.reporting.deployment_view import MOST_ROWS, RolloutPage, view_rollout
 
 
 def names(count: int) -> list[str]:
