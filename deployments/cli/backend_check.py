@@ -7,7 +7,7 @@ from typing import Any
 
 from ...schemas.settings import Settings
 from ...schemas.wire.errors import RobomakerError
-from .health import Finding
+from .doctor_checks import Finding
 
 _PLACE = "python://prefect_robomaker.tasks.runtime.applications.falling_ball"
 _ROLE = "arn:aws:iam::000000000000:role/doctor"

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 from ...schemas.settings import Settings
-from ..cli.health import Finding
+from ..cli.doctor_checks import Finding
 
 
 def checks(settings: Settings) -> dict[str, Callable[[], Finding]]:

@@ -1,6 +1,6 @@
 """The pool of deployment jobs."""
 
-from ..worker.pools import JobPool
+from ..worker.job_pools import JobPool
 
 _AT_ONCE = 20  # they wait for robots nearly all the time
 

@@ -19,7 +19,7 @@ from ...tasks.service.service import Service
 from ..dead_run_sweeper import close_dead_runs
 from ..log_lines import log_formatter
 from .channel import STOP, Channel
-from .pools import job_pools
+from .job_pools import job_pools
 from .prefect_watch import PrefectWatch
 
 if TYPE_CHECKING:

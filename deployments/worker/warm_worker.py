@@ -22,9 +22,9 @@ from ...tasks.machine.machine_slots import jobs_that_wait
 from ...tasks.machine.slot_files import WaiterRecord
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
-from .jobs import Jobs
-from .pools import JobPool
+from .job_pools import JobPool
 from .prefect_watch import PrefectWatch
+from .running_jobs import Jobs
 
 _RENEW_S = 5.0
 _TELL_PREFECT_S = 2.0

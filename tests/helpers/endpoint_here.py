@@ -20,7 +20,7 @@ from starlette.types import ASGIApp
 
 from helpers.endpoint_process import Endpoint
 from helpers.processes import wait_for
-from prefect_robomaker.deployments.cli import serving as serving_module
+from prefect_robomaker.deployments.cli import server_and_worker as serving_module
 from prefect_robomaker.deployments.cli.grammar import build_parser
 from prefect_robomaker.deployments.endpoint import server as server_module
 from prefect_robomaker.tasks.service.service import Service

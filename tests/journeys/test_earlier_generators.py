@@ -14,7 +14,7 @@ import pytest
 from helpers.paths import TESTS
 from helpers.solid_shapes import deep_overlaps
 
-from prefect_robomaker.deployments.cli.inputs.worlds import find_world
+from prefect_robomaker.deployments.cli.inputs.world_lookup import find_world
 from prefect_robomaker.deployments.cli.output.world_facts import world_facts
 from prefect_robomaker.schemas.runs.plan import RunPlan
 from prefect_robomaker.schemas.worlds.description import WorldDescription

@@ -7,7 +7,7 @@ from typing import Any
 from ....schemas.operations.registry import OPERATIONS
 from ....schemas.specs.model import CheckedSpec
 from ....schemas.wire.errors import ConfigurationError, Place, Problem, SpecError
-from ...spec_runs.specifications import SHIPPED, checked
+from ...spec_runs.visitor_specifications import SHIPPED, checked
 
 
 class InputFileError(ConfigurationError):

@@ -8,7 +8,7 @@ from typing import Any
 
 from ....schemas.exit_codes import OK, VERDICT_FAILED
 from ....schemas.worlds.world import Passage, Room, World
-from ..inputs.worlds import FoundWorld, find_world
+from ..inputs.world_lookup import FoundWorld, find_world
 from .answers import Cell, print_lines
 
 

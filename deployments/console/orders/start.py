@@ -18,7 +18,7 @@ from ...endpoint.calling.scopes import check_scope
 from ...endpoint.messages import AccessDeniedException
 from ...spec_runs.rights import problems_of_rights
 from ...spec_runs.spec_runs import SpecRuns, Standing, StepStanding
-from ...spec_runs.specifications import checked, shipped_specs
+from ...spec_runs.visitor_specifications import checked, shipped_specs
 from ..rendering import HOME
 from ..visit import Visit
 

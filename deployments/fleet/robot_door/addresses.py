@@ -9,7 +9,7 @@ from starlette.types import Scope
 
 from ....schemas.wire.errors import ConfigurationError
 from ....tasks.fleet.ddi.orders import ROBOT_ID
-from .answers import DoorRefusal
+from .robot_answers import DoorRefusal
 
 Resource = Literal[
     "base",

@@ -9,8 +9,8 @@ from typing import Protocol
 from starlette.types import Receive, Send
 
 from ....schemas.wire.errors import InvalidParameterException
-from .answers import DoorRefusal, read_body, send_plain
 from .downloads import Downloads, ServedFile
+from .robot_answers import DoorRefusal, read_body, send_plain
 
 MOST_GUESSES = 10
 """How many wrong one-time tokens of one robot are looked at in `GUESS_WINDOW_S`."""

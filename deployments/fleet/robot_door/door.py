@@ -32,8 +32,8 @@ from ....tasks.fleet.ddi.received_reports import (
 )
 from .addresses import METHODS, Address, Addresses, Resource
 from .agents import AgentAnswers, AgentSide
-from .answers import Disconnected, DoorRefusal, read_body, send_document, send_refusal
 from .downloads import Downloads, ReadPart
+from .robot_answers import Disconnected, DoorRefusal, read_body, send_document, send_refusal
 
 
 class LastSeen:

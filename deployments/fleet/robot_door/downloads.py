@@ -13,7 +13,7 @@ from starlette.types import Receive, Send
 
 from ....schemas.wire.errors import ObjectNotFoundError, StorageError
 from ....tasks.fleet.ddi.orders import RobotOrder
-from .answers import DoorRefusal
+from .robot_answers import DoorRefusal
 
 _RANGE = re.compile(rb"bytes=(\d{0,18})-(\d{0,18})")
 

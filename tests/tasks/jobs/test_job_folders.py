@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from helpers.fake_engine import FakeEngine
 
-from prefect_robomaker.deployments.cli import health
+from prefect_robomaker.deployments.cli import doctor_checks
 from prefect_robomaker.tasks.jobs.job_folders import remove_abandoned_containers, remove_overtaken_runs
 from prefect_robomaker.tasks.operations.registry import call
 from prefect_robomaker.tasks.service.service import Service
@@ -46,13 +46,13 @@ def test_containers_of_a_worker_that_died_here_are_ended(
     service: Service, fake: FakeEngine, job: dict[str, Any]
 ) -> None:
     service.catalog.claim(job["arn"], dead_process(), -1.0)
-    assert health.check_containers(service.settings).health == "warning"
+    assert doctor_checks.check_containers(service.settings).health == "warning"
 
     remove_abandoned_containers(service)
 
     assert fake.containers() == []
     assert (job["folder"] / "output").is_dir(), "the job worker that takes the job over stores it"
-    assert health.check_containers(service.settings).health == "ok"
+    assert doctor_checks.check_containers(service.settings).health == "ok"
 
 
 @pytest.mark.parametrize(
@@ -74,7 +74,7 @@ def test_other_containers_of_jobs_that_go_on_are_left_alone(
     remove_abandoned_containers(service)
 
     assert fake.containers() == ["left"]
-    assert health.check_containers(service.settings).health == "ok"
+    assert doctor_checks.check_containers(service.settings).health == "ok"
 
 
 def test_what_an_engine_did_not_remove_in_time_is_removed_later(
@@ -143,7 +143,7 @@ def test_folders_of_runs_that_others_took_over_are_named_and_removed(
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))  # without what others' job workers left
     elsewhere, stored, unstored = taken_over(), taken_over(run_id=RUN), taken_over(run_id=RUN, outputs=False)
     of_now, waiting = taken_over(age_s=0.0), service.folder("jobs", "sim-of-another-catalog", RUN)
-    told = health.check_left_behind(service.settings)
+    told = doctor_checks.check_left_behind(service.settings)
     assert (told.health, told.found.count("\n")) == ("warning", 1)
     assert str(elsewhere) in told.found
 
@@ -151,7 +151,7 @@ def test_folders_of_runs_that_others_took_over_are_named_and_removed(
 
     assert not elsewhere.parent.exists()
     assert all(folder.is_dir() for folder in (unstored, of_now, waiting))
-    assert health.check_left_behind(service.settings).health == "ok"
+    assert doctor_checks.check_left_behind(service.settings).health == "ok"
 
 
 def test_a_job_that_goes_on_keeps_its_folders(service: Service, taken_over: Any, order: Order) -> None:

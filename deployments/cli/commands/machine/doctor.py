@@ -10,7 +10,7 @@ from ...arguments import add_output
 from ...output.answers import print_either
 
 if TYPE_CHECKING:
-    from ...health import Finding
+    from ...doctor_checks import Finding
 
 
 _MARKS: dict[str, tuple[str, str]] = {"ok": ("✓", "32"), "warning": ("!", "33"), "broken": ("✗", "31")}
@@ -28,7 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker doctor`: checks the installation; exit code 3 if something is broken."""
     from .....schemas.settings import Settings
-    from ...health import examine
+    from ...doctor_checks import examine
 
     chosen = {"ROBOMAKER_BACKEND": arguments.backend} if arguments.backend else {}
     settings = Settings.from_environment({**os.environ, **chosen})

@@ -37,6 +37,6 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker serve`: serves the API and web console until stopped."""
-    from ...serving import serve
+    from ...server_and_worker import serve
 
     return serve(arguments)

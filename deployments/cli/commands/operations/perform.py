@@ -17,7 +17,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker perform`: runs a stored job to its end; the exit code tells its outcome."""
     from .....schemas.settings import Settings
     from .....schemas.wire.arns import ResourceArn
-    from ....worker.pools import job_pools
+    from ....worker.job_pools import job_pools
     from ...job import perform
 
     if not arguments.arn.startswith("arn:"):

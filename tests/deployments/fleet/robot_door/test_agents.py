@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from prefect_robomaker.deployments.fleet.robot_door.agents import GUESS_WINDOW_S, MOST_GUESSES, GuessLimit
-from prefect_robomaker.deployments.fleet.robot_door.answers import DoorRefusal
 from prefect_robomaker.deployments.fleet.robot_door.downloads import ServedFile
+from prefect_robomaker.deployments.fleet.robot_door.robot_answers import DoorRefusal
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, ServiceUnavailableException, StorageError
 
 from .conftest import BASE, Answer, Robots

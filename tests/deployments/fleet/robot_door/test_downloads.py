@@ -7,8 +7,8 @@ from helpers.robot_orders import robot_order
 from hypothesis import given
 from hypothesis import strategies as st
 
-from prefect_robomaker.deployments.fleet.robot_door.answers import DoorRefusal
 from prefect_robomaker.deployments.fleet.robot_door.downloads import CHUNK_BYTES, part_of, reader_of_files
+from prefect_robomaker.deployments.fleet.robot_door.robot_answers import DoorRefusal
 from prefect_robomaker.schemas.wire.errors import ObjectNotFoundError, StorageError, StorageUnavailableError
 from prefect_robomaker.tasks.fleet.ddi.orders import RobotOrder
 

@@ -15,7 +15,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker systemd install`: writes the systemd units and prints their paths."""
-    from .....systemd.installation import install
+    from .....systemd.unit_files import install
 
     del arguments
     for path in install(Path(sys.executable).parent, os.environ):

@@ -11,7 +11,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker systemd show`: prints the systemd units."""
-    from .....systemd.installation import units
+    from .....systemd.unit_files import units
 
     del arguments
     for name, text in units(Path(sys.executable).parent).items():

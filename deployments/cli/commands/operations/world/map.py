@@ -28,7 +28,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......schemas.wire.errors import ConfigurationError
     from ......tasks.worldforge.bundle.robot_map import write_robot_map
     from ......tasks.worldforge.exports.export_scene import read_scene
-    from ....inputs.worlds import find_world
+    from ....inputs.world_lookup import find_world
 
     found, folder = find_world(arguments.world), Path(arguments.folder)
     if folder.exists():

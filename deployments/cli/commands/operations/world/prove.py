@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......tasks.worldforge.bundle.bundle import NAMES_FILE
     from ......tasks.worldforge.gazebo.outline import prove_imported
     from ......tasks.worldforge.proofs.checks import prove
-    from ....inputs.worlds import find_world
+    from ....inputs.world_lookup import find_world
     from ....output.world_facts import print_world, proof_lines_of, world_facts
 
     found = find_world(arguments.world)

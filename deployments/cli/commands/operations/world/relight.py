@@ -30,7 +30,7 @@ def execute(arguments: argparse.Namespace) -> int:
     from ......schemas.exit_codes import OK
     from ......schemas.wire.errors import ConfigurationError
     from ......schemas.worlds.appearance import appearance_named, relit
-    from ....inputs.worlds import find_world
+    from ....inputs.world_lookup import find_world
 
     try:
         appearance = appearance_named(arguments.appearance, arguments.seed)

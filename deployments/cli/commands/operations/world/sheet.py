@@ -33,7 +33,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world sheet`: writes an overview of worlds as a picture and a page."""
     from ......schemas.wire.arns import ResourceArn
-    from ....inputs.worlds import output_file
+    from ....inputs.world_lookup import output_file
 
     job_id = ResourceArn.parse(arguments.job, "world-generation-job").id
     from ......tasks.worldforge.viewer.contact_sheet import sheet_page, sheet_png, write_whole

@@ -18,7 +18,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world show`: prints facts about a world, and draws it if asked."""
-    from ....inputs.worlds import find_world
+    from ....inputs.world_lookup import find_world
     from ....output.world_facts import fact_lines, print_world, world_facts
 
     found = find_world(arguments.world)

@@ -50,7 +50,7 @@ def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world vary`: makes and stores a variation of a world."""
     from ......tasks.worldforge.generator import Wanted, vary
     from ......tasks.worlds.keeping import keep_world
-    from ....inputs.worlds import find_world
+    from ....inputs.world_lookup import find_world
     from ....output.world_facts import print_kept
 
     doors = [*((door, 0.0) for door in arguments.shut), *arguments.open]

@@ -16,7 +16,7 @@ from ....arguments import add_open, add_world
 from ....output import answers
 
 if TYPE_CHECKING:
-    from ....inputs.worlds import FoundWorld
+    from ....inputs.world_lookup import FoundWorld
 
 
 def declare(parser: argparse.ArgumentParser) -> None:
@@ -28,7 +28,7 @@ def declare(parser: argparse.ArgumentParser) -> None:
 
 def execute(arguments: argparse.Namespace) -> int:
     """Runs `robomaker world view`: shows a world in 3D, in a window or a web page."""
-    from ....inputs.worlds import find_world, output_file
+    from ....inputs.world_lookup import find_world, output_file
 
     found = find_world(arguments.world)
     if arguments.html is None and arguments.open is None and has_display() and _mujoco_viewer(found):

@@ -10,7 +10,7 @@ import pytest
 from helpers.paths import REPOSITORY
 from packaging.requirements import Requirement
 
-from prefect_robomaker.deployments.cli import health
+from prefect_robomaker.deployments.cli import doctor_checks
 from prefect_robomaker.deployments.cli.version_conflicts import CONFLICTS, Conflict, conflicts_among
 from prefect_robomaker.schemas.reports.run_record import Order
 from prefect_robomaker.schemas.settings import Settings
@@ -59,8 +59,10 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     blocked.write_text("no folder")
     monkeypatch.setenv("ROBOMAKER_HOME", str(blocked))
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
-    monkeypatch.setattr(health, "check_physics", lambda: health.Finding("physics", "ok", "not looked at"))
-    monkeypatch.setattr(health, "check_video", lambda: health.Finding("video", "warning", "slow", "apt install x"))
+    monkeypatch.setattr(health, "check_physics", lambda: doctor_checks.Finding("physics", "ok", "not looked at"))
+    monkeypatch.setattr(
+        health, "check_video", lambda: doctor_checks.Finding("video", "warning", "slow", "apt install x")
+    )
     ended = robomaker("doctor")
     assert ended.code == 3
     assert "✗ data home" in ended.out
@@ -82,12 +84,12 @@ def test_a_disk_on_which_no_job_begins_is_broken(robomaker, monkeypatch) -> None
 
 
 def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypatch) -> None:
-    def raising(*_: object) -> health.Finding:
+    def raising(*_: object) -> doctor_checks.Finding:
         raise ImportError("libGL.so.1: cannot open shared object file")
 
     for name in ("check_physics", "check_video", "check_packages"):
         monkeypatch.setattr(health, name, raising)
-    findings = {finding.subject: finding for finding in health.examine(settings)}
+    findings = {finding.subject: finding for finding in doctor_checks.examine(settings)}
     assert findings["video"].health == "broken"
     assert "libGL.so.1" in findings["video"].found
     assert findings["data home"].health == "ok"
@@ -96,7 +98,7 @@ def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypat
 @pytest.mark.parametrize(("mode", "told"), [(0o700, "ok"), (0o770, "ok"), (0o755, "warning"), (0o707, "warning")])
 def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Path, mode: int, told: str) -> None:
     tmp_path.chmod(mode)
-    finding = health.check_home(tmp_path)
+    finding = doctor_checks.check_home(tmp_path)
     assert finding.health == told
     assert ("open to all users" in finding.found) == (told == "warning")
 
@@ -104,7 +106,7 @@ def test_a_home_that_all_users_of_the_machine_may_look_into_is_told(tmp_path: Pa
 def test_a_home_that_is_a_file_is_a_finding(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     settings = Settings.from_environment({"ROBOMAKER_HOME": str(tmp_path / "file")})
-    findings = {finding.subject: finding for finding in health.examine(settings)}
+    findings = {finding.subject: finding for finding in doctor_checks.examine(settings)}
     assert findings["data home"].health == "broken"
     assert str(tmp_path / "file") in findings["data home"].found
     assert "nights" not in findings
@@ -112,7 +114,7 @@ def test_a_home_that_is_a_file_is_a_finding(tmp_path: Path) -> None:
 
 def test_wrong_package_versions_are_found(monkeypatch) -> None:
     monkeypatch.setattr("importlib.metadata.requires", lambda _: ["mujoco>=900", "no-such-package-anywhere", "numpy>1"])
-    finding = health.check_packages()
+    finding = doctor_checks.check_packages()
     assert finding.health == "broken"
     assert "mujoco is" in finding.found
     assert "not >=900" in finding.found
@@ -129,7 +131,7 @@ def test_versions_that_do_not_work_together_are_told_with_what_users_see_of_it(
     (other / "METADATA").write_text("Metadata-Version: 2.1\nName: SQLAlchemy\nVersion: 2.1.9\n")
     monkeypatch.syspath_prepend(str(tmp_path))
 
-    finding = health.check_packages()
+    finding = doctor_checks.check_packages()
 
     assert finding.health == "broken"
     assert (
@@ -162,7 +164,7 @@ def test_no_server_is_said_to_run_before_one_is_started(robomaker, monkeypatch, 
 
 def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
-    none = health.check_extras()
+    none = doctor_checks.check_extras()
     assert none.health == "ok"
     assert "docker is not installed; podman is not installed" in none.found
     assert "no ROS launch files" in none.found
@@ -170,7 +172,7 @@ def test_what_only_some_jobs_need_is_told_and_is_no_fault(tmp_path: Path, monkey
     for name in ("podman", "ros2"):
         (tmp_path / name).write_text("#!/bin/sh\necho 5.0\n")
         (tmp_path / name).chmod(0o755)
-    some = health.check_extras()
+    some = doctor_checks.check_extras()
     assert f"container images by {tmp_path / 'podman'}" in some.found
     assert "ROS launch files by ros2" in some.found
 
@@ -201,10 +203,10 @@ def test_a_run_whose_process_died_is_named_with_what_finishes_it(settings: Setti
     folder.mkdir(parents=True)
     order = Order(run_id=folder.name, text="", filename="", spec_path="", command=["true"])
     OpenRun.begin(folder, order).pass_on()  # as when its process dies
-    finding = health.check_broken_off(settings)
+    finding = doctor_checks.check_broken_off(settings)
     assert finding.health == "warning"
     assert f"{folder.name}: a Python program" in finding.found
     assert finding.remedy == "start robomaker serve or a Prefect worker, which finishes them"
 
-    finding = health.check_broken_off(settings.model_copy(update={"finish_within_hours": 0}))
+    finding = doctor_checks.check_broken_off(settings.model_copy(update={"finish_within_hours": 0}))
     assert finding.remedy == f"robomaker perform {folder.name}"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from helpers.roles import roles_file
 
-from prefect_robomaker.deployments.cli.health import check_roles
+from prefect_robomaker.deployments.cli.doctor_checks import check_roles
 from prefect_robomaker.deployments.cli.main import main
 from prefect_robomaker.schemas.settings import Settings
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from helpers.required_programs import needs
 
-from prefect_robomaker.deployments.systemd.installation import units
+from prefect_robomaker.deployments.systemd.unit_files import units
 
 SERVICES = {"robomaker-gc", "robomaker-prefect", "robomaker-serve", "robomaker-worker"}
 

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 from helpers.processes import started
 
-from prefect_robomaker.deployments.cli.health import check_left_behind
+from prefect_robomaker.deployments.cli.doctor_checks import check_left_behind
 from prefect_robomaker.schemas.reports.retention import GcReport
 from prefect_robomaker.schemas.reports.run_record import RunRecord
 from prefect_robomaker.schemas.settings import Settings

@@ -20,7 +20,7 @@ from ...tasks.execution.job_leases import fail_job, run_under_lease
 from ...tasks.jobs.job_owners import needs_elsewhere, standing_of
 from ...tasks.service.service import Service
 from .flow_runs import mark_crashed
-from .pools import JobPool
+from .job_pools import JobPool
 from .prefect_watch import PrefectWatch
 
 MOST_TRIES = 3

@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 from helpers.processes import wait_for
 
-from prefect_robomaker.deployments.worker.jobs import MOST_TRIES, Jobs
-from prefect_robomaker.deployments.worker.pools import JobPool, job_pools
+from prefect_robomaker.deployments.worker.job_pools import JobPool, job_pools
 from prefect_robomaker.deployments.worker.prefect_watch import PrefectWatch
+from prefect_robomaker.deployments.worker.running_jobs import MOST_TRIES, Jobs
 from prefect_robomaker.deployments.worker.worker_process import in_words
 from prefect_robomaker.schemas.settings import Settings
 from prefect_robomaker.schemas.wire.errors import ServiceUnavailableException
