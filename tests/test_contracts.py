@@ -30,7 +30,7 @@ BROKEN = {
     "Rooms of the runtime": "limits.planted -> prefect_robomaker.tasks.runtime.supervision.launcher",
     "Rooms of WorldForge": "geometry.planted -> prefect_robomaker.tasks.worldforge.viewer.viewer_page",
     "Rooms of simulations": "environment.planted -> prefect_robomaker.tasks.simulations.planning.run_plans",
-    "Nothing outside the wing of fleets imports it": "tasks.retention.planted -> prefect_robomaker.tasks.fleet.fleet_records",
+    "Nothing outside the wing of fleets imports it": "tasks.retention.planted -> prefect_robomaker.tasks.fleet.swu",
     "No import circles": "planted",
     "Only storage knows S3 clients": "tasks.planted -> boto3",
     "Only storage knows the MinIO client": "tasks.planted -> minio",

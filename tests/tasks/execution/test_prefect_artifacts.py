@@ -47,7 +47,7 @@ def test_the_bar_goes_by_trials_where_there_are_any(
     def show(progress: float, **_: object) -> None:
         shown.append(progress)
 
-    monkeypatch.setattr(artifacts, "create_progress_artifact", show)
+    monkeypatch.setattr(prefect_artifacts, "create_progress_artifact", show)
 
     @flow(name="counts")
     def counts() -> None:
@@ -66,7 +66,7 @@ def test_a_server_that_is_gone_fails_nothing(
         raise httpx.ConnectError("there is no listener")
 
     for name in ("create_table_artifact", "create_markdown_artifact", "create_progress_artifact"):
-        monkeypatch.setattr(artifacts, name, refuse)
+        monkeypatch.setattr(prefect_artifacts, name, refuse)
     seen: list[Progress] = []
 
     @flow(name="shows nothing")
@@ -83,5 +83,5 @@ def test_a_server_that_is_gone_fails_nothing(
 
 
 def test_nothing_is_shown_outside_a_flow_run(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(artifacts, "create_table_artifact", lambda **_: pytest.fail("there is no flow run"))
+    monkeypatch.setattr(prefect_artifacts, "create_table_artifact", lambda **_: pytest.fail("there is no flow run"))
     show_jobs("jobs", [{"job": "sim-1"}])

@@ -30,7 +30,7 @@ def test_a_change_waits_for_the_one_before(fleets: Fleets, service: Service) -> 
 def test_a_fleet_that_others_keep_is_to_be_asked_for_again(
     fleets: Fleets, service: Service, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(records, "PATIENCE_S", 0.05)
+    monkeypatch.setattr(fleet_records, "PATIENCE_S", 0.05)
     yard, rover = fleets.fleet(), fleets.robot()
     service.catalog.claim(yard, "another process", 60)
 

@@ -88,7 +88,7 @@ def test_large_objects_carry_the_crc32_of_the_whole(
 def test_no_object_has_more_parts_than_s3_takes(
     s3: S3Store, s3_server: S3Server, large: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parts, "_MOST_PARTS", 2)
+    monkeypatch.setattr(multipart, "_MOST_PARTS", 2)
     s3.put_file(BUCKET, "few", large)
     assert s3_server.client("s3").head_object(Bucket=BUCKET, Key="few")["ETag"].endswith('-2"')
     assert s3.get_bytes(BUCKET, "few") == LARGE
@@ -181,7 +181,7 @@ def test_a_file_written_to_during_its_upload_is_not_stored(
 def test_a_part_that_arrives_damaged_is_refused(
     s3: S3Store, s3_server: S3Server, large: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parts, "crc32_text", lambda crc: "AAAAAA==")
+    monkeypatch.setattr(multipart, "crc32_text", lambda crc: "AAAAAA==")
     with pytest.raises(StorageError):
         s3.put_file(BUCKET, "damaged", large)
     assert not unfinished(s3_server)
@@ -190,7 +190,7 @@ def test_a_part_that_arrives_damaged_is_refused(
 def test_parts_of_another_order_are_refused_by_the_checksum_of_the_whole(
     s3: S3Store, s3_server: S3Server, large: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(parts, "crc32_of_parts", lambda each: "AAAAAA==")
+    monkeypatch.setattr(multipart, "crc32_of_parts", lambda each: "AAAAAA==")
     with pytest.raises(StorageError):
         s3.put_file(BUCKET, "mixed-up", large)
     assert not unfinished(s3_server)

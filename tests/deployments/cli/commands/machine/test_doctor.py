@@ -59,9 +59,9 @@ def test_what_is_broken_is_named_and_the_rest_is_checked(robomaker, monkeypatch,
     blocked.write_text("no folder")
     monkeypatch.setenv("ROBOMAKER_HOME", str(blocked))
     monkeypatch.setenv("PREFECT_API_URL", "http://127.0.0.1:9/api")
-    monkeypatch.setattr(health, "check_physics", lambda: doctor_checks.Finding("physics", "ok", "not looked at"))
+    monkeypatch.setattr(doctor_checks, "check_physics", lambda: doctor_checks.Finding("physics", "ok", "not looked at"))
     monkeypatch.setattr(
-        health, "check_video", lambda: doctor_checks.Finding("video", "warning", "slow", "apt install x")
+        doctor_checks, "check_video", lambda: doctor_checks.Finding("video", "warning", "slow", "apt install x")
     )
     ended = robomaker("doctor")
     assert ended.code == 3
@@ -88,7 +88,7 @@ def test_a_check_that_raises_anything_is_a_finding(settings: Settings, monkeypat
         raise ImportError("libGL.so.1: cannot open shared object file")
 
     for name in ("check_physics", "check_video", "check_packages"):
-        monkeypatch.setattr(health, name, raising)
+        monkeypatch.setattr(doctor_checks, name, raising)
     findings = {finding.subject: finding for finding in doctor_checks.examine(settings)}
     assert findings["video"].health == "broken"
     assert "libGL.so.1" in findings["video"].found
