@@ -9,6 +9,7 @@ from prefect import flow
 from prefect.artifacts import Artifact
 
 from prefect_robomaker.schemas.runs.trials import TrialCounts
+from prefect_robomaker.tasks.execution import prefect_artifacts
 from prefect_robomaker.tasks.execution.prefect_artifacts import artifact_key, show_jobs, show_summary, shown_progress
 from prefect_robomaker.tasks.service.service import Progress, Service
 

@@ -8,6 +8,7 @@ from prefect_robomaker.schemas.wire.errors import (
     ResourceNotFoundException,
     ThrottlingException,
 )
+from prefect_robomaker.tasks.fleet import fleet_records
 from prefect_robomaker.tasks.fleet.fleet_records import fleet_held, last_deployment, robots_of
 from prefect_robomaker.tasks.service.service import Service
 

@@ -20,7 +20,7 @@ from prefect_robomaker.schemas.wire.errors import (
     TransferStoppedError,
 )
 from prefect_robomaker.tasks.storage.aws_sessions import new_session
-from prefect_robomaker.tasks.storage.s3 import S3Store
+from prefect_robomaker.tasks.storage.s3 import S3Store, multipart
 from prefect_robomaker.tasks.storage.s3.multipart import PART_BYTES, _Body
 
 BUCKET = "s3-parts"
