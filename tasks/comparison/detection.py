@@ -10,7 +10,7 @@ import numpy as np
 from ...schemas.reports.comparison import NeededPairs, PlannedPairs
 from ..results.rates import wilson_interval
 from .better_or_worse import judged_pairs
-from .decisions import POWER, JudgedTrials, fewest_worlds, pairs_for
+from .difference_test import POWER, JudgedTrials, fewest_worlds, pairs_for
 from .margins import margin_power
 from .nights import NightRun
 from .statistics import mcnemar_power
