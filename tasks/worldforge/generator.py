@@ -24,6 +24,7 @@ from ...schemas.worlds.world import (
     World,
     contains,
 )
+from .doors.bath_windows import with_bath_windows
 from .doors.door_parts import leaf_outlines
 from .doors.initial_states import dress_doors
 from .floorplans.floorplan import generate_floorplan
@@ -70,7 +71,7 @@ def generate_world(
             what the last one broke.
     """
     begun = clock()
-    plan = generate_floorplan(body, np.random.default_rng(floorplan_seed))
+    plan = with_bath_windows(generate_floorplan(body, np.random.default_rng(floorplan_seed)))
     return furnish_and_prove(body, plan, (floorplan_seed, interior_seed), settle=settle, clock=clock, begun=begun)
 
 

@@ -17,7 +17,7 @@ from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 
 Box = tuple[float, float, float, float]
 
-WINDOW_WALL_M = 1.6
+WINDOW_WALL_M = 1.4
 """Length of outer wall, between the middles of the walls at its ends, that has place for a small window."""
 DOUBLE_BED_M, DOUBLE_BED_FROM_M2 = 1.4, 12.0
 BESIDE_BED_M, ALONG_BED_M = 0.5, 0.45

@@ -8,6 +8,7 @@ import numpy as np
 
 from ....schemas.wire.errors import ConfigurationError
 from ....schemas.worlds.world import Floorplan, FurnishedRoomType, Point, Preference, Room, bounds
+from ..doors.bath_windows import with_bath_windows
 from ..doors.doors import hang_doors
 from ..floorplans.connections import AREA_TOLERANCE
 from ..floorplans.floorplan import (
@@ -97,7 +98,7 @@ def make_plan(drawn: DrawnPlan, ceiling_m: float, seed: int) -> MadePlan:
         windows=[placed_window(pane, names, origin) for pane in panes],
         wishes=[],
     )
-    hung, doorless = hang_doors(plan)
+    hung, doorless = hang_doors(plan if drawn.windows else with_bath_windows(plan))
     for index, why in doorless.items():
         told.append(Preference.judged(drawn.file, f"a door between {' and '.join(plan.passages[index].rooms)}", why))
     wishes = [*(_area(drawn.file, room) for room in rooms), *told, *window_report]

@@ -116,7 +116,8 @@ def forms_for(model_type: str, room_type: RoomType, forms: list[str]) -> list[st
         return forms
     counters = [form for form in forms if form.startswith("counter")]
     if room_type == "Kitchen":
-        return counters or forms
+        # Corners and tall cupboards have their places in the line.
+        return [form for form in counters if form != "counter-corner"] or forms
     suiting: dict[str, list[str]] = {
         "Bathroom": ["shelves", "cupboard"],
         "Hallway": ["cupboard", "wardrobe"],

@@ -163,11 +163,13 @@ def corner_cabinet(style: Style) -> list[Part]:
 
 
 def storage(style: Style) -> list[Part]:
-    """Builds a wardrobe, open shelves, or a kitchen counter with a sink, depending on the style."""
+    """Builds a wardrobe, open shelves, a pantry or a kitchen counter, depending on the style."""
     if style.form == "shelves":
         return _open_shelves(style)
     if style.form.startswith("counter"):
         return _counter(style)
+    if style.form == "pantry":
+        return _chest(style, 1, 2)
     doors = 2 if style.width_m < 1.3 else 3
     return _chest(style, doors, 1)
 
@@ -188,16 +190,18 @@ def _open_shelves(style: Style) -> list[Part]:
 
 
 def _counter(style: Style) -> list[Part]:
-    """Worktop on base units; the sink is drawn as a steel rim with a dark basin."""
+    """Worktop on base units; the sink is drawn as a steel rim with a dark basin, and corners have no fronts."""
     top = style.height_m
     x, y = style.half_depth_m, style.half_width_m
     parts = [
         slab("plinth", style, (0, 0.09), BLACK, inset=0.05),
         *carcass(style, (0.09, top - 0.04), top, style.main),
         slab("top", style, (top - 0.04, top), rgb("d8d4cb")),
-        *fronts(style, 2 if style.width_m > 0.7 else 1, 1, (0.1, top - 0.05), style.main, CHROME),
     ]
-    if style.form == "counter-sink":
+    if style.form != "counter-corner":
+        columns, rows = (1, 3) if style.form == "counter-drawers" else (2, 1)
+        parts += fronts(style, columns, rows, (0.1, top - 0.05), style.main, CHROME)
+    if style.form.startswith("counter-sink"):
         parts += [
             box("sink-rim", (-x + 0.1, x - 0.08), (-y + 0.12, y - 0.12), (top, top + 0.008), STEEL),
             box("sink", (-x + 0.14, x - 0.12), (-y + 0.16, y - 0.16), (top, top + 0.012), DARK_STEEL),

@@ -144,7 +144,11 @@ CATALOGUE: dict[str, Kind] = {
         + styles("cupboard", (0.9, 0.5, 1.9), "white", "oak")
         + styles("shelves", (0.9, 0.42, 1.5), "oak", "grey")
         + styles("counter-sink", (1.0, 0.62, 0.9), "white", "sage", "navy")
-        + styles("counter", (0.8, 0.62, 0.9), "white", "sage", "navy"),
+        + styles("counter-sink-small", (0.8, 0.62, 0.9), "white", "sage", "navy")
+        + styles("counter", (0.8, 0.62, 0.9), "white", "sage", "navy")
+        + styles("counter-drawers", (0.6, 0.62, 0.9), "white", "sage", "navy")
+        + styles("counter-corner", (0.62, 0.62, 0.9), "white", "sage", "navy")
+        + styles("pantry", (0.6, 0.62, 2.05), "white", "sage", "navy"),
         Rule(prefer="corner", front_m=0.75, relation="run", near=KITCHEN_RUN, counts=(1, 1, 2), limit=3),
         "cupboard",
     ),

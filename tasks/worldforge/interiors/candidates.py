@@ -13,6 +13,9 @@ from .placement import WALL_GAP_M, RoomSpace, Side
 TUCK_M = 0.13
 """How far chairs are pushed under their table."""
 
+DESK_SEAT_M = 0.12
+"""How far to the left of a desk's middle its chair stands: drawers are on the right."""
+
 _LEG_GAP_M = 0.01
 """Between a chair that is pushed in and a leg of the table."""
 
@@ -174,7 +177,7 @@ def _between_legs(table: Furniture, style: Style, *, at_end: bool) -> tuple[floa
 def at_desk(desk: Furniture, style: Style) -> list[Pose]:
     """Returns candidate poses of a chair at a desk."""
     reach = desk.depth_m / 2 + style.depth_m / 2 - TUCK_M
-    return [pose_of(desk).moved(reach, 0.12, 2)]
+    return [pose_of(desk).moved(reach, DESK_SEAT_M, 2)]
 
 
 def next_to(item: Furniture, style: Style) -> list[Pose]:

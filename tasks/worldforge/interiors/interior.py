@@ -12,9 +12,10 @@ from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.brief import choose_sets, why_unused
 from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, Density, usual_types
 from ..materials.materials import choose_surfaces
-from .kitchen_run import GROUP, arrange_groups, arrange_seating, line_up
+from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
+from .seating import GROUP, arrange_groups, arrange_seating
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 

@@ -1,25 +1,37 @@
-"""A kitchen's line: appliances and counters edge to edge along one wall or a corner; and seating of living rooms.
+"""Kitchens: appliances and counters edge to edge in a line, around one corner or along three walls.
 
-The order is that of the work: food comes out of the fridge at one end, is prepared on a counter beside the
-oven, and goes back to the sink, which has the dishwasher at its side.
+The order is that of the work: food comes out of the fridge at one end, is prepared on worktop beside the stove, and
+goes on to the sink, which has the dishwasher at its side. Worktop is between stove and sink in every form.
 """
 
 from collections.abc import Iterator, Sequence
-from math import hypot, inf
-from typing import NamedTuple
+from itertools import product
+from typing import Literal, NamedTuple
 
-from ..furniture.arrangement import RULES, Density, front_of
-from ..geometry.boxes import Box, Pose, footprint
+from ..furniture.arrangement import Density, front_of
+from ..geometry.boxes import Pose, footprint
 from ..geometry.parts import Style
-from .candidates import FLUSH_M, against_walls, facing, in_the_open
+from .candidates import FLUSH_M
 from .placement import WALL_GAP_M, Side
 from .room_furnishing import RoomFurnishing
 
-_COUNTERS: dict[Density, int] = {"Sparse": 0, "Moderate": 1, "Dense": 2}
-"""Counters besides the one with the sink."""
+_COUNTERS: dict[Density, tuple[int, int]] = {"Sparse": (1, 1), "Moderate": (2, 3), "Dense": (3, 4)}
+"""Counters besides those with the sink and in corners: what a kitchen is tried with first, drawn between the two."""
+
+_TALL_CHANCES: dict[Density, float] = {"Sparse": 0.0, "Moderate": 0.4, "Dense": 0.7}
+"""Chance of a tall cupboard beside the fridge."""
+
+_LEAST_PIECES = 6
+"""Pieces that a kitchen should have: fridge, stove, sink, dishwasher, and worktop on both sides of the stove."""
 
 _CORNER_M = 0.2
 _MOST_TRIES = 16
+
+_MOST_GAP_M = 0.2
+"""Widest gap of a kitchen along three walls, beside its second corner: a strip of wood closes it."""
+
+Form = Literal["line", "corner", "three walls"]
+_FORMS: tuple[Form, ...] = ("line", "corner", "three walls")
 
 
 class Unit(NamedTuple):
@@ -34,8 +46,20 @@ class Unit(NamedTuple):
 Placed = list[tuple[Unit, Pose]]
 
 
+class Halves(NamedTuple):
+    """The two halves of a kitchen, each from its outer end to where they meet, and what else it may have."""
+
+    cooking: list[Unit]
+    """From the fridge to the worktop beside the stove."""
+    washing: list[Unit]
+    """From the sink on."""
+    corner: Unit
+    counters: list[Unit]
+    """Counters of each size, to fill a wall with."""
+
+
 def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
-    """Places a kitchen's row of cabinets and appliances along walls.
+    """Places a kitchen's cabinets and appliances along walls.
 
     Args:
         work: the kitchen; nothing stands in it yet.
@@ -43,36 +67,63 @@ def line_up(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     """
     if not kinds:
         return
-    counters = _COUNTERS[work.density] if "Storage" in kinds else 0
-    for number in range(counters, -1, -1):
-        cooking, washing = _units(work, kinds, number)
-        if _settle(work, _along_one_wall(work, [*cooking, *washing])):
+    liked = {kind: work.styles(kind)[0] for kind in kinds}
+    compact = {kind: min(work.styles(kind), key=lambda style: (style.width_m, style.height_m)) for kind in kinds}
+    if "Storage" in kinds:
+        liked["Storage"] = work.style_of("Storage", "counter-sink")
+        compact["Storage"] = work.style_of("Storage", "counter-sink-small")
+    first, tall = work.dice.randint(*_COUNTERS[work.density]), work.dice.random() < _TALL_CHANCES[work.density]
+    forms = sorted(_FORMS, key=lambda _: work.dice.random()) if "Storage" in kinds else list(_FORMS[:1])
+    # Where no form has place for all, narrow appliances come, then a washing machine elsewhere.
+    sets = [liked, compact, {kind: style for kind, style in compact.items() if kind != "WashingMachinesAndDryers"}]
+    tried = [
+        (styles, form, number)
+        for styles in (sets if "WashingMachinesAndDryers" in kinds else sets[:2])
+        for form in forms
+        for number in range(first, -1, -1)
+    ]
+    # A form with fewer pieces than a kitchen should have comes after all others.
+    for styles, form, number in sorted(tried, key=lambda each: _is_poor(each[1], each[2], len(each[0]))):
+        if _settle(work, _options(work, form, _halves(work, styles, number, tall=tall and number > 0))):
             return
-        if number and washing and _settle(work, _around_a_corner(work, cooking, washing)):
-            return
-    cooking, washing = _units(work, kinds, 0)
-    for half in (washing, cooking):
+    halves = _halves(work, compact, 0, tall=False)
+    for half in (halves.washing, halves.cooking):
         if half:
             _settle(work, _along_one_wall(work, half))
 
 
-def _units(work: RoomFurnishing, kinds: Sequence[str], counters: int) -> tuple[list[Unit], list[Unit]]:
-    """The two halves of the line, each from its outer end to where they meet."""
-    styles = {kind: work.styles(kind) for kind in kinds}
-    counter = next((style for style in styles.get("Storage", []) if style.form != "counter-sink"), None)
-    spare = [] if counter is None else [Unit("Storage", counter)] * counters
-    cooking = [Unit(kind, styles[kind][0]) for kind in ("Fridges", "Ovens") if kind in styles]
-    # The first counter is beside the oven, towards the sink; the next between fridge and oven.
-    cooking += spare[:1]
-    cooking[1:1] = spare[1:2]
+def _is_poor(form: Form, counters: int, others: int) -> bool:
+    """Whether a kitchen has too few pieces, or no worktop between stove and sink."""
+    return others + counters + _FORMS.index(form) < _LEAST_PIECES or (form == "line" and counters == 0)
+
+
+def _options(work: RoomFurnishing, form: Form, halves: Halves) -> Iterator[tuple[float, Placed]]:
+    if form == "line":
+        return _along_one_wall(work, [*halves.cooking, *halves.washing])
+    return _around_a_corner(work, halves) if form == "corner" else _along_three_walls(work, halves)
+
+
+def _halves(work: RoomFurnishing, styles: dict[str, Style], number: int, *, tall: bool) -> Halves:
+    """The units of a kitchen with so many counters."""
+    counters = [Unit("Storage", work.style_of("Storage", form)) for form in ("counter-drawers", "counter")]
+    # Drawers and doors by turns: the first beside the stove, towards the sink; the next between fridge and stove.
+    spare = [counters[index % len(counters)] for index in range(number if "Storage" in styles else 0)]
+    cooking = [Unit("Fridges", styles["Fridges"])] if "Fridges" in styles else []
+    cooking += [Unit("Storage", work.style_of("Storage", "pantry"))] if tall else []
+    cooking += [*spare[1:2], *([Unit("Ovens", styles["Ovens"])] if "Ovens" in styles else []), *spare[:1]]
     washed = ("Storage", "DishWashers", "WashingMachinesAndDryers")
-    washing = [Unit(kind, styles[kind][0]) for kind in washed if kind in styles]
-    return cooking, [*washing, *spare[2:]]
+    washing = [Unit(kind, styles[kind]) for kind in washed if kind in styles]
+    corner = Unit("Storage", work.style_of("Storage", "counter-corner"), blind=True)
+    return Halves(cooking, [*washing, *spare[2:]], corner, counters)
+
+
+def _length(units: Sequence[Unit]) -> float:
+    return sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
 
 
 def _along_one_wall(work: RoomFurnishing, units: Sequence[Unit]) -> Iterator[tuple[float, Placed]]:
     """The line at both ends of every free stretch of wall, either way round."""
-    length = sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
+    length = _length(units)
     depth, front = _reach(work, units)
     for side in work.space.sides:
         liking = 0.4 * work.dice.random()
@@ -107,27 +158,70 @@ def _in_line(side: Side, units: Sequence[Unit], start: float) -> Placed:
     return placed
 
 
-def _around_a_corner(
-    work: RoomFurnishing, cooking: Sequence[Unit], washing: Sequence[Unit]
-) -> Iterator[tuple[float, Placed]]:
-    """One half on each of two walls that meet; a counter fills the corner."""
-    corner = cooking[-1]._replace(blind=True)
-    outward = [corner, *reversed(cooking[:-1])]
+def _around_a_corner(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[float, Placed]]:
+    """One half on each of two walls that meet; worktop fills the corner."""
+    outward, beyond = [halves.corner, *reversed(halves.cooking)], _beyond(halves.corner)
+    for first, second, ends in _corners(work):
+        one, other = _from(first, outward, ends[0], WALL_GAP_M), _from(second, halves.washing, ends[1], beyond)
+        yield work.dice.random(), [*one, *other]
+
+
+def _along_three_walls(work: RoomFurnishing, halves: Halves) -> Iterator[tuple[float, Placed]]:
+    """The sink's half fills the wall between two corners; the stove is on one side, counters are on the other."""
+    corner, counters = halves.corner, halves.counters
+    beyond = _beyond(corner)
+    for middle, cooking, near in _corners(work):
+        for again, third, far in _corners(work):
+            if again != middle or third.quarter == cooking.quarter or near[0][1] == far[0][1]:
+                continue
+            room_m = abs(far[0][0] - near[0][0]) - 2 * beyond
+            filled = _filled(room_m, halves.washing, counters)
+            if filled is None:
+                continue
+            # The second corner belongs to the third wall: a gap is beside it, and each wall's units touch.
+            yield (
+                work.dice.random(),
+                [
+                    *_from(middle, [corner, *filled], near[0], WALL_GAP_M),
+                    *_from(cooking, halves.cooking[::-1], near[1], beyond),
+                    *_from(third, [corner, *counters], far[1], WALL_GAP_M),
+                ],
+            )
+
+
+def _filled(room_m: float, washing: Sequence[Unit], counters: Sequence[Unit]) -> list[Unit] | None:
+    """The sink's half with so many counters that it fills a length; None: nothing fills it."""
+    sink = [unit for unit in washing if unit.kind != "Storage" or unit.style.form.startswith("counter-sink")]
+    for numbers in product(range(4), repeat=len(counters)):
+        units = [*sink, *(unit for unit, number in zip(counters, numbers, strict=True) for _ in range(number))]
+        if units and 0 <= room_m - _length(units) - FLUSH_M <= _MOST_GAP_M:
+            return units
+    return None
+
+
+def _beyond(corner: Unit) -> float:
+    """Distance along a wall from a room's corner to what stands next to the unit there."""
+    return WALL_GAP_M + corner.style.depth_m + FLUSH_M
+
+
+End = tuple[float, int]
+"""Coordinate of the face of the wall at one end of another, and the way from it."""
+
+
+def _corners(work: RoomFurnishing) -> Iterator[tuple[Side, Side, tuple[End, End]]]:
+    """Pairs of walls that meet in an inside corner, either way round."""
     for first in work.space.sides:
         for second in work.space.sides:
             ends = _meet(first, second)
-            if ends is None:
-                continue
-            one = _from(first, outward, ends[0], WALL_GAP_M)
-            other = _from(second, washing, ends[1], WALL_GAP_M + corner.style.depth_m + FLUSH_M)
-            yield work.dice.random(), [*one, *other]
+            if ends is not None:
+                yield first, second, ends
 
 
-def _meet(first: Side, second: Side) -> tuple[tuple[float, int], tuple[float, int]] | None:
-    """Inside corner of two walls: for each the coordinate of the other's face, and the way from it; None: no corner."""
+def _meet(first: Side, second: Side) -> tuple[End, End] | None:
+    """Inside corner of two walls: where each ends; None: no corner."""
     if (first.quarter - second.quarter) % 2 == 0:
         return None
-    found: list[tuple[float, int]] = []
+    found: list[End] = []
     for side, other in ((first, second), (second, first)):
         if 0 < other.face - side.low < _CORNER_M:
             found.append((other.face, 1))
@@ -136,13 +230,12 @@ def _meet(first: Side, second: Side) -> tuple[tuple[float, int], tuple[float, in
     return (found[0], found[1]) if len(found) == 2 else None
 
 
-def _from(side: Side, units: Sequence[Unit], end: tuple[float, int], gap: float) -> Placed:
+def _from(side: Side, units: Sequence[Unit], end: End, gap: float) -> Placed:
     """Units along a wall, from one of its ends on."""
     at, way = end
     if way > 0:
         return _in_line(side, units, at + gap)
-    length = sum(unit.style.width_m for unit in units) + FLUSH_M * (len(units) - 1)
-    return _in_line(side, units[::-1], at - gap - length)
+    return _in_line(side, units[::-1], at - gap - _length(units))
 
 
 def _settle(work: RoomFurnishing, options: Iterator[tuple[float, Placed]]) -> bool:
@@ -165,99 +258,3 @@ def _fits(work: RoomFurnishing, unit: Unit, pose: Pose) -> bool:
     if unit.blind:
         return work.space.admits(footprint(pose, unit.style.width_m, unit.style.depth_m))
     return work.fits(unit.kind, unit.style, pose)
-
-
-_MOST_SEAT_TRIES = 12
-_BEST_WALLS = 10
-"""Spots for the screen that seats are looked for opposite of."""
-
-_HALF_SIGHT_M = 0.4
-
-
-def arrange_seating(work: RoomFurnishing) -> None:
-    """Places a television and a sofa opposite each other; nothing if no pair fits.
-
-    They are chosen together, because the wall that suits the screen best often has nothing opposite it.
-    """
-    for screen in work.styles("MediaStorage"):
-        for sofa in work.styles("Sofas"):
-            if _place_pair(work, screen, sofa):
-                return
-
-
-GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
-"""Kinds of furniture that people who talk sit around and on."""
-
-_FLOOR_OF_GROUP_M2: dict[Density, float] = {"Sparse": inf, "Moderate": 70.0, "Dense": 45.0}
-_MOST_GROUPS = 4
-_TABLE_GAP_M, _CHAIR_GAP_M, _BETWEEN_CHAIRS_M = 0.4, 0.46, 0.2
-_AROUND_M = 0.7
-"""Free around a group: a robot passes."""
-
-_GROUP_TRIES = 300
-
-
-def arrange_groups(work: RoomFurnishing) -> None:
-    """Places further seating groups (sofa, table, two armchairs) in a large room."""
-    for _ in range(min(_MOST_GROUPS, int(work.room.floor_m2 / _FLOOR_OF_GROUP_M2[work.density]))):
-        if not _place_group(work):
-            return
-
-
-def _place_group(work: RoomFurnishing) -> bool:
-    sofa, table, chair = (work.styles(kind)[0] for kind in GROUP)
-    to_table = sofa.depth_m / 2 + _TABLE_GAP_M + table.depth_m / 2
-    to_chairs = to_table + table.depth_m / 2 + _CHAIR_GAP_M + chair.depth_m / 2
-    aside = (chair.width_m + _BETWEEN_CHAIRS_M) / 2
-    half = max(sofa.width_m, table.width_m, 2 * aside + chair.width_m) / 2 + _AROUND_M
-    spots = in_the_open(work.space, work.dice, [])
-    some = work.dice.sample(spots, min(_GROUP_TRIES, len(spots)))
-    for spot in sorted(some, key=lambda spot: -_away(spot, work)):
-        if not work.space.admits(
-            spot.box(-sofa.depth_m / 2 - _AROUND_M, to_chairs + chair.depth_m / 2 + _AROUND_M, -half, half)
-        ):
-            continue
-        chairs = [("LivingRoomChairs", chair, spot.moved(to_chairs, side * aside, 2)) for side in (1, -1)]
-        group = [("Sofas", sofa, spot), ("CoffeeTables", table, spot.moved(to_table, 0.0, 2)), *chairs]
-        if work.space.stays_open(*(footprint(pose, style.width_m, style.depth_m) for _, style, pose in group)):
-            for kind, style, pose in group:
-                work.stand(kind, style, pose)
-            return True
-    return False
-
-
-def _away(spot: Pose, work: RoomFurnishing) -> float:
-    """How far a spot is from all furniture: groups spread over the room."""
-    return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
-
-
-def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
-    rule = RULES["MediaStorage"]
-    walls = against_walls(work.space, screen, rule.front_m, rule.prefer, work.dice, tall=True)
-    pairs = [
-        (wall.score + seat.score, wall, seat)
-        for wall in sorted(walls, key=lambda wall: -wall.score)[:_BEST_WALLS]
-        for seat in facing(work.space, wall, screen.depth_m, sofa)
-    ]
-    tries = 0
-    for _, wall, seat in sorted(pairs, key=lambda pair: -pair[0]):
-        sight = _sight(wall, screen, seat, sofa)
-        if not work.space.is_clear(sight) or not work.fits("Sofas", sofa, seat):
-            continue
-        if not work.fits("MediaStorage", screen, wall):
-            continue
-        boxes = footprint(wall, screen.width_m, screen.depth_m), footprint(seat, sofa.width_m, sofa.depth_m)
-        if work.space.stays_open(*boxes):
-            work.stand("MediaStorage", screen, wall)
-            work.space.keep_clear(work.stand("Sofas", sofa, seat).id, sight)
-            return True
-        tries += 1
-        if tries == _MOST_SEAT_TRIES:
-            break
-    return False
-
-
-def _sight(wall: Pose, screen: Style, seat: Pose, sofa: Style) -> Box:
-    """Line of sight between the screen and the sofa, as a box."""
-    distance = abs(seat.x - wall.x) if wall.quarter % 2 == 0 else abs(seat.y - wall.y)
-    return wall.box(screen.depth_m / 2, distance - sofa.depth_m / 2, -_HALF_SIGHT_M, _HALF_SIGHT_M)

@@ -32,12 +32,15 @@ NewId = Callable[[str], str]
 _SMALL_ROOM_M2 = 15.0
 _LARGE_ROOM_M2 = 45.0
 _WIDE_BED_M = 1.2
+_FOR_TWO_M2 = 12.0
+"""From this floor area on a bedroom has a bed for two: 2.5 m of wall for the bed and both its sides."""
+_DOUBLE_BED_M, _WIDEST_BED_M = 1.5, 1.8
 _TRIES = 6
 _HALF_SEAT_M = 0.3
 _COMPANIONS = ("beside", "before", "gathered", "around", "desk")
 """Relations without which a second piece makes no sense: one chair may stand alone, not four."""
 
-_ATTENDANTS = {"Desks": ("DeskChairs", 1), "DiningTables": ("DiningChairs", 4)}
+_ATTENDANTS = {"Beds": ("Nightstands", 2), "Desks": ("DeskChairs", 1), "DiningTables": ("DiningChairs", 4)}
 """Companions without which every further piece of a kind is useless, and how many of them."""
 
 _WAITING = frozenset(kind for kind, _ in _ATTENDANTS.values())
@@ -195,16 +198,25 @@ class RoomFurnishing:
         noise = {form: self.dice.random() for form in forms}
         sink = any(item.style.startswith("counter-sink") for item in self.items)
         # Chairs of one table and nightstands of one bed are alike.
+        for_two = kind == "Beds" and self.room.floor_m2 >= _FOR_TWO_M2 and not self.placed(kind)
+        large = self.room.floor_m2 >= _SMALL_ROOM_M2
         used = {item.style for item in self.items if item.model_type == kind} if RULES[kind].bound else set[str]()
 
         def rank(form: str) -> float:
             style = by_form[form]
             # A kitchen needs one sink, and then counters.
-            repeated = (5.0 if sink else -5.0) * (form == "counter-sink")
+            repeated = (5.0 if sink else -5.0) * form.startswith("counter-sink")
             alike = -5.0 * (style.name in used)
+            if for_two:
+                # Two sleep in a bedroom that has the room; the widest that leaves the rest of it usable comes first.
+                return abs(style.width_m - (_WIDEST_BED_M if large else _DOUBLE_BED_M)) + 0.1 * noise[form]
             return weight * 0.4 * style.width_m * style.depth_m + noise[form] + repeated + alike
 
         return [by_form[form] for form in sorted(forms, key=rank)]
+
+    def style_of(self, kind: str, form: str) -> Style:
+        """Returns the style of a form in the colours that suit the room."""
+        return min((style for style in styles_of(kind) if style.form == form), key=lambda s: self._taste[s.colors])
 
     def _place_style(self, kind: str, style: Style) -> str:
         reason = f"no wall of {self.room.name} has {style.width_m:.2f} m free"
@@ -252,7 +264,8 @@ class RoomFurnishing:
         box, seat = footprint(pose, style.width_m, style.depth_m), RULES[kind].seat_m
         if not seat:
             return [box]
-        return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, -_HALF_SEAT_M, _HALF_SEAT_M)]
+        right, left = candidates.DESK_SEAT_M - _HALF_SEAT_M, candidates.DESK_SEAT_M + _HALF_SEAT_M
+        return [box, pose.box(style.depth_m / 2, style.depth_m / 2 + seat, right, left)]
 
     def _zones(self, kind: str, style: Style, pose: Pose) -> Iterator[list[Box]]:
         """Boxes that have to stay free around a piece; several lists when there is a choice."""

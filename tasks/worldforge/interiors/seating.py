@@ -1,0 +1,104 @@
+"""Seating of living rooms: a television with a sofa opposite it, and further groups in large rooms."""
+
+from math import hypot, inf
+
+from ..furniture.arrangement import RULES, Density
+from ..geometry.boxes import Box, Pose, footprint
+from ..geometry.parts import Style
+from .candidates import against_walls, facing, in_the_open
+from .room_furnishing import RoomFurnishing
+
+_MOST_SEAT_TRIES = 12
+_BEST_WALLS = 10
+"""Spots for the screen that seats are looked for opposite of."""
+
+_HALF_SIGHT_M = 0.4
+
+
+def arrange_seating(work: RoomFurnishing) -> None:
+    """Places a television and a sofa opposite each other; nothing if no pair fits.
+
+    They are chosen together, because the wall that suits the screen best often has nothing opposite it.
+    """
+    for screen in work.styles("MediaStorage"):
+        for sofa in work.styles("Sofas"):
+            if _place_pair(work, screen, sofa):
+                return
+
+
+GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
+"""Kinds of furniture that people who talk sit around and on."""
+
+_FLOOR_OF_GROUP_M2: dict[Density, float] = {"Sparse": inf, "Moderate": 70.0, "Dense": 45.0}
+_MOST_GROUPS = 4
+_TABLE_GAP_M, _CHAIR_GAP_M, _BETWEEN_CHAIRS_M = 0.4, 0.46, 0.2
+_AROUND_M = 0.7
+"""Free around a group: a robot passes."""
+
+_GROUP_TRIES = 300
+
+
+def arrange_groups(work: RoomFurnishing) -> None:
+    """Places further seating groups (sofa, table, two armchairs) in a large room."""
+    for _ in range(min(_MOST_GROUPS, int(work.room.floor_m2 / _FLOOR_OF_GROUP_M2[work.density]))):
+        if not _place_group(work):
+            return
+
+
+def _place_group(work: RoomFurnishing) -> bool:
+    sofa, table, chair = (work.styles(kind)[0] for kind in GROUP)
+    to_table = sofa.depth_m / 2 + _TABLE_GAP_M + table.depth_m / 2
+    to_chairs = to_table + table.depth_m / 2 + _CHAIR_GAP_M + chair.depth_m / 2
+    aside = (chair.width_m + _BETWEEN_CHAIRS_M) / 2
+    half = max(sofa.width_m, table.width_m, 2 * aside + chair.width_m) / 2 + _AROUND_M
+    spots = in_the_open(work.space, work.dice, [])
+    some = work.dice.sample(spots, min(_GROUP_TRIES, len(spots)))
+    for spot in sorted(some, key=lambda spot: -_away(spot, work)):
+        if not work.space.admits(
+            spot.box(-sofa.depth_m / 2 - _AROUND_M, to_chairs + chair.depth_m / 2 + _AROUND_M, -half, half)
+        ):
+            continue
+        chairs = [("LivingRoomChairs", chair, spot.moved(to_chairs, side * aside, 2)) for side in (1, -1)]
+        group = [("Sofas", sofa, spot), ("CoffeeTables", table, spot.moved(to_table, 0.0, 2)), *chairs]
+        if work.space.stays_open(*(footprint(pose, style.width_m, style.depth_m) for _, style, pose in group)):
+            for kind, style, pose in group:
+                work.stand(kind, style, pose)
+            return True
+    return False
+
+
+def _away(spot: Pose, work: RoomFurnishing) -> float:
+    """How far a spot is from all furniture: groups spread over the room."""
+    return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
+
+
+def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
+    rule = RULES["MediaStorage"]
+    walls = against_walls(work.space, screen, rule.front_m, rule.prefer, work.dice, tall=True)
+    pairs = [
+        (wall.score + seat.score, wall, seat)
+        for wall in sorted(walls, key=lambda wall: -wall.score)[:_BEST_WALLS]
+        for seat in facing(work.space, wall, screen.depth_m, sofa)
+    ]
+    tries = 0
+    for _, wall, seat in sorted(pairs, key=lambda pair: -pair[0]):
+        sight = _sight(wall, screen, seat, sofa)
+        if not work.space.is_clear(sight) or not work.fits("Sofas", sofa, seat):
+            continue
+        if not work.fits("MediaStorage", screen, wall):
+            continue
+        boxes = footprint(wall, screen.width_m, screen.depth_m), footprint(seat, sofa.width_m, sofa.depth_m)
+        if work.space.stays_open(*boxes):
+            work.stand("MediaStorage", screen, wall)
+            work.space.keep_clear(work.stand("Sofas", sofa, seat).id, sight)
+            return True
+        tries += 1
+        if tries == _MOST_SEAT_TRIES:
+            break
+    return False
+
+
+def _sight(wall: Pose, screen: Style, seat: Pose, sofa: Style) -> Box:
+    """Line of sight between the screen and the sofa, as a box."""
+    distance = abs(seat.x - wall.x) if wall.quarter % 2 == 0 else abs(seat.y - wall.y)
+    return wall.box(screen.depth_m / 2, distance - sofa.depth_m / 2, -_HALF_SIGHT_M, _HALF_SIGHT_M)
