@@ -45,8 +45,6 @@ ZONES: Mapping[str, tuple[str, ...]] = {
     "table": ("DiningTables",),
     "work": ("Desks",),
     "sleep": ("Beds",),
-    "kitchen": ("Ovens",),
-    "reading": ("Bookcases",),
 }
 FORMS = ("line", "L", "U", "island")
 
@@ -120,7 +118,11 @@ def bath_windows(case: Case) -> Iterator[str]:
     lit = {window.room for window in case.world.floorplan.windows}
     for room in case.world.floorplan.rooms:
         walls = [wall for wall in case.world.floorplan.walls if wall.exterior and wall.rooms == [room.name]]
-        if room.type == "Bathroom" and room.name not in lit and any(math.dist(w.start, w.end) >= WINDOW_WALL_M for w in walls):
+        if (
+            room.type == "Bathroom"
+            and room.name not in lit
+            and any(math.dist(w.start, w.end) >= WINDOW_WALL_M for w in walls)
+        ):
             yield f"{room.name} has an outer wall and no window"
 
 
@@ -139,7 +141,10 @@ def nightstands(case: Case) -> Iterator[str]:
         if bed.room not in rooms:
             continue
         back, half = -bed.depth_m / 2, bed.width_m / 2
-        sides = [_at(bed, (back, back + ALONG_BED_M), span) for span in ((half, half + BESIDE_BED_M), (-half - BESIDE_BED_M, -half))]
+        sides = [
+            _at(bed, (back, back + ALONG_BED_M), span)
+            for span in ((half, half + BESIDE_BED_M), (-half - BESIDE_BED_M, -half))
+        ]
         stands = [box_of(stand) for stand in case.of("Nightstands", bed.room)]
         if any(_hit(side, stand) for side in sides for stand in stands):
             continue
@@ -190,7 +195,7 @@ def screens(case: Case) -> Iterator[str]:
     for screen in case.of("MediaStorage"):
         found = [abs(_tilt_deg(screen, sofa)) for sofa in case.of("Sofas", screen.room)]
         if screen.room in rooms and min(found, default=math.inf) > TILT_DEG:
-            yield f"{screen.id} in {screen.room} has no sofa opposite: {[round(one) for one in found]} degrees off"
+            yield f"{screen.id} in {screen.room} has no sofa opposite: {[f'{one:.0f}' for one in found]} degrees off"
     for room in rooms:
         if not case.of("MediaStorage", room):
             yield f"{room} has no television"
@@ -261,7 +266,9 @@ def dining(case: Case) -> Iterator[str]:
     if not found:
         return
     tables = case.of("DiningTables")
-    if not tables and not any(one.DesiredSpatialDensity == "Sparse" for one in case.body.interior.Furniture.FurnitureArrangements):
+    if not tables and not any(
+        one.DesiredSpatialDensity == "Sparse" for one in case.body.interior.Furniture.FurnitureArrangements
+    ):
         yield "no room has a dining table"
     for room in rooms:
         here = [table for table in tables if table.room == room.name]
@@ -355,10 +362,20 @@ def kitchens_of(case: Case) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Form of each kitchen, and its pieces in the order of their names."""
     for room in case.free_rooms("Kitchen"):
         line = [one for kind in (*LINE, "KitchenIslandsAndCarts") for one in case.of(kind, room.name)]
-        yield kitchen_form(case, room), tuple(sorted(f"{one.model_type} {one.style.split()[0]}" if one.model_type == "Storage" else one.model_type for one in line))
+        yield (
+            kitchen_form(case, room),
+            tuple(
+                sorted(
+                    f"{one.model_type} {one.style.split()[0]}" if one.model_type == "Storage" else one.model_type
+                    for one in line
+                )
+            ),
+        )
 
 
-def template(rooms: Sequence[tuple[str, str, float]], *furniture: dict[str, Any], version: str = "2") -> WorldTemplateBody:
+def template(
+    rooms: Sequence[tuple[str, str, float]], *furniture: dict[str, Any], version: str = "2"
+) -> WorldTemplateBody:
     """A template of rooms given as name, type and area, 4:3 each, with furniture arrangements."""
     wished = [
         {"Name": name, "Type": kind, "DesiredShape": {"Area": area, "AspectRatio": {"x": 4.0, "y": 3.0}}}
@@ -380,12 +397,22 @@ def dense(*names: str, loose: int | None = None) -> dict[str, Any]:
     return made if loose is None else made | {"LooseObjects": loose}
 
 
-FLAT = (("Living", "Living", 24.0), ("Kitchen", "Kitchen", 12.0), ("Bedroom", "Bedroom", 14.0), ("Bath", "Bathroom", 10.0))
+FLAT = (
+    ("Living", "Living", 24.0),
+    ("Kitchen", "Kitchen", 12.0),
+    ("Bedroom", "Bedroom", 14.0),
+    ("Bath", "Bathroom", 10.0),
+)
 HOUSE = (
     ("Living", "Living", 32.0), ("Kitchen", "Kitchen", 16.0), ("Dining", "Dining", 16.0),
     ("Bedroom", "Bedroom", 18.0), ("Guests", "Bedroom", 13.0), ("Bath", "Bathroom", 10.0),
 )  # fmt: skip
-LOFT = (("Loft", "Living", 52.0), ("Kitchen", "Kitchen", 22.0), ("Bedroom", "Bedroom", 20.0), ("Bath", "Bathroom", 12.0))
+LOFT = (
+    ("Loft", "Living", 52.0),
+    ("Kitchen", "Kitchen", 22.0),
+    ("Bedroom", "Bedroom", 20.0),
+    ("Bath", "Bathroom", 12.0),
+)
 TEMPLATES: dict[str, WorldTemplateBody] = {
     "flat": template(FLAT),
     "flat, dense, without doors": template(FLAT, dense(*(name for name, _, _ in FLAT)), version="1"),

@@ -1,8 +1,9 @@
 """Furniture of rooms for which a template names none, and how full rooms are."""
 
+from collections.abc import Sequence
 from typing import Literal
 
-from ....schemas.worlds.world import RoomType
+from ....schemas.worlds.world import Room, RoomType
 from .catalogue import KITCHEN_RUN as KITCHEN_RUN
 from .catalogue import RULES as RULES
 from .catalogue import SEATS
@@ -42,11 +43,15 @@ _LAVISH: dict[RoomType, tuple[str, ...]] = {
     "Closet": ("Bookcases", "Ottomans"),
 }
 
-_LARGE: dict[RoomType, tuple[float, tuple[str, ...]]] = {
-    "Living": (45.0, ("DiningTables", "DiningChairs", "Desks", "DeskChairs", "Bookcases")),
-    "Kitchen": (20.0, ("DiningTables", "DiningChairs")),
+_DINING = ("DiningTables", "DiningChairs")
+_LARGE: dict[RoomType, tuple[tuple[float, tuple[str, ...]], ...]] = {
+    "Living": ((30.0, ("Desks", "DeskChairs", "Bookcases")), (45.0, _DINING)),
+    "Kitchen": ((20.0, _DINING),),
 }
-"""From how many square metres on a room has a corner to dine in, to work in."""
+"""From how many square metres on a room has a corner to work and read in, to dine in."""
+
+_DINES_FROM_M2 = 16.0
+"""Floor area from which on a living room has place for a table beside the sofa and the television."""
 
 INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Toilets",),
@@ -84,15 +89,37 @@ def wished_share(room_type: RoomType, density: Density, floor_m2: float) -> floa
     return share * min(1.0, (full_m2 / floor_m2) ** (1 / 3))
 
 
-def usual_types(room_type: RoomType, density: Density, floor_m2: float = 0.0) -> tuple[str, ...]:
-    """Returns the usual furniture types for a room type and size."""
+def dining_room(rooms: Sequence[Room]) -> str | None:
+    """Returns the living room that people dine in, the largest; None where a dining room or a large kitchen is there.
+
+    Without a kitchen, nothing is said of meals.
+    """
+    kitchens = [room.floor_m2 for room in rooms if room.type == "Kitchen"]
+    living = [room for room in rooms if room.type == "Living" and room.floor_m2 >= _DINES_FROM_M2]
+    if not kitchens or not living or max(kitchens) >= _LARGE["Kitchen"][0][0] or "Dining" in {r.type for r in rooms}:
+        return None
+    return max(living, key=lambda room: room.floor_m2).name
+
+
+def usual_types(
+    room_type: RoomType, density: Density, floor_m2: float = 0.0, *, dines: bool = False
+) -> tuple[str, ...]:
+    """Returns the usual furniture types for a room.
+
+    Args:
+        room_type: its type.
+        density: how full it should be.
+        floor_m2: its size.
+        dines: whether people dine in it for want of a dining room.
+    """
     essential = _ESSENTIAL[room_type]
     if density == "Sparse":
         return essential
     usual = essential + _USUAL[room_type]
-    from_m2, more = _LARGE.get(room_type, (0.0, ()))
-    if floor_m2 >= from_m2:
-        usual += more
+    for from_m2, more in _LARGE.get(room_type, ()):
+        if floor_m2 >= from_m2:
+            usual += more
+    usual += _DINING if dines else ()
     return usual if density == "Moderate" else usual + _LAVISH[room_type]
 
 

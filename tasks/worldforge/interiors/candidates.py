@@ -6,7 +6,7 @@ from random import Random
 
 from ....schemas.worlds.world import Furniture
 from ..furniture.catalogue import parts_of
-from ..geometry.boxes import Pose, pose_of
+from ..geometry.boxes import Box, Pose, pose_of
 from ..geometry.parts import Style
 from .placement import WALL_GAP_M, RoomSpace, Side
 
@@ -106,6 +106,11 @@ def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Po
             score = -2.0 * off**0.5 + 0.15 * dice.random()
             poses += [Pose(x, y, turn, score + (0.4 if turn == best_turn else 0.0)) for turn in turns]
     return poses
+
+
+def distance(pose: Pose, box: Box) -> float:
+    """Returns the distance in metres from a pose's middle to a rectangle."""
+    return hypot(max(box[0] - pose.x, pose.x - box[2], 0.0), max(box[1] - pose.y, pose.y - box[3], 0.0))
 
 
 def beside(partner: Furniture, style: Style, dice: Random) -> list[Pose]:

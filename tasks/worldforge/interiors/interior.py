@@ -10,12 +10,12 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.brief import choose_sets, why_unused
-from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, Density, usual_types
+from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, Density, dining_room, usual_types
 from ..materials.materials import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
 from .room_furnishing import RoomFurnishing
-from .seating import GROUP, arrange_groups, arrange_seating
+from .seating import GROUP, arrange_groups, arrange_seating, is_watched
 
 _PATH = f"{INTERIOR_PATH}.Furniture.FurnitureArrangements"
 
@@ -49,11 +49,11 @@ def furnish(
     furniture: list[Furniture] = []
     done: dict[str, RoomFurnishing] = {}
     lying: Counter[str] = Counter()
-    loose = 0
+    loose, dines = 0, dining_room(rooms)
     for room in rooms:
         index = chosen.get(room.name)
         arrangement = None if index is None else arrangements[index]
-        kinds, before = _kinds(arrangement, room), names.copy()
+        kinds, before = _kinds(arrangement, room, dines=room.name == dines), names.copy()
         work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
         _furnish_room(work, kinds)
         if lacking := _lacking(work, kinds):
@@ -64,6 +64,18 @@ def furnish(
             work.begin_with(lacking)
             work.furnish(kinds)
             preferences += _bare_preferences(work, kinds, arrangement)
+        elif "DiningTables" in kinds and room.type == "Living" and not work.dines:
+            after = names.copy()
+            names.clear()
+            names.update(before)
+            other = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
+            other.begin_with(("DiningTables",))
+            _furnish_room(other, kinds)
+            if other.dines and (is_watched(other) or not is_watched(work)):
+                work = other
+            else:
+                names.clear()
+                names.update(after)
         asked = None if arrangement is None else arrangement.LooseObjects
         if asked is not None:
             things = scatter(work, asked, fill=True)
@@ -97,7 +109,7 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     if work.room.type == "Kitchen":
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
     elif {"MediaStorage", "Sofas"} <= set(kinds):
-        arrange_seating(work)
+        arrange_seating(work, table="CoffeeTables" in kinds)
     work.place_each(kinds)
     if work.room.type == "Living" and set(GROUP) <= set(kinds):
         arrange_groups(work)
@@ -126,9 +138,9 @@ def _density(arrangement: FurnitureArrangement | None) -> Density:
     return "Moderate" if arrangement is None else arrangement.DesiredSpatialDensity
 
 
-def _kinds(arrangement: FurnitureArrangement | None, room: Room) -> Sequence[str]:
+def _kinds(arrangement: FurnitureArrangement | None, room: Room, *, dines: bool) -> Sequence[str]:
     if arrangement is None or arrangement.SampleSet is None:
-        return usual_types(room.type, _density(arrangement), room.floor_m2)
+        return usual_types(room.type, _density(arrangement), room.floor_m2, dines=dines)
     return arrangement.SampleSet.ModelTypes
 
 

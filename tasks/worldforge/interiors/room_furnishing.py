@@ -7,7 +7,7 @@ from math import hypot, inf, pi
 from random import Random
 from typing import NamedTuple
 
-from ....schemas.worlds.world import Floorplan, Furniture, Room
+from ....schemas.worlds.world import Floorplan, Furniture, Room, bounds
 from ..furniture.arrangement import (
     COVERAGE_CAP,
     KITCHEN_RUN,
@@ -21,7 +21,7 @@ from ..furniture.arrangement import (
     wished_share,
 )
 from ..furniture.catalogue import styles_of
-from ..geometry.boxes import Box, Pose, box_of, footprint
+from ..geometry.boxes import Box, Pose, box_of, footprint, pose_of
 from ..geometry.parts import Style
 from . import candidates
 from .placement import TALL_M, RoomSpace
@@ -35,6 +35,9 @@ _WIDE_BED_M = 1.2
 _FOR_TWO_M2 = 12.0
 """From this floor area on a bedroom has a bed for two: 2.5 m of wall for the bed and both its sides."""
 _DOUBLE_BED_M, _WIDEST_BED_M = 1.5, 1.8
+_MEALS_M = 3.8
+"""From the kitchen to the middle of a table at most: a few steps with a full plate."""
+
 _TRIES = 6
 _HALF_SEAT_M = 0.3
 _COMPANIONS = ("beside", "before", "gathered", "around", "desk")
@@ -96,6 +99,8 @@ class RoomFurnishing:
     items: list[Furniture] = field(default_factory=list)
     missed: dict[str, str] = field(default_factory=dict)
     _taste: dict[str, int] = field(default_factory=dict)
+    _kitchens: Sequence[Box] = ()
+    """Other rooms in which people cook."""
 
     @classmethod
     def begin(cls, room: Room, floorplan: Floorplan, density: Density, dice: Random, new_id: NewId) -> "RoomFurnishing":
@@ -103,7 +108,8 @@ class RoomFurnishing:
         schemes = list(_schemes())
         dice.shuffle(schemes)
         taste = {scheme: rank for rank, scheme in enumerate(schemes)}
-        return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste)
+        kitchens = [bounds(one.polygon) for one in floorplan.rooms if one.type == "Kitchen" and one.name != room.name]
+        return cls(room, RoomSpace(room, floorplan), density, dice, new_id, _taste=taste, _kitchens=kitchens)
 
     def begin_with(self, kinds: Sequence[str]) -> None:
         """Places the first of some furniture types that fits."""
@@ -378,11 +384,28 @@ class RoomFurnishing:
         if rule.spot == "open":
             run = [item for item in self.items if item.model_type in KITCHEN_RUN]
             poses = candidates.in_the_open(self.space, self.dice, run if self.room.type == "Kitchen" else [])
-            # One dines in the middle of a dining room, and in a corner of a large living room.
-            aside = self.room.type == "Living" and self.room.floor_m2 >= _LARGE_ROOM_M2
-            return [pose._replace(score=-pose.score) for pose in poses] if aside else poses
+            return (
+                [pose._replace(score=self._dining_score(pose)) for pose in poses] if kind == "DiningTables" else poses
+            )
         front, tall = front_of(kind, self.room.type), style.height_m > TALL_M or rule.hides_window
         return candidates.against_walls(self.space, style, front, rule.prefer, self.dice, tall=tall)
+
+    @property
+    def dines(self) -> bool:
+        """Whether the room has a table that is not far from the kitchen."""
+        tables = self.placed("DiningTables")
+        return any(self._to_kitchen_m(pose_of(table)) <= _MEALS_M for table in tables)
+
+    def _to_kitchen_m(self, pose: Pose) -> float:
+        return min((candidates.distance(pose, kitchen) for kitchen in self._kitchens), default=0.0)
+
+    def _dining_score(self, pose: Pose) -> float:
+        """How well a table stands: in the middle of a dining room, aside in a living room, near the kitchen."""
+        away = self._to_kitchen_m(pose)
+        if self.room.type == "Living":
+            aside = -pose.score if self.room.floor_m2 >= _LARGE_ROOM_M2 or not self._kitchens else 0.0
+            return aside - away
+        return pose.score - max(0.0, away - _MEALS_M)
 
     def _run(self, kind: str, rule: Rule, style: Style, run: list[Furniture]) -> Iterator[Group]:
         """Edge to edge with what is there, else along a wall; never one more counter on its own."""

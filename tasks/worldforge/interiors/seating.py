@@ -3,7 +3,7 @@
 from math import hypot, inf
 
 from ..furniture.arrangement import RULES, Density
-from ..geometry.boxes import Box, Pose, footprint
+from ..geometry.boxes import Box, Pose, footprint, pose_of
 from ..geometry.parts import Style
 from .candidates import against_walls, facing, in_the_open
 from .room_furnishing import RoomFurnishing
@@ -15,15 +15,32 @@ _BEST_WALLS = 10
 _HALF_SIGHT_M = 0.4
 
 
-def arrange_seating(work: RoomFurnishing) -> None:
+def arrange_seating(work: RoomFurnishing, *, table: bool) -> None:
     """Places a television and a sofa opposite each other; nothing if no pair fits.
 
     They are chosen together, because the wall that suits the screen best often has nothing opposite it.
+
+    Args:
+        work: the room.
+        table: whether a coffee table belongs to them; they come without it only where no place has room for all.
     """
-    for screen in work.styles("MediaStorage"):
-        for sofa in work.styles("Sofas"):
-            if _place_pair(work, screen, sofa):
-                return
+    screens, sofas = work.styles("MediaStorage"), work.styles("Sofas")
+    tables: list[Style | None] = [work.styles("CoffeeTables")[0], None] if table else [None]
+    for coffee_table in tables:
+        for screen in screens:
+            for sofa in sofas:
+                if _place_pair(work, screen, sofa, coffee_table):
+                    return
+
+
+def is_watched(work: RoomFurnishing) -> bool:
+    """Whether a sofa stands opposite a television."""
+    return any(
+        (screen.quarter - sofa.quarter) % 4 == 2
+        and abs(sofa.x - screen.x if screen.quarter % 2 else sofa.y - screen.y) < _HALF_SIGHT_M
+        for screen in map(pose_of, work.placed("MediaStorage"))
+        for sofa in map(pose_of, work.placed("Sofas"))
+    )
 
 
 GROUP = ("Sofas", "CoffeeTables", "LivingRoomChairs")
@@ -72,7 +89,7 @@ def _away(spot: Pose, work: RoomFurnishing) -> float:
     return min((hypot(item.x - spot.x, item.y - spot.y) for item in work.items), default=0.0)
 
 
-def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
+def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style, table: Style | None) -> bool:
     rule = RULES["MediaStorage"]
     walls = against_walls(work.space, screen, rule.front_m, rule.prefer, work.dice, tall=True)
     pairs = [
@@ -87,10 +104,16 @@ def _place_pair(work: RoomFurnishing, screen: Style, sofa: Style) -> bool:
             continue
         if not work.fits("MediaStorage", screen, wall):
             continue
-        boxes = footprint(wall, screen.width_m, screen.depth_m), footprint(seat, sofa.width_m, sofa.depth_m)
+        pieces = [("MediaStorage", screen, wall), ("Sofas", sofa, seat)]
+        if table is not None:
+            to_table = sofa.depth_m / 2 + RULES["CoffeeTables"].gap_m + table.depth_m / 2
+            pieces.append(("CoffeeTables", table, seat.moved(to_table, 0.0, 2)))
+        boxes = [footprint(pose, style.width_m, style.depth_m) for _, style, pose in pieces]
+        if not all(map(work.space.admits, boxes)):
+            continue
         if work.space.stays_open(*boxes):
-            work.stand("MediaStorage", screen, wall)
-            work.space.keep_clear(work.stand("Sofas", sofa, seat).id, sight)
+            stood = [work.stand(kind, style, pose) for kind, style, pose in pieces]
+            work.space.keep_clear(stood[1].id, sight)
             return True
         tries += 1
         if tries == _MOST_SEAT_TRIES:
