@@ -26,6 +26,10 @@ FLUSH_M = 0.004
 """Between pieces that stand edge to edge."""
 
 _STEP_M = 0.3
+OPEN_SCORE = -2.0
+"""Least score of a pose away from walls."""
+
+_END_ON_SCORE = -3.0
 _CORNER_M = 0.2
 _BESIDE_GAP_M = 0.04
 _NEAREST_SCREEN_M = 1.7
@@ -105,6 +109,17 @@ def in_the_open(space: RoomSpace, dice: Random, run: list[Furniture]) -> list[Po
             off = ((x - middle_x) / (x1 - x0)) ** 2 + ((y - middle_y) / (y1 - y0)) ** 2
             score = -2.0 * off**0.5 + 0.15 * dice.random()
             poses += [Pose(x, y, turn, score + (0.4 if turn == best_turn else 0.0)) for turn in turns]
+    return poses
+
+
+def end_on(space: RoomSpace, style: Style) -> list[Pose]:
+    """Returns candidate poses of a table with one end at a wall, less liked than any in the open."""
+    poses: list[Pose] = []
+    for side in space.sides:
+        first, last = side.low + style.depth_m / 2, side.high - style.depth_m / 2
+        for step in range(max(0, int((last - first) / _STEP_M)) + 1):
+            pose = side.pose(first + step * _STEP_M, WALL_GAP_M + style.width_m / 2)
+            poses.append(pose._replace(quarter=(pose.quarter + 1) % 4, score=_END_ON_SCORE))
     return poses
 
 

@@ -1,10 +1,10 @@
 """Small things that lie about: free bodies at rest on the floor, on tables, desks and nightstands."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import cos, hypot, pi, sin
 
-from ....schemas.worlds.world import Furniture, RoomType, contains
+from ....schemas.worlds.world import Furniture, Point, RoomType, contains
 from ..furniture.arrangement import Density
 from ..furniture.catalogue import parts_of, styles_of
 from ..furniture.placed_parts import height_at
@@ -25,20 +25,22 @@ _ON_TOP: dict[str, tuple[str, ...]] = {
 }
 _ON_MORE_TOPS: dict[str, tuple[str, ...]] = {
     **_ON_TOP,
+    "Bookcases": ("Book", "Cup"),
     "ConsoleTables": ("Book", "Cup"),
     "DishWashers": ("Cup", "Plate"),
     "DiningTables": ("Cup", "Plate", "Book"),
     "Dressers": ("Book", "Cup"),
     "SideboardsAndBuffets": ("Plate", "Cup"),
     "Storage": ("Cup", "Plate"),
+    "StorageBenches": ("Book", "Clothes"),
     "VanityCounters": ("Cup",),
 }
 """Things to grasp, by the furniture that carries them, where a template asks for them."""
 
 _HIGHEST_TOP_M = 1.2
-_ROUNDS = 8
-_MORE_ON_FLOOR = 4
-"""Things that lie on the floor besides, where a template asks for more than there are tops for."""
+_MOST_MISSES = 6
+"""Things that find no place on the floor, one after another, before a room counts as full."""
+
 _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Bedroom": ("Clothes", "Shoe", "ToyBlock", "Clothes"),
     "Bathroom": ("Clothes",),
@@ -48,6 +50,16 @@ _ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
     "Hallway": ("Shoe", "Shoe", "Carton"),
     "Closet": ("Carton", "Shoe", "Clothes"),
 }
+_MORE_ON_FLOOR: dict[RoomType, tuple[str, ...]] = {
+    "Bathroom": ("Clothes", "ToyBlock", "Shoe"),
+    "Kitchen": ("ToyBlock", "Carton", "Ball"),
+    "Hallway": ("Shoe", "ToyBlock", "Carton", "Ball"),
+}
+"""Kinds that lie on the floor where a template asks for more than there are tops for; elsewhere the same as usual."""
+
+_SMALLEST = ("ToyBlock",)
+"""Kinds that still find a place where others do not."""
+
 _ANCHORS: dict[str, tuple[str, ...]] = {
     "Clothes": ("Beds", "Storage", "Dressers"),
     "ToyBlock": ("CoffeeTables", "Beds"),
@@ -62,6 +74,7 @@ _ON_FLOOR_COUNTS: dict[Density, int] = {"Sparse": 0, "Moderate": 1, "Dense": 3}
 _ON_TOP_CHANCES: dict[Density, float] = {"Sparse": 0.25, "Moderate": 0.5, "Dense": 0.8}
 _PLACES_LAID: dict[Density, int] = {"Sparse": 0, "Moderate": 2, "Dense": 4}
 _TRIES = 12
+_MANY_TRIES = 60
 _ANCHOR_REACH_M = 0.9
 _SHOE_GAP_M = 0.02
 _APART_M = 0.02
@@ -89,7 +102,7 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
             objects += _on_top(host, kind, furnished, objects)
     for _ in range(_ON_FLOOR_COUNTS[furnished.density]):
         if len(objects) < room_for:
-            objects += _on_floor(furnished)
+            objects += _on_floor(furnished, _ON_FLOOR[furnished.room.type])
     if fill:
         _fill(furnished, room_for, objects)
     return objects[:room_for]
@@ -98,13 +111,20 @@ def scatter(furnished: RoomFurnishing, room_for: int, *, fill: bool = False) -> 
 def _fill(furnished: RoomFurnishing, room_for: int, objects: list[Furniture]) -> None:
     """Adds as many as are asked for, as far as there is place: on all tops by turns, the rest on the floor."""
     hosts = [item for item in furnished.items if item.model_type in _ON_MORE_TOPS]
-    for host in hosts * _ROUNDS:
-        if len(objects) < room_for:
+    while hosts and len(objects) < room_for:
+        having: list[Furniture] = []
+        for host in hosts:
             kind = furnished.dice.choice(_ON_MORE_TOPS[host.model_type])
-            objects += _on_top(host, kind, furnished, objects)
-    for _ in range(_MORE_ON_FLOOR):
-        if len(objects) < room_for:
-            objects += _on_floor(furnished)
+            more = _on_top(host, kind, furnished, objects) if len(objects) < room_for else []
+            objects += more
+            having += [host] if more else []
+        hosts = having
+    corners, misses = furnished.space.beside_ways(), 0
+    while len(objects) < room_for and misses < _MOST_MISSES:
+        kinds = _MORE_ON_FLOOR.get(furnished.room.type, _ON_FLOOR[furnished.room.type])
+        more = _on_floor(furnished, _SMALLEST if misses else kinds, corners)
+        objects += more
+        misses = 0 if more else misses + 1
 
 
 def _style(kind: str, furnished: RoomFurnishing) -> Style:
@@ -164,15 +184,24 @@ def _half_extents(style: Style, turn: float) -> tuple[float, float]:
     return (style.depth_m * c + style.width_m * s) / 2, (style.depth_m * s + style.width_m * c) / 2
 
 
-def _on_floor(furnished: RoomFurnishing) -> list[Furniture]:
-    """An object, or a pair of shoes, at a free spot that leaves the ways open; nothing when no random spot does."""
+def _on_floor(furnished: RoomFurnishing, kinds: Sequence[str], corners: Sequence[Point] = ()) -> list[Furniture]:
+    """An object, or a pair of shoes, at a free spot that leaves the ways open; nothing when no random spot does.
+
+    Args:
+        furnished: the room.
+        kinds: one of them is chosen.
+        corners: spots that are in nobody's way, for what is one of many; absent: anywhere that suits the object.
+    """
     dice, space = furnished.dice, furnished.space
-    kind = dice.choice(_ON_FLOOR[furnished.room.type])
+    kind = dice.choice(kinds)
     style = _style(kind, furnished)
     across = 2 * style.width_m + _SHOE_GAP_M if kind == "Shoe" else style.width_m
     half = hypot(across, style.depth_m) / 2 + 0.03
-    owners = [item.id for item in furnished.items] if kind in _ANCHORS else []
-    for x, y, yaw in _floor_spots(kind, replace(style, width_m=across), furnished):
+    owners = [item.id for item in furnished.items] if kind in _ANCHORS or corners else []
+    spots = _floor_spots(kind, replace(style, width_m=across), furnished)
+    if corners:
+        spots = ((*dice.choice(corners), dice.uniform(-pi, pi)) for _ in range(_MANY_TRIES))
+    for x, y, yaw in spots:
         box = (x - half, y - half, x + half, y + half)
         if contains(furnished.room.polygon, x, y) and space.admits(box, partners=owners) and space.stays_open(box):
             things = [

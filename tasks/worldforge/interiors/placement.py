@@ -141,6 +141,10 @@ class RoomSpace:
         """Whether a robot can still get from every door to every other with the given pieces in place."""
         return self._ways.stays_open(*boxes)
 
+    def beside_ways(self) -> list[Point]:
+        """Returns points near walls and furniture, where robots do not drive anyway; furniture may cover them."""
+        return self._ways.margins()
+
     def keep_clear(self, owner: str, box: Box) -> None:
         """Reserves a rectangle that only its owner's partners may use."""
         self._zones[owner].append(box)

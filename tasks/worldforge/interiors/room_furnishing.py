@@ -279,6 +279,8 @@ class RoomFurnishing:
         if rule.around_m:
             reach = rule.around_m
             yield [pose.box(-half_depth - reach, half_depth + reach, -half_width - reach, half_width + reach)]
+            if kind == "DiningTables" and style.width_m > style.depth_m:  # an end may be at a wall: nobody sits there
+                yield [pose.box(-half_depth - reach, half_depth + reach, -half_width, half_width)]
             return
         front = front_of(kind, self.room.type)
         zones = [pose.box(half_depth, half_depth + front, -half_width, half_width)] if front else []
@@ -402,10 +404,14 @@ class RoomFurnishing:
     def _dining_score(self, pose: Pose) -> float:
         """How well a table stands: in the middle of a dining room, aside in a living room, near the kitchen."""
         away = self._to_kitchen_m(pose)
-        if self.room.type == "Living":
-            aside = -pose.score if self.room.floor_m2 >= _LARGE_ROOM_M2 or not self._kitchens else 0.0
-            return aside - away
-        return pose.score - max(0.0, away - _MEALS_M)
+        if self.room.type != "Living":
+            return pose.score - max(0.0, away - _MEALS_M)
+        return -away + (min(0.0, pose.score - candidates.OPEN_SCORE) if self._dines_aside else -pose.score)
+
+    @property
+    def _dines_aside(self) -> bool:
+        """Whether a living room is so small that its table stands wherever the kitchen is near."""
+        return self.room.type == "Living" and self.room.floor_m2 < _LARGE_ROOM_M2
 
     def _run(self, kind: str, rule: Rule, style: Style, run: list[Furniture]) -> Iterator[Group]:
         """Edge to edge with what is there, else along a wall; never one more counter on its own."""

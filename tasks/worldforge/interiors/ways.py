@@ -106,6 +106,12 @@ class Ways:
         else:
             self._open = self._component(self._free)
 
+    def margins(self) -> list[Point]:
+        """Returns the centres of the cells that no robot can be in, inside the room's extent."""
+        rows, columns = np.nonzero(~self._free[1:-1, 1:-1])
+        x, y = self._x0 + (columns + 0.5) * _CELL_M, self._y0 + (rows + 0.5) * _CELL_M
+        return list(zip(x.tolist(), y.tolist(), strict=True))
+
     def nearest(self, point: Point) -> Point:
         """Returns the centre of the free cell nearest to a point.
 
