@@ -13,6 +13,7 @@ from typing import Any
 
 from prefect_robomaker.schemas.templates.body import WorldTemplateBody
 from prefect_robomaker.schemas.worlds.world import Furniture, Passage, Point, Room, Wall, World
+from prefect_robomaker.tasks.worldforge.furniture.arrangement import wished_share
 from prefect_robomaker.tasks.worldforge.model.mjcf import world_mjcf
 
 Box = tuple[float, float, float, float]
@@ -29,7 +30,9 @@ TABLE_HALF_M = 1.3
 ZONED_FROM_M2 = 30.0
 DOOR_M = 0.8
 """Nothing stands nearer before a door."""
-ORDINARY_M2 = 10.0
+OPENING_M = 0.5
+"""The same before an opening."""
+ALMOST = 0.9
 TOUCHING_M = 0.02
 
 OPENED = (
@@ -313,10 +316,22 @@ def zones(case: Case) -> Iterator[str]:
 
 
 def density(case: Case) -> Iterator[str]:
-    """Rooms for which `Dense` is wished are dense."""
-    for wish in case.world.wishes:
-        if wish.path.endswith("DesiredSpatialDensity") and wish.outcome == "missed":
-            yield from (part for part in wish.reason.split("; ") if part)
+    """Rooms for which `Dense` is wished are as full as the documentation says, but for the floor before doors."""
+    wished = {
+        name
+        for one in case.body.interior.Furniture.FurnitureArrangements
+        if one.DesiredSpatialDensity == "Dense"
+        for name in getattr(one.TargetSet, "RoomNames", None) or ()
+    }
+    for room in case.world.floorplan.rooms:
+        if room.name not in wished:
+            continue
+        ways = [one for one in case.world.floorplan.passages if room.name in one.rooms]
+        kept_m2 = sum(one.width_m * (DOOR_M if one.kind == "Doorway" else OPENING_M) for one in ways)
+        covered_m2 = sum(one.width_m * one.depth_m for one in case.fixed if one.room == room.name)
+        needed_m2 = ALMOST * wished_share(room.type, "Dense", room.floor_m2) * (room.floor_m2 - kept_m2)
+        if covered_m2 < needed_m2 - 0.05:
+            yield f"{room.name} of {room.floor_m2:.1f} m2 has {covered_m2:.1f} m2 under furniture, not {needed_m2:.1f}"
 
 
 def loose_objects(case: Case) -> Iterator[str]:
@@ -326,12 +341,20 @@ def loose_objects(case: Case) -> Iterator[str]:
             yield from (f"{wish.wish}: {part}" for part in wish.reason.split("; ") if part)
 
 
+def bathrooms(case: Case) -> Iterator[str]:
+    """Each bathroom has a toilet, a basin, and a shower or a bath."""
+    for room in case.free_rooms("Bathroom"):
+        for kinds in (("Toilets",), ("VanityCounters",), ("Showers", "Baths")):
+            if not any(case.of(kind, room.name) for kind in kinds):
+                yield f"{room.name} of {room.floor_m2:.1f} m2 has no {' or '.join(kinds)}"
+
+
 Rule = Callable[[Case], Iterator[str]]
 RULES: dict[str, Rule] = {
     rule.__name__: rule
     for rule in (
         bath_windows, double_beds, nightstands, fronts, desk_chairs, screens, kitchens, dining, zones, density,
-        loose_objects,
+        loose_objects, bathrooms,
     )
 }  # fmt: skip
 

@@ -53,6 +53,17 @@ _LARGE: dict[RoomType, tuple[tuple[float, tuple[str, ...]], ...]] = {
 _DINES_FROM_M2 = 16.0
 """Floor area from which on a living room has place for a table beside the sofa and the television."""
 
+FIRST: dict[RoomType, tuple[str, ...]] = {"Bathroom": ("Showers", "VanityCounters", "Toilets", "Baths")}
+"""Furniture that is placed before all other: a bathroom full of cupboards is none."""
+
+SPARE: dict[RoomType, tuple[str, ...]] = {
+    "Bathroom": ("Bookcases", "Dressers"),
+    "Dining": ("StorageBenches", "LivingRoomChairs", "Storage"),
+    "Kitchen": ("SideboardsAndBuffets", "StorageBenches", "ConsoleTables"),
+    "Living": ("StorageBenches", "Storage", "ServingCarts", "Dressers"),
+}
+"""Further furniture of dense rooms that what is usual there leaves too empty, mostly shallow, for short walls."""
+
 INDISPENSABLE: dict[RoomType, tuple[str, ...]] = {
     "Bathroom": ("Toilets",),
     "Bedroom": ("Beds",),

@@ -10,7 +10,7 @@ import numpy as np
 from ....schemas.templates.body import INTERIOR_PATH, FurnitureArrangement, WorldTemplateBody
 from ....schemas.worlds.world import Floorplan, Furniture, Preference, Room
 from ..floorplans.brief import choose_sets, why_unused
-from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, Density, dining_room, usual_types
+from ..furniture.arrangement import INDISPENSABLE, KITCHEN_RUN, SPARE, Density, dining_room, usual_types
 from ..materials.materials import choose_surfaces
 from .kitchen_run import line_up
 from .loose_objects import MOST_LOOSE, scatter
@@ -54,8 +54,9 @@ def furnish(
         index = chosen.get(room.name)
         arrangement = None if index is None else arrangements[index]
         kinds, before = _kinds(arrangement, room, dines=room.name == dines), names.copy()
+        is_open = arrangement is None or arrangement.SampleSet is None
         work = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
-        _furnish_room(work, kinds)
+        _furnish_room(work, kinds, is_open=is_open)
         if lacking := _lacking(work, kinds):
             # What had no room beside everything else comes first now.
             names.clear()
@@ -70,7 +71,7 @@ def furnish(
             names.update(before)
             other = RoomFurnishing.begin(room, floorplan, _density(arrangement), dice, new_id)
             other.begin_with(("DiningTables",))
-            _furnish_room(other, kinds)
+            _furnish_room(other, kinds, is_open=is_open)
             if other.dines and (is_watched(other) or not is_watched(work)):
                 work = other
             else:
@@ -104,8 +105,14 @@ def _loose_preferences(arrangement: FurnitureArrangement, index: int, lying: dic
     return [Preference.judged(f"{_PATH}[{index}].LooseObjects", wish, "; ".join(found))]
 
 
-def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
-    """First what belongs together as a whole, then piece by piece."""
+def _furnish_room(work: RoomFurnishing, kinds: Sequence[str], *, is_open: bool) -> None:
+    """Places first what belongs together as a whole, then piece by piece.
+
+    Args:
+        work: the room.
+        kinds: what it gets.
+        is_open: whether the template leaves open what it gets.
+    """
     if work.room.type == "Kitchen":
         line_up(work, [kind for kind in KITCHEN_RUN if kind in kinds])
     elif {"MediaStorage", "Sofas"} <= set(kinds):
@@ -114,6 +121,8 @@ def _furnish_room(work: RoomFurnishing, kinds: Sequence[str]) -> None:
     if work.room.type == "Living" and set(GROUP) <= set(kinds):
         arrange_groups(work)
     work.fill(kinds)
+    if is_open and work.density == "Dense":
+        work.fill(SPARE.get(work.room.type, ()))
 
 
 def _lacking(work: RoomFurnishing, kinds: Sequence[str]) -> list[str]:
@@ -167,8 +176,7 @@ def _density_preferences(
 ) -> list[Preference]:
     """The preferred density: satisfied when every room is about as full; nothing where none is wished for any room."""
     density = arrangement.DesiredSpatialDensity
-    # A piece more or less is no different density.
-    short = [work for work in rooms if work.covered_share < 0.9 * work.wished_share]
+    short = [work for work in rooms if work.covered_share < work.granted_share]
     found = [
         f"furniture covers {work.covered_share:.0%} of {work.room.name}, not {work.wished_share:.0%}" for work in short
     ]

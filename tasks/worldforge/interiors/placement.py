@@ -74,6 +74,7 @@ class RoomSpace:
         room: the room.
         bounds: its extent.
         sides: its sides that have walls.
+        kept_m2: floor before doors and openings, on which nothing stands.
     """
 
     def __init__(self, room: Room, floorplan: Floorplan) -> None:
@@ -87,6 +88,7 @@ class RoomSpace:
         self._keep = [(-_ORIGIN_HALF_M, -_ORIGIN_HALF_M, _ORIGIN_HALF_M, _ORIGIN_HALF_M)]
         for passage in passages:
             self._keep += _clear_at(passage, room)
+        self.kept_m2 = sum(one.width_m * _depth_m(one) for one in passages)
         self._glass = [strip(w.start, w.end, _WINDOW_DEPTH_M) for w in floorplan.windows if w.room == room.name]
         self._zones: dict[str, list[Box]] = {}
         leaves = [open_box(passage.door) for passage in floorplan.passages if passage.door]
@@ -192,10 +194,14 @@ def _edges(room: Room) -> list[tuple[Point, Point]]:
 
 def _clear_at(passage: Passage, room: Room) -> list[Box]:
     """Boxes that stay free at a way in: the approach, and the swing of its door."""
-    found = [strip(passage.start, passage.end, _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M)]
+    found = [strip(passage.start, passage.end, _depth_m(passage))]
     if passage.door is not None and passage.door.room == room.name:
         found.append(swept_box(passage.door))
     return found
+
+
+def _depth_m(passage: Passage) -> float:
+    return _DOOR_DEPTH_M if passage.kind == "Doorway" else _OPENING_DEPTH_M
 
 
 def _gate(room: Room, start: Point, end: Point) -> Point:

@@ -7,9 +7,10 @@ from math import hypot, inf, pi
 from random import Random
 from typing import NamedTuple
 
-from ....schemas.worlds.world import Floorplan, Furniture, Room, bounds
+from ....schemas.worlds.world import Floorplan, Furniture, Room, RoomType, bounds
 from ..furniture.arrangement import (
     COVERAGE_CAP,
+    FIRST,
     KITCHEN_RUN,
     MOST_PIECES,
     RULES,
@@ -31,6 +32,9 @@ NewId = Callable[[str], str]
 
 _SMALL_ROOM_M2 = 15.0
 _LARGE_ROOM_M2 = 45.0
+_DENSE_WEIGHT = -2.5
+"""Liking for small pieces in dense rooms: large ones nearly always come first, as far as they fit."""
+
 _WIDE_BED_M = 1.2
 _FOR_TWO_M2 = 12.0
 """From this floor area on a bedroom has a bed for two: 2.5 m of wall for the bed and both its sides."""
@@ -71,10 +75,10 @@ def _schemes() -> tuple[str, ...]:
     return tuple(sorted({style.colors for kind in RULES for style in styles_of(kind)}))
 
 
-def _in_order(kinds: Sequence[str]) -> list[str]:
-    """Kinds in the order in which they are placed."""
-    wanted = set(kinds)
-    return [kind for kind in RULES if kind in wanted]
+def _in_order(kinds: Sequence[str], room_type: RoomType) -> list[str]:
+    """Kinds in the order in which they are placed: what a room of a type is for, then that of the catalogue."""
+    wanted, first = set(kinds), FIRST.get(room_type, ())
+    return [kind for kind in (*first, *(kind for kind in RULES if kind not in first)) if kind in wanted]
 
 
 @dataclass
@@ -127,7 +131,7 @@ class RoomFurnishing:
 
     def place_each(self, kinds: Sequence[str]) -> None:
         """Places of each furniture type as many pieces as a room has at first."""
-        listed = _in_order(kinds)
+        listed = _in_order(kinds, self.room.type)
         for kind in listed:
             self._place_first(kind)
             attendant, _ = _ATTENDANTS.get(kind, ("", 0))
@@ -151,7 +155,7 @@ class RoomFurnishing:
     def fill(self, kinds: Sequence[str]) -> None:
         """Adds furniture of the given types until the wished density of the room is reached."""
         most = MOST_PIECES[self.density] * max(1.0, (self.room.floor_m2 / 40.0) ** (2 / 3))
-        left = [kind for kind in _in_order(kinds) if kind not in self.missed and kind not in _WAITING]
+        left = [kind for kind in _in_order(kinds, self.room.type) if kind not in self.missed and kind not in _WAITING]
         while left and not self._full(self.wished_share) and len(self.items) < most:
             kind = self.dice.choice(left)
             if len(self.placed(kind)) >= self._most_of(kind) or self._place(kind):
@@ -171,6 +175,12 @@ class RoomFurnishing:
     def wished_share(self) -> float:
         """Share of the floor that furniture should cover."""
         return wished_share(self.room.type, self.density, self.room.floor_m2)
+
+    @property
+    def granted_share(self) -> float:
+        """Share of the floor with which the wish is granted: what doors and openings need does not count."""
+        # A piece more or less is no different density.
+        return 0.9 * self.wished_share * max(0.0, 1.0 - self.space.kept_m2 / self.room.floor_m2)
 
     @property
     def covered_share(self) -> float:
@@ -201,6 +211,8 @@ class RoomFurnishing:
             by_form.setdefault(style.form, style)
         forms = forms_for(kind, self.room.type, list(by_form))
         weight = 1.0 if self.room.floor_m2 < _SMALL_ROOM_M2 else -1.0
+        if self.density == "Dense":
+            weight = _DENSE_WEIGHT
         noise = {form: self.dice.random() for form in forms}
         sink = any(item.style.startswith("counter-sink") for item in self.items)
         # Chairs of one table and nightstands of one bed are alike.
